@@ -1,0 +1,1 @@
+"""The harness: frames, reference, codecs, metrics, validity, run loop, command line."""

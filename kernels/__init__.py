@@ -1,0 +1,1 @@
+"""OpenCL kernels, each beside its float64 NumPy twin, and the device they run on."""

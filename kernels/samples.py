@@ -1,0 +1,42 @@
+"""The compact list of shading samples: packers and the reference emit it, the one shading kernel reads it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+WIDTH = 16  # samples per step of the widest kernel; lists are allocated in whole steps
+
+
+@dataclass
+class Samples:
+    """Shading samples on the device, structure of arrays; only the first `count` entries mean anything.
+
+    triangle: int32 (n), index into the scene's triangles.
+    bary1, bary2: float32 (n), weights of the triangle's vertices 1 and 2 in object space; vertex 0 has the rest.
+        They may lie outside the triangle where a texel beyond its edge is needed for bilinear lookups.
+    footprint: float32 (n), the longer side of the surface area that the sample stands for, in scene units;
+        it selects the mip level.
+    texel: int32 (n), row * width + column of the sample in its target plane.
+    """
+
+    count: int
+    triangle: Array
+    bary1: Array
+    bary2: Array
+    footprint: Array
+    texel: Array
+
+    @classmethod
+    def allocate(cls, device: Device, count: int) -> Samples:
+        """Room for `count` samples, rounded up to whole steps of WIDTH."""
+        room = max(1, -(-count // WIDTH)) * WIDTH
+        real = [device.empty(room, np.float32) for _ in range(3)]
+        return cls(count, device.empty(room, np.int32), *real, device.empty(room, np.int32))

@@ -1,0 +1,41 @@
+"""A scene's triangles on the device."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+
+@dataclass(frozen=True)
+class Triangles:
+    """positions float32 (V, 3), indices int32 (T, 3) and flags uint8 (T) on the device, with host copies.
+
+    flags: DOUBLE_SIDED and MASKED, per triangle.
+    """
+
+    DOUBLE_SIDED = 1
+    MASKED = 2
+
+    count: int
+    positions: Array
+    indices: Array
+    flags: Array
+    host_positions: np.ndarray
+    host_indices: np.ndarray
+    host_flags: np.ndarray
+
+    @classmethod
+    def upload(cls, device: Device, positions: np.ndarray, indices: np.ndarray, flags: np.ndarray) -> Triangles:
+        """Copy host arrays to the device: positions (V, 3), indices (T, 3), flags (T)."""
+        positions = np.ascontiguousarray(positions, np.float32)
+        indices = np.ascontiguousarray(indices, np.int32)
+        flags = np.ascontiguousarray(flags, np.uint8)
+        uploaded = [device.upload(array) for array in (positions, indices, flags)]
+        return cls(len(indices), *uploaded, positions, indices, flags)

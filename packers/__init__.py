@@ -1,0 +1,1 @@
+"""Atlas packers: the interface, then one folder per method."""

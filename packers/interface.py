@@ -1,0 +1,221 @@
+"""The interface between the suite and a packer: everything a new method needs to know is in this file.
+
+Conventions: column vectors, clip = projection @ view @ (x, y, z, 1), right-handed, the camera looks along -z, NDC y up,
+image row 0 on top, pixel and texel centres at +0.5. All positions are relative to the scene's float64 origin.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+    from kernels.samples import Samples
+    from kernels.shade.shader import Shader
+    from kernels.triangles import Triangles
+    from scenes.model import Scene
+
+
+@dataclass(frozen=True)
+class Paper:
+    """Where a method was published."""
+
+    title: str
+    year: int
+    doi: str
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One parameter of a method: its default, values for a sweep, what it means, its unit and its source."""
+
+    default: Any
+    sweep: tuple
+    meaning: str
+    unit: str = ""
+    source: str = ""
+
+
+@dataclass(frozen=True)
+class View:
+    """A camera and its image size: view and projection float64 (4, 4), width and height in pixels.
+
+    The projection has reversed depth with an infinite far plane: clip z = near, clip w = distance along -z.
+    """
+
+    view: np.ndarray
+    projection: np.ndarray
+    width: int
+    height: int
+
+    @property
+    def matrix(self) -> np.ndarray:
+        """projection @ view, float64 (4, 4)."""
+        return self.projection @ self.view
+
+    @property
+    def eye(self) -> np.ndarray:
+        """The camera's position, float64 (3)."""
+        return -self.view[:3, :3].T @ self.view[:3, 3]
+
+    @property
+    def pixels_per_tangent(self) -> float:
+        """Pixels per unit of tan(angle) at the image centre: the resolution that sample counts derive from."""
+        return float(self.projection[0, 0]) * self.width / 2
+
+
+@dataclass(frozen=True)
+class ServerScene:
+    """What the server holds for a scene: the host model, the triangles on the device, and the one shader."""
+
+    host: Scene
+    device: Device
+    triangles: Triangles
+    shader: Shader
+
+
+@dataclass(frozen=True)
+class Frame:
+    """One frame of work, the same for every packer; it never holds the novel view.
+
+    server: the server's view: the path's pose, the cell's field of view, the client's pixel density at the centre.
+    cell_radius: of the view cell, in scene units. cell_fov: horizontal, in degrees.
+    pvs: int32 (n), ascending ids of the potentially visible triangles; pvs_device: the same on the device.
+    predicted: client views predicted for the latency, nearest first.
+    atlas_width, atlas_height: the plane to fill, in texels.
+    seed: for methods that need random numbers.
+    """
+
+    index: int
+    scene: ServerScene
+    server: View
+    cell_radius: float
+    cell_fov: float
+    pvs: np.ndarray
+    pvs_device: Array
+    predicted: tuple[View, ...]
+    atlas_width: int
+    atlas_height: int
+    seed: int = 0
+
+
+@dataclass
+class Payload:
+    """Everything sent for one frame, and what the report wants to know about it.
+
+    planes: for the video encoder: name to uint8 (H, W, 4) device arrays, sRGB; alpha 255 where a texel was written this
+        frame, 0 elsewhere. A method without an atlas has none.
+    blobs: metadata the client needs each frame: name to bytes, compressed by the harness with LZ4.
+    geometry: the potentially visible triangles as the client needs them (see packers.geometry), LZ4 likewise.
+    samples: the shading samples, for `owners`, or None for a method without an atlas.
+    sample_count: shading samples computed this frame.
+    unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
+    statistics: what the method reports beyond the common columns, name to number.
+    """
+
+    planes: dict[str, Array]
+    blobs: dict[str, bytes]
+    geometry: bytes
+    sample_count: int
+    samples: Samples | None = None
+    unplaced: dict[int, str] = field(default_factory=dict)
+    statistics: dict[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Decoded:
+    """What arrives at the client: planes uint8 (H, W, 3) after the codec, blobs and geometry as they were sent."""
+
+    planes: dict[str, np.ndarray]
+    blobs: dict[str, bytes]
+    geometry: bytes
+
+
+@dataclass(frozen=True)
+class Owners:
+    """Which triangle each written texel belongs to; one entry per sample, so that conflicts show.
+
+    texel: int64 (n), row * width + column. triangle: int32 (n). bary: float32 (n, 2), weights of vertices 1 and 2.
+    """
+
+    texel: np.ndarray
+    triangle: np.ndarray
+    bary: np.ndarray
+
+
+class Client(ABC):
+    """The receiver: it holds decoded payloads only and shares nothing with the packer."""
+
+    @abstractmethod
+    def receive(self, payload: Decoded) -> None:
+        """Take one frame's decoded payload."""
+
+    @abstractmethod
+    def draw(self, view: View) -> Image:
+        """Draw `view` from what was received."""
+
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
+        """Atlas position, in texels, that a lookup at a surface point uses; None for a method without an atlas.
+
+        triangles: int32 (n), scene ids. bary: float32 (n, 2). Returns float64 (n, 2) of column, row, where texel (0, 0)
+        covers 0..1 and has its centre at 0.5; NaN for triangles the client does not have.
+        """
+        return None
+
+
+@dataclass(frozen=True)
+class Image:
+    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB; triangle int32 (h, w), scene ids, -1 where empty."""
+
+    rgb: Array
+    triangle: Array
+
+
+class Packer(ABC):
+    """A method: how shading is packed. A subclass says what it is, packs frames, and makes the matching client.
+
+    Stages are launched under names that start with "structs/" or "gather/"; the device times them.
+    """
+
+    name: ClassVar[str]
+    paper: ClassVar[Paper]
+    parameters: ClassVar[dict[str, Parameter]] = {}
+
+    def __init__(self, **values: Any) -> None:
+        """Set the parameters; unknown names raise ValueError, naming the known ones."""
+        for name in values:
+            if name not in self.parameters:
+                known = ", ".join(sorted(self.parameters)) or "none"
+                raise ValueError(f"{self.name} has no parameter {name!r}; it has: {known}.")
+        for name, parameter in self.parameters.items():
+            setattr(self, name, values.get(name, parameter.default))
+
+    def skip(self, scene: Scene) -> str | None:
+        """Why this scene has nothing for this method to do, or None."""
+        return None
+
+    def prepare(self, scene: ServerScene) -> None:
+        """Once per scene, timed apart: patches, charts, buffers."""
+
+    @abstractmethod
+    def pack(self, frame: Frame) -> Payload:
+        """Place and shade everything in the frame's PVS."""
+
+    def owners(self, payload: Payload) -> Owners | None:
+        """Texel to triangle and barycentrics, on request only; None for a method without an atlas."""
+        samples = payload.samples
+        if samples is None:
+            return None
+        n = samples.count
+        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+        return Owners(samples.texel.get()[:n].astype(np.int64), samples.triangle.get()[:n], bary)
+
+    @abstractmethod
+    def client(self, scene: ServerScene) -> Client:
+        """A fresh client. It may take from `scene` only what a client is shipped with (the device, alpha masks)."""

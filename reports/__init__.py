@@ -1,0 +1,1 @@
+"""Results: the store, its documented columns, CSV and HTML."""

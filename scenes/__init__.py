@@ -1,0 +1,1 @@
+"""Scenes: the model, loaders, repair, procedural scenes, camera paths."""

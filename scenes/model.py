@@ -1,0 +1,165 @@
+"""The one scene model that loaders and procedural scenes fill and everything else reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+
+class SceneError(ValueError):
+    """A scene that cannot be used; the message is one sentence: what is wrong, where, what to do."""
+
+
+@dataclass
+class Texture:
+    """An image for sampling.
+
+    texels: uint8 (H, W, 4); row 0 is v = 0 as glTF defines it (top of the image). RGB is sRGB-encoded when `srgb`,
+        linear otherwise; A is linear coverage.
+    wrap_s, wrap_t: "repeat", "clamp" or "mirror".
+    """
+
+    name: str
+    texels: np.ndarray
+    srgb: bool = True
+    wrap_s: str = "repeat"
+    wrap_t: str = "repeat"
+
+
+@dataclass
+class Material:
+    """A glTF-like metallic-roughness material; colours are linear RGB, textures are indices or -1.
+
+    alpha_mode: "opaque", "mask" (drawn where base alpha >= alpha_cutoff) or "blend".
+    transmission: share of light let through (KHR_materials_transmission); such materials count as "blend" later on.
+    """
+
+    name: str = ""
+    base_colour: tuple[float, float, float, float] = (0.8, 0.8, 0.8, 1.0)
+    base_texture: int = -1
+    normal_texture: int = -1
+    normal_scale: float = 1.0
+    emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    emissive_texture: int = -1
+    roughness: float = 1.0
+    metallic: float = 0.0
+    alpha_mode: str = "opaque"
+    alpha_cutoff: float = 0.5
+    double_sided: bool = False
+    transmission: float = 0.0
+
+
+@dataclass
+class Light:
+    """A light, in the same origin-relative space as the positions.
+
+    kind: "directional" (colour = irradiance on a facing surface, linear RGB), "point" or "spot" (colour = intensity:
+        irradiance is colour / distance^2, distance in metres). Directions are where the light goes.
+    cone: half angle in degrees where a spot has faded out; it starts to fade at 0.8 of it.
+    shadows: whether one shadow map is rendered for it (directional and spot only).
+    """
+
+    kind: str
+    colour: tuple[float, float, float]
+    position: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    direction: tuple[float, float, float] = (0.0, -1.0, 0.0)
+    cone: float = 60.0
+    shadows: bool = True
+
+
+@dataclass
+class Sky:
+    """Environment light and background: linear RGB radiance from straight up, the horizon and below."""
+
+    zenith: tuple[float, float, float] = (0.30, 0.42, 0.65)
+    horizon: tuple[float, float, float] = (0.60, 0.65, 0.70)
+    ground: tuple[float, float, float] = (0.22, 0.20, 0.18)
+
+
+@dataclass
+class Camera:
+    """A camera that came with the scene: position and axes in origin-relative space, field of view in degrees."""
+
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    up: tuple[float, float, float] = (0.0, 1.0, 0.0)
+    fov_x: float | None = None
+    name: str = ""
+
+
+@dataclass
+class CameraAnimation:
+    """An animated camera of the file: times in milliseconds, positions (N, 3), quaternions x, y, z, w (N, 4)."""
+
+    name: str
+    times: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+
+
+@dataclass
+class Features:
+    """What a scene has, found once; it decides which kernels are built and which stages run.
+
+    slanted: share of triangles whose longest edge is over 3 heights; largest: share of all area in the largest 1%.
+    """
+
+    textures: bool = False
+    normal_maps: bool = False
+    vertex_colours: bool = False
+    mask: bool = False
+    blend: bool = False
+    shadows: bool = False
+    specular: bool = False
+    emissive: bool = False
+    single_sided: bool = False
+    slanted: float = 0.0
+    largest: float = 0.0
+
+
+@dataclass
+class Scene:
+    """Triangles, materials, textures, lights and cameras. Linear colour; right-handed; y is up.
+
+    name: what reports call it. content_hash: hex digest of everything that can change a picture.
+    origin: float64 (3); true position = origin + positions.
+    positions: float32 (V, 3). indices: int32 (T, 3); a triangle's id is its row. Front faces are counter-clockwise.
+    normals: float32 (V, 3), unit. uvs: float32 (V, 2). colours: float32 (V, 4), linear, white where a file has none.
+    tangents: float32 (V, 4) with the bitangent's sign in w, or None where no normal map needs them.
+    material_ids: int32 (T).
+    metres_per_unit: scale of the positions.
+    notes: sentences for the report: repairs made, things the file has that are not supported.
+    place: whether a person can walk in it (walk); objects are orbited instead.
+    """
+
+    name: str
+    positions: np.ndarray
+    indices: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+    colours: np.ndarray
+    material_ids: np.ndarray
+    materials: list[Material]
+    textures: list[Texture] = field(default_factory=list)
+    tangents: np.ndarray | None = None
+    lights: list[Light] = field(default_factory=list)
+    sky: Sky = field(default_factory=Sky)
+    exposure: float = 1.0
+    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    metres_per_unit: float = 1.0
+    cameras: list[Camera] = field(default_factory=list)
+    animations: list[CameraAnimation] = field(default_factory=list)
+    place: bool = True
+    features: Features = field(default_factory=Features)
+    notes: list[str] = field(default_factory=list)
+    content_hash: str = ""
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.indices)
+
+    @property
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+        """Lowest and highest corner of all positions, float64 (3) each, origin-relative."""
+        return self.positions.min(axis=0).astype(np.float64), self.positions.max(axis=0).astype(np.float64)
