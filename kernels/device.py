@@ -86,6 +86,14 @@ def source_with_includes(path: str, seen: set[str] | None = None) -> str:
     return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text())
 
 
+def kernels_digest() -> str:
+    """A hash of every kernel file of the suite: results and cached results say which kernels they came from."""
+    digest = hashlib.sha256()
+    for file in sorted(ROOT.rglob("*.cl")):
+        digest.update(str(file.relative_to(ROOT)).encode() + file.read_bytes())
+    return digest.hexdigest()[:16]
+
+
 @dataclass
 class Record:
     """Device time and launches by stage name, filled when its `with` block ends."""

@@ -16,8 +16,10 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
+    from kernels.raster.rasteriser import Rasteriser
     from kernels.samples import Samples
     from kernels.shade.shader import Shader
+    from kernels.texture.mask import AlphaMask
     from kernels.triangles import Triangles
     from scenes.model import Scene
 
@@ -72,12 +74,18 @@ class View:
 
 @dataclass(frozen=True)
 class ServerScene:
-    """What the server holds for a scene: the host model, the triangles on the device, and the one shader."""
+    """What the server holds for a scene.
+
+    host: the scene model. triangles: on the device. rasteriser: draws them. shader: the one shading function.
+    mask: alpha masks of masked triangles, None where the scene has none; clients are shipped with it.
+    """
 
     host: Scene
     device: Device
     triangles: Triangles
+    rasteriser: Rasteriser
     shader: Shader
+    mask: AlphaMask | None = None
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,96 @@
+"""The work of each frame, the same for every packer: server view, view cell, potentially visible set, novel view."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.prediction import predict
+from harness.pvs import potentially_visible
+from harness.settings import Settings
+from harness.views import Cell, CellFrustum, Pose, client_view, confined, multiply, rotation
+from packers.interface import Frame, ServerScene, View
+
+if TYPE_CHECKING:
+    from scenes.head_motion import HeadMotion
+    from scenes.paths import CameraPath
+
+PREDICTIONS = 3
+
+
+@dataclass(frozen=True)
+class Work:
+    """One frame of work and, kept apart from what packers see, the novel view it is judged by.
+
+    pvs_ms: device time of computing the PVS, None when it came from the cache.
+    pvs_views: views drawn for it. confined: whether the client's pose had to be moved into the cell.
+    """
+
+    frame: Frame
+    novel: View
+    pvs_ms: float | None
+    pvs_views: int
+    confined: bool
+
+
+class FrameSource:
+    """Makes the work of any frame of a run, from the path alone, so that a resumed run gets the same work."""
+
+    def __init__(self, scene: ServerScene, path: CameraPath, head: HeadMotion, settings: Settings) -> None:
+        self.scene, self.path, self.head, self.settings = scene, path, head, settings
+        host = scene.host
+        low, high = host.bounds
+        diagonal = float(np.linalg.norm(high - low))
+        self.near = min(0.02 / host.metres_per_unit, 1e-3 * diagonal)
+        self.radius = settings.cell_radius / host.metres_per_unit
+        self.frustum = CellFrustum.around(
+            Cell(settings.cell_radius, settings.cell_fov), settings.fov, settings.width, settings.height
+        )
+
+    def work(self, index: int) -> Work:
+        """The work of frame `index`."""
+        settings = self.settings
+        pose = self._pose(index)
+        novel, moved = self._novel_view(index, pose)
+        pvs = potentially_visible(self.scene, pose, self.radius, self.frustum, self.near, settings.pvs_density)
+        frame = Frame(
+            index=index,
+            scene=self.scene,
+            server=self.frustum.server_view(pose, self.near),
+            cell_radius=self.radius,
+            cell_fov=settings.cell_fov,
+            pvs=pvs.ids,
+            pvs_device=self.scene.device.upload(pvs.ids),
+            predicted=self._predicted(index),
+            atlas_width=settings.atlas_width,
+            atlas_height=settings.atlas_height,
+            seed=settings.seed,
+        )
+        return Work(frame, novel, pvs.milliseconds, pvs.views, moved)
+
+    def _pose(self, index: int) -> Pose:
+        return Pose(self.path.positions[index], self.path.orientations[index])
+
+    def _client(self, pose: Pose) -> View:
+        settings = self.settings
+        return client_view(pose, settings.fov, settings.width, settings.height, self.near)
+
+    def _novel_view(self, index: int, server: Pose) -> tuple[View, bool]:
+        """The client's view: the path's pose `latency` later, plus head motion, inside the cell."""
+        settings = self.settings
+        time = float(self.path.times_ms[index])
+        position, orientation = self.path.pose_at(time + settings.latency)
+        shift, turn = self.head.offset(time, settings.latency)
+        shift = rotation(orientation) @ shift / self.scene.host.metres_per_unit
+        wanted = Pose(position + shift, multiply(orientation, turn))
+        pose, moved = confined(server, wanted, self.radius, self.frustum, self._client(wanted))
+        return self._client(pose), moved
+
+    def _predicted(self, index: int) -> tuple[View, ...]:
+        """Client views expected within the latency, from the poses up to this frame only."""
+        past = [self._pose(i) for i in range(max(0, index - 29), index + 1)]
+        times = self.path.times_ms[max(0, index - 29) : index + 1]
+        ahead = [self.settings.latency * (k + 1) / PREDICTIONS for k in range(PREDICTIONS)]
+        return tuple(self._client(pose) for pose in predict(times, past, ahead, self.scene.host.metres_per_unit))

@@ -1,0 +1,90 @@
+"""The potentially visible set of a view cell: every triangle that some view from inside the cell shows."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import product
+
+import numpy as np
+
+from harness.views import CellFrustum, Pose, rotation
+from kernels.cache import cache_folder, write_atomically
+from kernels.device import kernels_digest
+from kernels.raster.mark import mark_visible
+from packers.interface import ServerScene, View
+
+LARGEST_VIEW = 8192  # pixels per side; a denser view is drawn at the density that fits
+
+
+@dataclass(frozen=True)
+class PotentiallyVisibleSet:
+    """ids: int32 (n), ascending. views: how many were drawn, of how many planned.
+
+    milliseconds: device time of drawing them; None when the set came from the cache, where no time was spent.
+    """
+
+    ids: np.ndarray
+    views: int
+    planned: int
+    milliseconds: float | None
+
+
+def cell_eyes(pose: Pose, radius: float) -> Iterator[Pose]:
+    """View samples of a cell: its centre, then the 8 corners of the cube inscribed in its ball of `radius`."""
+    yield pose
+    if radius > 0:
+        turn = rotation(pose.orientation)
+        for corner in product((-1, 1), repeat=3):
+            yield replace(pose, position=pose.position + turn @ np.array(corner) * radius / np.sqrt(3))
+
+
+def potentially_visible(
+    scene: ServerScene, pose: Pose, radius: float, frustum: CellFrustum, near: float, density: float
+) -> PotentiallyVisibleSet:
+    """The set of the cell at `pose`: `radius` in scene units, views at `density` times the client's pixel density.
+
+    Cached on disk by everything that it depends on.
+    """
+    key = hashlib.sha256(
+        repr(
+            (
+                scene.host.content_hash,
+                pose.position.tobytes(),
+                pose.orientation.tobytes(),
+                radius,
+                frustum,
+                near,
+                density,
+            )
+        ).encode()
+    )
+    key.update(kernels_digest().encode())
+    file = cache_folder("pvs") / f"{key.hexdigest()[:32]}.npy"
+    planned = [view for eye in cell_eyes(pose, radius) for view in frustum.frusta(eye, near, frustum.density * density)]
+    try:
+        return PotentiallyVisibleSet(np.load(file), 0, len(planned), None)
+    except (OSError, ValueError):
+        found = _draw(scene, [_fitted(view) for view in planned])
+    write_atomically(file, lambda out: np.save(out, found.ids))
+    return found
+
+
+def _fitted(view: View) -> View:
+    """The view with neither side above LARGEST_VIEW."""
+    return replace(view, width=min(view.width, LARGEST_VIEW), height=min(view.height, LARGEST_VIEW))
+
+
+def _draw(scene: ServerScene, views: list[View]) -> PotentiallyVisibleSet:
+    """Draw the views one after the other and mark what they show; skip those that cannot add anything."""
+    device = scene.device
+    flags = device.zeros(scene.host.triangle_count, np.uint8)
+    drawn = 0
+    with device.record() as record:
+        for view in views:
+            visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="pvs")
+            mark_visible(device, visible, flags)
+            drawn += 1
+    ids = np.flatnonzero(flags.get()[: scene.host.triangle_count]).astype(np.int32)
+    return PotentiallyVisibleSet(ids, drawn, len(views), sum(record.milliseconds.values()))
