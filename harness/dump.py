@@ -1,0 +1,112 @@
+"""Files of `--dump`: the scene's triangles, and per method and frame what was sent, drawn and expected."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.plugins import folder_name
+
+if TYPE_CHECKING:
+    from packers.interface import Owners, View
+    from scenes.model import Scene
+
+
+def dump_scene(folder: Path, scene: Scene) -> Path:
+    """Write `folder/scene.npz` and return its path.
+
+    It holds `positions` float32 (T, 3, 3) in triangle order, relative to `origin` float64 (3), and `double_sided` and
+    `masked` bool (T).
+    """
+    sided = np.array([material.double_sided for material in scene.materials], bool)
+    masked = np.array([material.alpha_mode == "mask" for material in scene.materials], bool)
+    folder.mkdir(parents=True, exist_ok=True)
+    path = folder / "scene.npz"
+    np.savez(
+        path,
+        positions=scene.positions[scene.indices].astype(np.float32, copy=False),
+        origin=np.asarray(scene.origin, np.float64),
+        double_sided=sided[scene.material_ids],
+        masked=masked[scene.material_ids],
+    )
+    return path
+
+
+def dump_frame(
+    folder: Path,
+    method: str,
+    variant: str,
+    index: int,
+    *,
+    atlas: np.ndarray | None,
+    owners: Owners | None,
+    client: np.ndarray,
+    reference: np.ndarray,
+    visibility: np.ndarray,
+    novel: View,
+) -> Path:
+    """Write `folder/METHOD-HASH/frame_0000.npz` and its pictures, and return the path of the former.
+
+    atlas: uint8 (H, W, 3 or 4) before encoding; owners: of its texels; both None for a method without an atlas, whose
+        file then lacks `atlas`, `owner` and `bary`.
+    client: uint8 (h, w, 3), drawn from the payload without video coding. reference: uint8 (h, w, 3).
+    visibility: int32 (h, w), triangle of the novel view, -1 where empty. novel: the novel view.
+
+    The file holds these, `owner` int32 (H, W) with -1 where no triangle owns a texel, `bary` float32 (H, W, 2), and
+    `view` and `projection` float64 (4, 4).
+    """
+    arrays = {
+        "client": _picture(client),
+        "reference": _picture(reference),
+        "visibility": np.asarray(visibility, np.int32),
+        "view": np.asarray(novel.view, np.float64),
+        "projection": np.asarray(novel.projection, np.float64),
+    }
+    if atlas is not None and owners is not None:
+        owner, bary = owner_planes(owners, atlas.shape[1], atlas.shape[0])
+        arrays |= {"atlas": np.asarray(atlas, np.uint8), "owner": owner, "bary": bary}
+    target = folder / folder_name(method, variant)
+    target.mkdir(parents=True, exist_ok=True)
+    path = target / f"frame_{index:04d}.npz"
+    np.savez(path, **arrays)
+    for name in ("atlas", "client", "reference"):
+        if name in arrays:
+            write_png(target / f"frame_{index:04d}_{name}.png", arrays[name][..., :3])
+    return path
+
+
+def owner_planes(owners: Owners, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Owners as planes: triangle int32 (height, width), -1 where none, and barycentrics float32 (height, width, 2).
+
+    Samples outside the plane are left out; of two owners of one texel the last counts.
+    """
+    inside = (owners.texel >= 0) & (owners.texel < width * height)
+    texel = owners.texel[inside]
+    owner = np.full(width * height, -1, np.int32)
+    bary = np.zeros((width * height, 2), np.float32)
+    owner[texel] = owners.triangle[inside]
+    bary[texel] = owners.bary[inside]
+    return owner.reshape(height, width), bary.reshape(height, width, 2)
+
+
+def write_png(path: Path, rgb: np.ndarray) -> None:
+    """Write a picture, uint8 (h, w, 3), sRGB, as PNG. Raises OSError, naming the file, if that fails."""
+    import OpenImageIO as oiio
+
+    rgb = np.ascontiguousarray(rgb)
+    if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
+        raise ValueError(f"{path}: a picture is uint8 (h, w, 3), not {rgb.dtype} {rgb.shape}.")
+    spec = oiio.ImageSpec(rgb.shape[1], rgb.shape[0], 3, oiio.UINT8)
+    spec.attribute("png:compressionLevel", 3)  # 3 is several times faster than the default, for slightly larger files
+    output = oiio.ImageOutput.create(str(path))
+    if output is None:
+        raise OSError(f"{path} cannot be written: {oiio.geterror()}")
+    if not (output.open(str(path), spec) and output.write_image(rgb)):
+        raise OSError(f"{path} cannot be written: {output.geterror()}")
+    output.close()
+
+
+def _picture(image: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.asarray(image, np.uint8)[..., :3])
