@@ -93,16 +93,16 @@ def owner_planes(owners: Owners, width: int, height: int) -> tuple[np.ndarray, n
 
 def write_png(path: Path, rgb: np.ndarray) -> None:
     """Write a picture, uint8 (h, w, 3), sRGB, as PNG. Raises OSError, naming the file, if that fails."""
-    import OpenImageIO as oiio
+    import OpenImageIO
 
     rgb = np.ascontiguousarray(rgb)
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
         raise ValueError(f"{path}: a picture is uint8 (h, w, 3), not {rgb.dtype} {rgb.shape}.")
-    spec = oiio.ImageSpec(rgb.shape[1], rgb.shape[0], 3, oiio.UINT8)
+    spec = OpenImageIO.ImageSpec(rgb.shape[1], rgb.shape[0], 3, OpenImageIO.UINT8)
     spec.attribute("png:compressionLevel", 3)  # 3 is several times faster than the default, for slightly larger files
-    output = oiio.ImageOutput.create(str(path))
+    output = OpenImageIO.ImageOutput.create(str(path))
     if output is None:
-        raise OSError(f"{path} cannot be written: {oiio.geterror()}")
+        raise OSError(f"{path} cannot be written: {OpenImageIO.geterror()}")
     if not (output.open(str(path), spec) and output.write_image(rgb)):
         raise OSError(f"{path} cannot be written: {output.geterror()}")
     output.close()

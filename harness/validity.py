@@ -1,0 +1,439 @@
+"""Does an atlas hold what a client looks up? Computed from the owners that a packer states, never by the packer.
+
+A *lookup* is the bilinear interpolation at the position where the client looks up a surface point (`Client.locate`).
+It touches those of the four texels around that position whose weight is above `WEIGHT`.
+
+Rules:
+
+placed        Every potentially visible triangle has a place (the client locates its corners) or is listed as unplaced
+              with a reason; never both.
+barycentrics  Samples name an existing triangle, and their barycentrics are finite. Weight i is at least
+              -(1 + MARGIN / h_i), where h_i is the height of the triangle over edge i in the atlas, in texels and at
+              least 1: no further outside than one height (the other half of a block) and MARGIN texels.
+inside        Samples and lookups stay inside the atlas.
+single owner  No texel is listed twice.
+alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else was written.
+finite        No NaN and no infinity in a plane.
+once          Samples lie where their triangle is looked up. A triangle with more than STRAYS of its samples over
+              DISTANCE texels away is placed a second time. (Fewer may be copies along a cut in its own area.)
+written       Every texel that a lookup inside the triangle touches is written.
+surface       A lookup finds its own surface. Where all texels touched are the triangle's own, their interpolated
+              barycentrics differ from the point looked up by at most LOCATION texels. Where a texel has another
+              owner, that owner's surface point is within REACH times the sum of both triangles' texel sizes.
+
+Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
+its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
+that the novel view sees. A budget bounds the grids and the samples of `once` per frame: triangles take turns, by frame
+index, so that every one is examined within a few frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from packers.interface import Client, Frame, Owners, Payload
+
+WEIGHT = 1 / 512  # a texel of less weight changes a value by less than half of an 8-bit step
+MARGIN = 2.0  # texels that barycentrics may lie outside: a lookup reaches at most sqrt(2) from an edge
+DISTANCE = 1.0  # texels between a sample and where its surface point is looked up
+STRAYS = 1 / 3
+LOCATION = 0.25  # texels; exact maps give 0, a client that forgets the half-texel offset gives 0.5
+REACH = 3.0
+BUDGET = 400_000  # points of grids, and samples of `once`, per frame
+CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
+FINEST = 6  # grids have up to 2^6 steps along an edge
+FIRST = 8  # offenders named per violation
+GOLDEN = 0.6180339887498949  # steps of this share of the whole come round evenly
+UNOWNED, BORDER = -1, -2  # in the owner plane
+ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A rule that does not hold: how often, a sentence for people, the first offenders (scene ids, row * width + column)."""
+
+    rule: str
+    count: int
+    sentence: str
+    triangles: tuple[int, ...] = ()
+    texels: tuple[int, ...] = ()
+
+
+def check(
+    frame: Frame,
+    payload: Payload,
+    owners: Owners | None,
+    client: Client,
+    visible: tuple[np.ndarray, np.ndarray] | None = None,
+    *,
+    budget: int | None = BUDGET,
+) -> list[Violation]:
+    """Check every rule on one frame; an empty list if all hold.
+
+    client: has received this payload. owners: None for a method without an atlas, of which only the list of unplaced
+        triangles is checked.
+    visible: int32 (n) triangles and float32 (n, 2) barycentrics that the novel view sees; those of triangles without
+        a place are passed over (they count as missing elsewhere).
+    budget: None examines every triangle and every sample.
+    """
+    if owners is None or not payload.planes:
+        return _check_unplaced(frame, payload, None)
+    plane = next(iter(payload.planes.values())).get()
+    found = _check_ids(frame, owners)
+    if found:
+        return found  # nothing else can be computed with wrong ids
+    atlas = _Atlas(owners, plane.shape[1], plane.shape[0])
+    found = [*atlas.violations(), *_check_planes(payload, atlas)]
+    anchors = _locate(client, np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
+    if anchors is None:
+        return [*found, *_check_unplaced(frame, payload, np.isin(frame.pvs, owners.triangle))]
+    table = _Table(frame, anchors.reshape(-1, len(ANCHORS), 2))
+    found += _check_unplaced(frame, payload, table.placed)
+    found += _check_barycentrics(owners, table)
+    found += _check_once(frame, owners, atlas, client, budget)
+    lookups = _Lookups(frame, atlas, table)
+    for triangles, bary, located in _points(frame, table, client, visible, budget):
+        lookups.examine(triangles, bary, located)
+    return [*found, *lookups.violations()]
+
+
+def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
+    count = frame.scene.triangles.count
+    bad = np.flatnonzero((owners.triangle < 0) | (owners.triangle >= count))
+    if not bad.size:
+        return []
+    sentence = f"{bad.size} samples name a triangle that the scene of {count} triangles does not have."
+    return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+
+
+def _check_unplaced(frame: Frame, payload: Payload, placed: np.ndarray | None) -> list[Violation]:
+    """placed: bool, by place in the PVS; None if the method places nothing in an atlas."""
+    listed = np.fromiter(payload.unplaced, np.int64, len(payload.unplaced))
+    silent = np.array([triangle for triangle, reason in payload.unplaced.items() if not reason], np.int64)
+    foreign = listed[~np.isin(listed, frame.pvs)]
+    cases = [
+        (silent, "are listed as unplaced without a reason"),
+        (foreign, "are listed as unplaced and are not potentially visible"),
+    ]
+    if placed is not None:
+        excused = np.isin(frame.pvs, listed)
+        cases += [
+            (frame.pvs[~placed & ~excused], "of the potentially visible set have no place and are not listed"),
+            (frame.pvs[placed & excused], "are listed as unplaced and have a place"),
+        ]
+    return [
+        Violation("placed", len(bad), f"{len(bad)} triangles {what}.", _first(np.sort(bad)))
+        for bad, what in cases
+        if len(bad)
+    ]
+
+
+class _Atlas:
+    """Who owns each texel, with a border of one texel around, so that lookups at the edge need no special case."""
+
+    def __init__(self, owners: Owners, width: int, height: int) -> None:
+        self.width, self.height, self.stride = width, height, width + 2
+        self._owners = owners
+        self._inside = (owners.texel >= 0) & (owners.texel < width * height)
+        owner = np.full((height + 2, width + 2), BORDER, np.int32)
+        owner[1:-1, 1:-1] = UNOWNED
+        self.owner = owner.reshape(-1)
+        self.bary = np.zeros((owner.size, 2), np.float32)
+        everything = bool(self._inside.all())
+        texel, triangle, bary = owners.texel, owners.triangle, owners.bary
+        if not everything:
+            texel, triangle, bary = texel[self._inside], triangle[self._inside], bary[self._inside]
+        padded = texel + (texel // width) * 2 + (self.stride + 1)
+        self.owner[padded] = triangle
+        self.bary[padded] = bary
+        self._listed = len(texel)
+
+    @property
+    def owned(self) -> np.ndarray:
+        """bool (height, width)."""
+        return self.owner.reshape(self.height + 2, self.stride)[1:-1, 1:-1] >= 0
+
+    def unpadded(self, padded: np.ndarray) -> np.ndarray:
+        """row * width + column of texels in the plane with its border."""
+        return (padded // self.stride - 1) * self.width + padded % self.stride - 1
+
+    def violations(self) -> list[Violation]:
+        """Of the rules `inside` and `single owner`."""
+        texel, triangle = self._owners.texel, self._owners.triangle
+        found = []
+        if self._listed < len(texel):
+            out = np.flatnonzero(~self._inside)
+            sentence = f"{out.size} samples lie outside the atlas of {self.width} x {self.height} texels."
+            found.append(Violation("inside", out.size, sentence, _first(triangle[out]), _first(texel[out])))
+        if np.count_nonzero(self.owner >= 0) < self._listed:
+            values, counts = np.unique(texel[self._inside], return_counts=True)
+            twice = values[counts > 1]
+            culprits = triangle[np.isin(texel, twice[:FIRST])]
+            sentence = f"{twice.size} texels are listed more than once."
+            found.append(Violation("single owner", twice.size, sentence, _first(np.unique(culprits)), _first(twice)))
+        return found
+
+
+def _check_planes(payload: Payload, atlas: _Atlas) -> list[Violation]:
+    found = []
+    for position, (name, array) in enumerate(payload.planes.items()):
+        plane = array.get()
+        if plane.dtype.kind == "f" and not np.isfinite(plane).all():
+            bad = np.flatnonzero(~np.isfinite(plane).all(axis=-1))
+            sentence = f"{bad.size} texels of the plane {name!r} are not finite."
+            found.append(Violation("finite", bad.size, sentence, texels=_first(bad)))
+        if position == 0:
+            wrong = np.flatnonzero(plane[..., 3] != atlas.owned * np.uint8(255))
+            if wrong.size:
+                sentence = (
+                    f"{wrong.size} texels have an alpha that is not 255 where they are listed, or not 0 elsewhere."
+                )
+                found.append(Violation("alpha", wrong.size, sentence, texels=_first(wrong)))
+    return found
+
+
+class _Table:
+    """What the lookups need of each triangle of the PVS, by its place in the PVS (its row)."""
+
+    def __init__(self, frame: Frame, anchors: np.ndarray) -> None:
+        self.pvs = frame.pvs
+        self.anchors = anchors
+        self.placed = np.isfinite(anchors).all(axis=(1, 2))
+        self.row = np.full(frame.scene.triangles.count, -1, np.int32)
+        self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
+        corners = anchors[:, :3]
+        # texels per barycentric: columns are the atlas edges from corner 0 to corners 1 and 2
+        self.jacobian = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+        self._frame = frame
+
+    def corners(self, triangles: np.ndarray) -> np.ndarray:
+        """Positions float64 (n, 3, 3)."""
+        scene = self._frame.scene.host
+        return scene.positions[scene.indices[triangles]].astype(np.float64)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Lengths in the atlas, in texels, of the edges opposite corners 0, 1 and 2: float64 (n, 3)."""
+        corners = self.anchors[:, :3]
+        return np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+
+    def heights(self, rows: np.ndarray) -> np.ndarray:
+        """Heights in the atlas over the edges opposite corners 0, 1 and 2, in texels: float64 (n, 3)."""
+        area = np.abs(np.linalg.det(self.jacobian[rows]))
+        return area[:, None] / np.maximum(self.edges[rows], 1e-9)
+
+    @cached_property
+    def texel_size(self) -> np.ndarray:
+        """Longest extent on the surface of one texel, in scene units, at most the longest edge: float64 (n).
+
+        The largest singular value of the map from the atlas to the surface (edges times the inverse Jacobian).
+        """
+        p = self.corners(self.pvs)
+        longest = np.linalg.norm(p[:, [2, 0, 1]] - p[:, [1, 2, 0]], axis=2).max(axis=1)
+        with np.errstate(all="ignore"):
+            j = self.jacobian
+            determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+            first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+            along_column = (first * j[:, 1, 1, None] - second * j[:, 1, 0, None]) / determinant[:, None]
+            along_row = (second * j[:, 0, 0, None] - first * j[:, 0, 1, None]) / determinant[:, None]
+            a, c = (along_column**2).sum(axis=1), (along_row**2).sum(axis=1)
+            b = (along_column * along_row).sum(axis=1)
+            size = np.sqrt((a + c + np.sqrt((a - c) ** 2 + 4 * b**2)) / 2)
+        return np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
+
+
+def _check_barycentrics(owners: Owners, table: _Table) -> list[Violation]:
+    b1, b2 = owners.bary[:, 0], owners.bary[:, 1]
+    lowest = np.minimum(np.minimum(b1, b2), 1 - b1 - b2)
+    bad = np.flatnonzero(~(lowest >= -1))  # NaN and infinities fail any comparison; -1 is allowed to all
+    if bad.size:
+        rows = table.row[owners.triangle[bad]]
+        weights = np.stack([1 - b1[bad] - b2[bad], b1[bad], b2[bad]], axis=1)
+        heights = np.where((rows >= 0)[:, None], table.heights(rows), 1)
+        allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
+        bad = bad[~(allowed & np.isfinite(weights)).all(axis=1)]
+    if not bad.size:
+        return []
+    sentence = f"{bad.size} samples have barycentrics that are not finite or lie too far outside their triangle."
+    return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+
+
+def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> Iterator[Violation]:
+    turns = 1 if budget is None else max(1, -(-len(owners.triangle) // budget))
+    chosen = np.flatnonzero(owners.triangle % turns == frame.index % turns)
+    triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
+    within = (bary.min(axis=1) >= -1e-4) & (bary.sum(axis=1) <= 1 + 1e-4)
+    triangle, bary, texel = triangle[within], bary[within], texel[within]
+    located = _locate(client, triangle, bary)
+    centre = np.stack([texel % atlas.width, texel // atlas.width], axis=1) + 0.5
+    stray = np.abs(located - centre).max(axis=1) > DISTANCE  # False where a triangle has no place
+    if stray.any():
+        count = np.bincount(triangle)
+        strays = np.bincount(triangle[stray], minlength=len(count))
+        twice = np.flatnonzero(strays > STRAYS * count)
+        if twice.size:
+            texels = texel[stray & np.isin(triangle, twice)]
+            sentence = f"{twice.size} triangles have samples over {DISTANCE:g} texel from where a client looks them up."
+            yield Violation("once", twice.size, sentence, _first(twice), _first(texels))
+
+
+def _points(
+    frame: Frame,
+    table: _Table,
+    client: Client,
+    visible: tuple[np.ndarray, np.ndarray] | None,
+    budget: int | None,
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
+    """Triangles, barycentrics and atlas positions of all lookups, a chunk at a time."""
+    rows = np.flatnonzero(table.placed)
+    anchors = len(ANCHORS)
+    for start in range(0, len(rows), CHUNK // anchors):
+        part = rows[start : start + CHUNK // anchors]
+        yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
+    for triangles, bary in _grids(frame, table, rows, budget):
+        yield triangles, bary, client.locate(triangles, bary)
+    if visible is None:
+        return
+    for start in range(0, len(visible[0]), CHUNK):
+        triangles, bary = (array[start : start + CHUNK] for array in visible)
+        located = client.locate(triangles, bary)
+        known = np.isfinite(located[:, 0]) & (table.row[triangles] >= 0)
+        yield triangles[known], bary[known], located[known]
+
+
+def _grids(
+    frame: Frame, table: _Table, rows: np.ndarray, budget: int | None
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Triangles and barycentrics of the grids of as many triangles as the budget allows in this frame."""
+    longest = np.maximum(table.edges[rows].max(axis=1, initial=1), 1)
+    level = np.minimum(np.ceil(np.log2(longest)), FINEST).astype(np.int64)
+    patterns = [_pattern(1 << step) for step in range(FINEST + 1)]
+    if budget is not None:
+        turn = (np.arange(len(rows)) + int(frame.index * GOLDEN % 1 * len(rows))) % max(1, len(rows))
+        spent = np.cumsum(np.array([len(pattern) for pattern in patterns])[level[turn]])
+        turn = np.sort(turn[: np.searchsorted(spent, budget) + 1])
+        rows, level = rows[turn], level[turn]
+    for step, pattern in enumerate(patterns):
+        triangles = table.pvs[rows[level == step]]
+        several = max(1, CHUNK // len(pattern))
+        for start in range(0, len(triangles), several):
+            part = triangles[start : start + several]
+            yield np.repeat(part, len(pattern)), np.tile(pattern, (len(part), 1))
+
+
+def _pattern(steps: int) -> np.ndarray:
+    """Barycentrics of a grid of `steps` along each edge, and of 2 * `steps` on the edges; float32 (n, 2).
+
+    The corners are left out, because they are looked up for every triangle.
+    """
+    i, j = np.meshgrid(np.arange(1, steps), np.arange(1, steps), indexing="ij")
+    grid = np.stack([i, j], axis=-1)[i + j < steps] / steps
+    t = np.arange(1, 2 * steps) / (2 * steps)
+    edges = [np.stack(pair, axis=1) for pair in ((t, 0 * t), (0 * t, t), (t, 1 - t))]
+    return np.concatenate([grid, *edges]).astype(np.float32)
+
+
+class _Lookups:
+    """The rules `inside`, `written` and `surface`, over any number of lookups."""
+
+    def __init__(self, frame: Frame, atlas: _Atlas, table: _Table) -> None:
+        self._atlas, self._table = atlas, table
+        self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1])
+        self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
+        self._misplaced = np.zeros(len(frame.pvs), bool)
+        self._incomplete = np.zeros(len(frame.pvs), bool)
+        self._unwritten = np.zeros(0, np.int64)  # texels
+
+    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray) -> None:
+        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2)."""
+        atlas = self._atlas
+        rows = self._table.row[triangles]
+        x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre
+        y = np.clip(located[:, 1] + 0.5, 0, atlas.height + 0.999)
+        column, line = x.astype(np.int32), y.astype(np.int32)
+        x -= column
+        y -= line
+        weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
+        texels = (line * atlas.stride + column)[:, None] + self._offsets
+        touched = weights > WEIGHT
+        owner = atlas.owner[texels]
+        if (owner < 0).any():
+            self._note_gaps(rows, texels, owner, touched)
+        own = (owner == triangles[:, None]) | ~touched
+        whole = own.all(axis=1)
+        self._check_location(rows, bary, texels, weights, whole)
+        if not whole.all():
+            self._check_others(rows, bary, texels, owner, ~own & (owner >= 0))
+
+    def _note_gaps(self, rows: np.ndarray, texels: np.ndarray, owner: np.ndarray, touched: np.ndarray) -> None:
+        self._outside[rows[(touched & (owner == BORDER)).any(axis=1)]] = True
+        gaps = touched & (owner == UNOWNED)
+        self._incomplete[rows[gaps.any(axis=1)]] = True
+        self._unwritten = np.union1d(self._unwritten, texels[gaps])
+
+    def _check_location(
+        self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, weights: np.ndarray, whole: np.ndarray
+    ) -> None:
+        """Lookups whose texels are all the triangle's own: interpolated against true barycentrics, in texels."""
+        found = np.einsum("nk,nkc->nc", weights, self._atlas.bary[texels])
+        error = np.einsum("nij,nj->ni", self._table.jacobian[rows], found - bary)
+        self._misplaced[rows[whole & ~(np.abs(error).max(axis=1) <= LOCATION)]] = True
+
+    def _check_others(
+        self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, owner: np.ndarray, other: np.ndarray
+    ) -> None:
+        """Texels of other owners, `other` (n, 4): the distance between their surface point and the one looked up."""
+        table = self._table
+        point, corner = np.nonzero(other)
+        triangle, texel, row = owner[point, corner], texels[point, corner], rows[point]
+        there = _surface_points(table.corners(triangle), self._atlas.bary[texel])
+        here = _surface_points(table.corners(table.pvs[row]), bary[point])
+        other_row = table.row[triangle]
+        size = np.where(other_row >= 0, table.texel_size[other_row], table.texel_size[row])
+        allowed = REACH * (table.texel_size[row] + size)
+        self._misplaced[row[~(np.linalg.norm(there - here, axis=1) <= allowed)]] = True
+
+    def violations(self) -> list[Violation]:
+        """What broke a rule so far."""
+        found = []
+        outside, incomplete, misplaced = (
+            self._table.pvs[flags] for flags in (self._outside, self._incomplete, self._misplaced)
+        )
+        if outside.size:
+            sentence = f"Lookups in {outside.size} triangles touch texels outside the atlas."
+            found.append(Violation("inside", outside.size, sentence, _first(outside)))
+        if incomplete.size:
+            count = self._unwritten.size
+            sentence = f"Lookups in {incomplete.size} triangles touch {count} texels that were not written."
+            texels = self._atlas.unpadded(self._unwritten[:FIRST])
+            found.append(Violation("written", count, sentence, _first(incomplete), _first(texels)))
+        if misplaced.size:
+            sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
+            found.append(Violation("surface", misplaced.size, sentence, _first(misplaced)))
+        return found
+
+
+def _surface_points(corners: np.ndarray, bary: np.ndarray) -> np.ndarray:
+    """corners (n, 3, 3) and barycentrics (n, 2) to points float64 (n, 3)."""
+    b1, b2 = bary[:, 0, None].astype(np.float64), bary[:, 1, None].astype(np.float64)
+    return corners[:, 0] + b1 * (corners[:, 1] - corners[:, 0]) + b2 * (corners[:, 2] - corners[:, 0])
+
+
+def _locate(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
+    """`client.locate` a chunk at a time; None if the client has no atlas."""
+    located = np.empty((len(triangles), 2))
+    for start in range(0, len(triangles), CHUNK):
+        part = slice(start, start + CHUNK)
+        found = client.locate(triangles[part], bary[part])
+        if found is None:
+            return None
+        located[part] = found
+    return located
+
+
+def _first(values: np.ndarray) -> tuple[int, ...]:
+    return tuple(int(value) for value in values[:FIRST])
