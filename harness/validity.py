@@ -43,18 +43,20 @@ DISTANCE = 1.0  # texels between a sample and where its surface point is looked 
 STRAYS = 1 / 3
 LOCATION = 0.25  # texels; exact maps give 0, a client that forgets the half-texel offset gives 0.5
 REACH = 3.0
-BUDGET = 400_000  # points of grids, and samples of `once`, per frame
+BUDGET = 300_000  # points of grids, and samples of `once`, per frame
 CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
-GOLDEN = 0.6180339887498949  # steps of this share of the whole come round evenly
 UNOWNED, BORDER = -1, -2  # in the owner plane
 ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
 
 
 @dataclass(frozen=True)
 class Violation:
-    """A rule that does not hold: how often, a sentence for people, the first offenders (scene ids, row * width + column)."""
+    """A rule that does not hold: how often, a sentence for people, and the first offenders.
+
+    triangles: scene ids. texels: row * width + column.
+    """
 
     rule: str
     count: int
@@ -96,8 +98,9 @@ def check(
     found += _check_barycentrics(owners, table)
     found += _check_once(frame, owners, atlas, client, budget)
     lookups = _Lookups(frame, atlas, table)
-    for triangles, bary, located in _points(frame, table, client, visible, budget):
-        lookups.examine(triangles, bary, located)
+    with np.errstate(invalid="ignore"):  # barycentrics may hold infinities, which are reported above
+        for triangles, bary, located in _points(frame, table, client, visible, budget):
+            lookups.examine(triangles, bary, located)
     return [*found, *lookups.violations()]
 
 
@@ -142,14 +145,14 @@ class _Atlas:
         owner = np.full((height + 2, width + 2), BORDER, np.int32)
         owner[1:-1, 1:-1] = UNOWNED
         self.owner = owner.reshape(-1)
-        self.bary = np.zeros((owner.size, 2), np.float32)
+        self.bary = np.zeros((2, owner.size), np.float32)
         everything = bool(self._inside.all())
         texel, triangle, bary = owners.texel, owners.triangle, owners.bary
         if not everything:
             texel, triangle, bary = texel[self._inside], triangle[self._inside], bary[self._inside]
         padded = texel + (texel // width) * 2 + (self.stride + 1)
         self.owner[padded] = triangle
-        self.bary[padded] = bary
+        self.bary[0][padded], self.bary[1][padded] = bary[:, 0], bary[:, 1]
         self._listed = len(texel)
 
     @property
@@ -206,8 +209,8 @@ class _Table:
         self.row = np.full(frame.scene.triangles.count, -1, np.int32)
         self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
         corners = anchors[:, :3]
-        # texels per barycentric: columns are the atlas edges from corner 0 to corners 1 and 2
-        self.jacobian = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+        # (2, n, 2): column and row of the atlas, triangle, and the barycentrics 1 and 2 they change with, in texels
+        self.jacobian = np.ascontiguousarray((corners[:, 1:] - corners[:, :1]).transpose(2, 0, 1))
         self._frame = frame
 
     def corners(self, triangles: np.ndarray) -> np.ndarray:
@@ -223,8 +226,14 @@ class _Table:
 
     def heights(self, rows: np.ndarray) -> np.ndarray:
         """Heights in the atlas over the edges opposite corners 0, 1 and 2, in texels: float64 (n, 3)."""
-        area = np.abs(np.linalg.det(self.jacobian[rows]))
+        area = np.abs(self.determinant[rows])
         return area[:, None] / np.maximum(self.edges[rows], 1e-9)
+
+    @cached_property
+    def determinant(self) -> np.ndarray:
+        """Twice the signed area in the atlas, in texels: float64 (n)."""
+        column, row = self.jacobian
+        return column[:, 0] * row[:, 1] - column[:, 1] * row[:, 0]
 
     @cached_property
     def texel_size(self) -> np.ndarray:
@@ -235,11 +244,10 @@ class _Table:
         p = self.corners(self.pvs)
         longest = np.linalg.norm(p[:, [2, 0, 1]] - p[:, [1, 2, 0]], axis=2).max(axis=1)
         with np.errstate(all="ignore"):
-            j = self.jacobian
-            determinant = j[:, 0, 0] * j[:, 1, 1] - j[:, 0, 1] * j[:, 1, 0]
+            column, row = self.jacobian
             first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-            along_column = (first * j[:, 1, 1, None] - second * j[:, 1, 0, None]) / determinant[:, None]
-            along_row = (second * j[:, 0, 0, None] - first * j[:, 0, 1, None]) / determinant[:, None]
+            along_column = (first * row[:, 1, None] - second * row[:, 0, None]) / self.determinant[:, None]
+            along_row = (second * column[:, 0, None] - first * column[:, 1, None]) / self.determinant[:, None]
             a, c = (along_column**2).sum(axis=1), (along_row**2).sum(axis=1)
             b = (along_column * along_row).sum(axis=1)
             size = np.sqrt((a + c + np.sqrt((a - c) ** 2 + 4 * b**2)) / 2)
@@ -313,10 +321,10 @@ def _grids(
     level = np.minimum(np.ceil(np.log2(longest)), FINEST).astype(np.int64)
     patterns = [_pattern(1 << step) for step in range(FINEST + 1)]
     if budget is not None:
-        turn = (np.arange(len(rows)) + int(frame.index * GOLDEN % 1 * len(rows))) % max(1, len(rows))
-        spent = np.cumsum(np.array([len(pattern) for pattern in patterns])[level[turn]])
-        turn = np.sort(turn[: np.searchsorted(spent, budget) + 1])
-        rows, level = rows[turn], level[turn]
+        spent = np.cumsum(np.array([len(pattern) for pattern in patterns])[level])
+        turn = spent // budget
+        chosen = turn == frame.index % (turn[-1] + 1 if turn.size else 1)
+        rows, level = rows[chosen], level[chosen]
     for step, pattern in enumerate(patterns):
         triangles = table.pvs[rows[level == step]]
         several = max(1, CHUNK // len(pattern))
@@ -342,7 +350,7 @@ class _Lookups:
 
     def __init__(self, frame: Frame, atlas: _Atlas, table: _Table) -> None:
         self._atlas, self._table = atlas, table
-        self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1])
+        self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1], np.int32)[:, None]
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
         self._misplaced = np.zeros(len(frame.pvs), bool)
         self._incomplete = np.zeros(len(frame.pvs), bool)
@@ -357,40 +365,45 @@ class _Lookups:
         column, line = x.astype(np.int32), y.astype(np.int32)
         x -= column
         y -= line
-        weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y], axis=1)
-        texels = (line * atlas.stride + column)[:, None] + self._offsets
+        weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
+        texels = line * np.int32(atlas.stride) + column + self._offsets
         touched = weights > WEIGHT
+        weights *= touched
         owner = atlas.owner[texels]
-        if (owner < 0).any():
+        if owner.min() < 0:
             self._note_gaps(rows, texels, owner, touched)
-        own = (owner == triangles[:, None]) | ~touched
-        whole = own.all(axis=1)
+        own = (owner == triangles) | ~touched
+        whole = own.all(axis=0)
         self._check_location(rows, bary, texels, weights, whole)
         if not whole.all():
             self._check_others(rows, bary, texels, owner, ~own & (owner >= 0))
 
     def _note_gaps(self, rows: np.ndarray, texels: np.ndarray, owner: np.ndarray, touched: np.ndarray) -> None:
-        self._outside[rows[(touched & (owner == BORDER)).any(axis=1)]] = True
+        self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
         gaps = touched & (owner == UNOWNED)
-        self._incomplete[rows[gaps.any(axis=1)]] = True
+        self._incomplete[rows[gaps.any(axis=0)]] = True
         self._unwritten = np.union1d(self._unwritten, texels[gaps])
 
     def _check_location(
         self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, weights: np.ndarray, whole: np.ndarray
     ) -> None:
         """Lookups whose texels are all the triangle's own: interpolated against true barycentrics, in texels."""
-        found = np.einsum("nk,nkc->nc", weights, self._atlas.bary[texels])
-        error = np.einsum("nij,nj->ni", self._table.jacobian[rows], found - bary)
-        self._misplaced[rows[whole & ~(np.abs(error).max(axis=1) <= LOCATION)]] = True
+        total = weights.sum(axis=0)
+        off1, off2 = (
+            (weights * plane[texels]).sum(axis=0) / total - bary[:, i] for i, plane in enumerate(self._atlas.bary)
+        )
+        to_column, to_row = self._table.jacobian[:, rows]
+        column, row = to_column[:, 0] * off1 + to_column[:, 1] * off2, to_row[:, 0] * off1 + to_row[:, 1] * off2
+        self._misplaced[rows[whole & ~(np.maximum(np.abs(column), np.abs(row)) <= LOCATION)]] = True
 
     def _check_others(
         self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, owner: np.ndarray, other: np.ndarray
     ) -> None:
-        """Texels of other owners, `other` (n, 4): the distance between their surface point and the one looked up."""
+        """Texels of other owners, `other` (4, n): the distance between their surface point and the one looked up."""
         table = self._table
-        point, corner = np.nonzero(other)
-        triangle, texel, row = owner[point, corner], texels[point, corner], rows[point]
-        there = _surface_points(table.corners(triangle), self._atlas.bary[texel])
+        corner, point = np.nonzero(other)
+        triangle, texel, row = owner[corner, point], texels[corner, point], rows[point]
+        there = _surface_points(table.corners(triangle), self._atlas.bary[:, texel].T)
         here = _surface_points(table.corners(table.pvs[row]), bary[point])
         other_row = table.row[triangle]
         size = np.where(other_row >= 0, table.texel_size[other_row], table.texel_size[row])

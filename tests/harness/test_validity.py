@@ -1,0 +1,291 @@
+"""The validator accepts a sound atlas and catches every planted error by the rule that names it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from harness.validity import Violation, check
+from packers.interface import Client, Owners, Payload
+
+CELL, ACROSS = 8, 4
+SIDE = CELL * ACROSS
+
+
+class Plane:
+    """A device array that is not on a device."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        self.values = values
+
+    def get(self) -> np.ndarray:
+        return self.values
+
+
+class CornerClient(Client):
+    """Looks up by the atlas positions of three corners per triangle; NaN without a place."""
+
+    def __init__(self, corners: np.ndarray) -> None:
+        self.corners = corners
+
+    def receive(self, payload: Any) -> None:
+        raise NotImplementedError
+
+    def draw(self, view: Any) -> Any:
+        raise NotImplementedError
+
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        c = self.corners[triangles]
+        return c[:, 0] + bary[:, :1] * (c[:, 1] - c[:, 0]) + bary[:, 1:] * (c[:, 2] - c[:, 0])
+
+
+@dataclass
+class Packed:
+    """One frame's work and its outcome, for planting errors."""
+
+    frame: Any
+    payload: Payload
+    owners: Owners
+    client: CornerClient
+
+    def rules(self, **options: Any) -> set[str]:
+        return {violation.rule for violation in self.check(**options)}
+
+    def check(self, visible: Any = None, budget: int | None = None) -> list[Violation]:
+        return check(self.frame, self.payload, self.owners, self.client, visible, budget=budget)
+
+    @property
+    def plane(self) -> np.ndarray:
+        return self.payload.planes["atlas"].values
+
+    def drop(self, gone: np.ndarray) -> None:
+        """Unwrite the samples selected by `gone`, in the list and in the plane."""
+        keep = ~gone
+        self.plane.reshape(-1, 4)[self.owners.texel[gone]] = 0
+        self.owners = Owners(self.owners.texel[keep], self.owners.triangle[keep], self.owners.bary[keep])
+
+    def change(self, **values: np.ndarray) -> None:
+        self.owners = replace(self.owners, **values)
+
+
+def pack_cells(count: int = 12, cell: int = CELL, across: int = ACROSS, index: int = 0, seed: int = 0) -> Packed:
+    """Random triangles, each in its own square cell: corners inset by half a texel, the whole cell written."""
+    side = cell * across
+    rng = np.random.default_rng(seed)
+    positions = rng.normal(size=(3 * count, 3)).astype(np.float32)
+    indices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+    pvs = np.arange(count, dtype=np.int32)
+    corner = np.stack([pvs % across, pvs // across], axis=1)[:, None] * cell + 0.5
+    span = cell - 1
+    corners = corner + np.array([[0, 0], [span, 0], [0, span]])
+    row, column = (axis.reshape(-1) for axis in np.indices((cell, cell)))
+    texel = ((corner[:, :, 1] - 0.5 + row) * side + corner[:, :, 0] - 0.5 + column).astype(np.int64)
+    bary = np.stack([column, row], axis=1) / max(span, 1)
+    triangle = np.repeat(pvs, cell * cell)
+    owners = Owners(texel.reshape(-1), triangle, np.tile(bary, (count, 1)).astype(np.float32))
+    plane = np.zeros((side, side, 4), np.uint8)
+    plane.reshape(-1, 4)[owners.texel] = (90, 120, 60, 255)
+    host = SimpleNamespace(positions=positions, indices=indices)
+    frame = SimpleNamespace(
+        index=index, pvs=pvs, scene=SimpleNamespace(host=host, triangles=SimpleNamespace(count=count))
+    )
+    payload = Payload({"atlas": Plane(plane)}, {}, b"", len(owners.texel))
+    return Packed(frame, payload, owners, CornerClient(corners))
+
+
+def pack_fold(slope: float = 1.0) -> Packed:
+    """Two triangles that share the diagonal of one 8 x 8 block, folded along it; each texel has its nearer owner."""
+    packed = pack_cells(count=1, across=1)
+    positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, slope]], np.float32)
+    packed.frame.scene.host = SimpleNamespace(positions=positions, indices=np.array([[0, 1, 2], [3, 2, 1]], np.int32))
+    packed.frame.scene.triangles.count = 2
+    packed.frame.pvs = np.array([0, 1], np.int32)
+    low, high = 0.5, CELL - 0.5
+    packed.client.corners = np.array([[[low, low], [high, low], [low, high]], [[high, high], [low, high], [high, low]]])
+    beyond = packed.owners.bary.sum(axis=1) > 1
+    bary = np.where(beyond[:, None], 1 - packed.owners.bary, packed.owners.bary)
+    packed.change(triangle=beyond.astype(np.int32), bary=bary)
+    return packed
+
+
+def test_sound_atlases_break_no_rule():
+    visible = (np.array([0, 5], np.int32), np.array([[0.2, 0.3], [0.0, 1.0]], np.float32))
+    assert pack_cells().check(visible) == []
+    assert pack_cells(count=16, cell=2).check() == []
+    assert pack_cells(cell=1).check() == []  # one texel per triangle: every lookup finds it
+    assert pack_fold().check() == []
+    assert pack_fold(slope=50.0).check() == []  # the neighbour's texels are far larger
+
+
+def test_empty_work_breaks_no_rule():
+    packed = pack_cells()
+    packed.drop(np.ones(len(packed.owners.texel), bool))
+    packed.frame.pvs = np.zeros(0, np.int32)
+    assert packed.check() == []
+
+
+@settings(max_examples=25, deadline=None)
+@given(cell=st.integers(1, 40), across=st.integers(1, 6), seed=st.integers(0, 99), index=st.integers(0, 50))
+def test_any_cell_size_is_sound_and_one_missing_touched_texel_is_found(cell: int, across: int, seed: int, index: int):
+    packed = pack_cells(across * across, cell, across, index, seed)
+    assert packed.check() == []
+    inside = packed.owners.bary.sum(axis=1) <= 1
+    victim = np.random.default_rng(seed).choice(np.flatnonzero(inside))
+    texel, triangle = int(packed.owners.texel[victim]), int(packed.owners.triangle[victim])
+    packed.drop(packed.owners.texel == texel)
+    (violation,) = packed.check()
+    assert (violation.rule, violation.texels, violation.triangles) == ("written", (texel,), (triangle,))
+
+
+def test_triangle_without_a_place():
+    packed = pack_cells()
+    packed.client.corners[3] = np.nan
+    packed.drop(packed.owners.triangle == 3)
+    (violation,) = packed.check()
+    assert (violation.rule, violation.count, violation.triangles) == ("placed", 1, (3,))
+    packed.payload.unplaced = {3: "the atlas is full"}
+    assert packed.check() == []
+
+
+@pytest.mark.parametrize("unplaced", [{2: "no room"}, {99: "no room"}, {3: ""}])
+def test_wrong_list_of_unplaced_triangles(unplaced: dict[int, str]):
+    packed = pack_cells()
+    packed.client.corners[3] = np.nan
+    packed.drop(packed.owners.triangle == 3)
+    packed.payload.unplaced = {3: "no room"} | unplaced
+    assert packed.rules() == {"placed"}
+
+
+def test_triangle_placed_twice():
+    packed = pack_cells()
+    second = packed.owners.triangle == 4  # all of it again, in a cell that is free
+    texel = packed.owners.texel[second]
+    copy = texel + (3 * CELL * SIDE - texel[0] + 2 * CELL)
+    packed.plane.reshape(-1, 4)[copy] = 255
+    packed.change(
+        texel=np.concatenate([packed.owners.texel, copy]),
+        triangle=np.concatenate([packed.owners.triangle, packed.owners.triangle[second]]),
+        bary=np.concatenate([packed.owners.bary, packed.owners.bary[second]]),
+    )
+    (violation,) = packed.check()
+    assert (violation.rule, violation.triangles) == ("once", (4,))
+
+
+def test_samples_and_lookups_outside_the_atlas():
+    packed = pack_cells()
+    packed.client.corners[0] -= 1.0
+    assert "inside" in packed.rules()
+    packed = pack_cells()
+    packed.owners.texel[0] = SIDE * SIDE
+    assert "inside" in packed.rules()
+    packed = pack_cells(cell=2)
+    packed.client.corners[5] += 1e6
+    assert "inside" in packed.rules()
+
+
+@pytest.mark.parametrize("same_triangle", [False, True])
+def test_two_owners_of_one_texel(same_triangle: bool):
+    packed = pack_cells()
+    first = 0 if same_triangle else CELL * CELL
+    extra = {"texel": [9 * SIDE], "triangle": [first // CELL**2], "bary": [[0.1, 0.1]]}
+    old = packed.owners
+    packed.change(**{name: np.concatenate([getattr(old, name), np.array(v)]) for name, v in extra.items()})
+    packed.change(triangle=packed.owners.triangle.astype(np.int32), bary=packed.owners.bary.astype(np.float32))
+    (violation,) = (v for v in packed.check() if v.rule == "single owner")
+    assert (violation.count, violation.texels) == (1, (9 * SIDE,))
+
+
+@pytest.mark.parametrize("by", [(1, 0), (0, -2), (0.5, 0.5)])
+def test_client_that_looks_in_the_wrong_place(by: tuple[float, float]):
+    packed = pack_cells()
+    packed.client.corners[5] = packed.client.corners[5] + np.array(by)
+    assert "surface" in packed.rules()
+
+
+def test_samples_of_the_wrong_point():
+    packed = pack_cells()
+    mirrored = packed.owners.triangle == 7
+    packed.owners.bary[mirrored] = packed.owners.bary[mirrored][:, ::-1]
+    violations = packed.check()
+    assert {v.rule for v in violations} == {"surface", "once"}
+    assert {v.triangles for v in violations} == {(7,)}
+
+
+def test_texels_of_another_surface():
+    packed = pack_cells(cell=16)
+    packed.frame.scene.host.positions[3 * 8 : 3 * 9] += 100
+    packed.owners.triangle[packed.owners.triangle == 7] = 8
+    (violation,) = (v for v in packed.check() if v.rule == "surface")
+    assert violation.triangles == (7,)
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e6, 3.0])
+def test_barycentrics_that_are_not_finite_or_far_outside(value: float):
+    packed = pack_cells()
+    packed.owners.bary[70, 1] = value
+    texels = [v.texels for v in packed.check() if v.rule == "barycentrics"]
+    assert texels == [(int(packed.owners.texel[70]),)]
+
+
+@pytest.mark.parametrize("triangle", [-1, 12])
+def test_triangle_that_does_not_exist(triangle: int):
+    packed = pack_cells()
+    packed.owners.triangle[5] = triangle
+    assert packed.rules() == {"barycentrics"}
+
+
+@pytest.mark.parametrize(("texel", "alpha"), [(SIDE * SIDE - 1, 255), (0, 0), (0, 254), (SIDE * SIDE - 1, 1)])
+def test_alpha_that_does_not_match_the_list(texel: int, alpha: int):
+    packed = pack_cells()
+    packed.plane.reshape(-1, 4)[texel, 3] = alpha
+    (violation,) = packed.check()
+    assert (violation.rule, violation.texels) == ("alpha", (texel,))
+
+
+def test_nan_in_a_plane():
+    packed = pack_cells()
+    values = packed.plane.astype(np.float32)
+    values[2, 3, 1] = np.nan
+    packed.payload.planes["atlas"] = Plane(values)
+    (violation,) = packed.check()
+    assert (violation.rule, violation.texels) == ("finite", (2 * SIDE + 3,))
+
+
+def test_a_visible_point_alone_finds_a_gap():
+    packed = pack_cells(count=1, cell=300, across=1)
+    row, column = 101, 100  # between the points of the grid of so large a triangle
+    packed.drop(packed.owners.texel == row * 300 + column)
+    point = np.array([[column / 299, row / 299]], np.float32)
+    assert packed.rules(visible=(np.zeros(1, np.int32), point)) == {"written"}
+
+
+def test_within_a_budget_all_triangles_have_their_turn():
+    packed = pack_cells(count=400, across=20)
+    gone = (packed.owners.triangle % 40 == 0) & (np.abs(packed.owners.bary - [3 / 7, 0]).max(axis=1) < 0.01)
+    packed.drop(gone)
+    found = set()
+    for index in range(20):
+        packed.frame.index = index
+        for violation in packed.check(budget=5000):
+            assert violation.rule == "written"
+            found.update(violation.triangles)
+    assert found == set(range(0, 400, 40))
+
+
+def test_method_without_an_atlas_has_only_its_list_checked():
+    packed = pack_cells()
+    assert check(packed.frame, Payload({}, {}, b"", 0), None, packed.client) == []
+    payload = Payload({}, {}, b"", 0, unplaced={1: ""})
+    assert [v.rule for v in check(packed.frame, payload, None, packed.client)] == ["placed"]
+
+
+def test_two_checks_of_one_frame_agree():
+    packed = pack_cells()
+    packed.drop(packed.owners.bary[:, 0] == 0)
+    assert packed.check(budget=500) == packed.check(budget=500) != []
