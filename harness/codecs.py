@@ -1,0 +1,296 @@
+"""What crosses the network: H.264 and JPEG for the planes through PyAV and OpenImageIO, LZ4 for everything else."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+CODECS = ("h264", "jpeg", "none")
+LARGEST_SIDE = 8192
+ENCODERS_AT_A_TIME = 2
+RATE = 60
+JPEG_QUALITY = 85
+# Sides given to x264: 4:2:0 chroma needs even ones, and PyAV takes planar buffers in groups of 4 rows only.
+MULTIPLE = 4
+
+# One keyframe at the start and no other; BT.709, limited range, written into the stream so that any decoder knows.
+X264 = "keyint=infinite:scenecut=0:colorprim=bt709:transfer=bt709:colormatrix=bt709:range=tv:chromaloc=1"
+
+
+class CodecError(ValueError):
+    """A size, a picture or a setting that a codec cannot take, or a codec that is missing; one sentence."""
+
+
+class Picture:
+    """One plane to encode: `rgb` uint8 (H, W, 3), sRGB; its YUV form is made once and shared by all streams."""
+
+    def __init__(self, rgb: np.ndarray) -> None:
+        if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
+            raise CodecError(f"A picture of {rgb.dtype} {rgb.shape} cannot be encoded: give uint8 (H, W, 3).")
+        self.rgb = np.ascontiguousarray(rgb)
+
+    @cached_property
+    def yuv(self) -> np.ndarray:
+        """Planar 4:2:0, uint8 (H/2*3, W), both sides padded to MULTIPLE by repeating the last row and column."""
+        started = time.perf_counter()
+        height, width = self.rgb.shape[:2]
+        extra = [(0, _padded(height) - height), (0, _padded(width) - width), (0, 0)]
+        result = rgb_to_yuv(np.pad(self.rgb, extra, "edge") if np.any(extra) else self.rgb)
+        self.conversion_ms = (time.perf_counter() - started) * 1000
+        return result
+
+
+@dataclass(frozen=True)
+class EncodedFrame:
+    """One frame's bytes on the wire, what the client sees (uint8 (H, W, 3), None unless asked) and host milliseconds."""
+
+    bytes: int
+    decoded: np.ndarray | None
+    encode_ms: float
+    decode_ms: float
+
+
+class _Coder(Protocol):
+    """One codec's state: encoder, and decoder where frames are wanted back."""
+
+    def encode(self, picture: Picture) -> bytes: ...
+
+    def decode(self, data: bytes, picture: Picture) -> np.ndarray: ...
+
+
+class VideoStream:
+    """One encoder and, if `decode`, the client's decoder behind it.
+
+    codec: 'h264' (x264 veryfast, zerolatency, one thread, constant rate factor `crf` from 0, best, to 51), 'jpeg' (every
+        frame on its own, `quality` 1..100) or 'none' (3 bytes per texel, without loss).
+    width, height: of every frame, up to 8192. H.264 needs sides that are multiples of 4: others are padded.
+    The bytes of a frame depend only on the frames since the start or the last `reset`, so a run that was interrupted gets
+    the same bytes by encoding its earlier frames again. Raises CodecError for what a codec cannot take.
+    """
+
+    def __init__(
+        self, codec: str, crf: int | None, width: int, height: int, *, decode: bool = False, quality: int = JPEG_QUALITY
+    ) -> None:
+        if codec not in CODECS:
+            raise CodecError(f"There is no codec {codec!r}: give one of {', '.join(CODECS)}.")
+        if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE):
+            raise CodecError(
+                f"A plane of {width}x{height} texels cannot be encoded: sides go from 1 to {LARGEST_SIDE}."
+            )
+        if codec == "h264" and (crf is None or not 0 <= crf <= 51):
+            raise CodecError(f"The H.264 rate factor is {crf}: give a whole number from 0 to 51.")
+        if codec == "jpeg" and not 1 <= quality <= 100:
+            raise CodecError(f"The JPEG quality is {quality}: give a whole number from 1 to 100.")
+        self.codec, self.crf, self.quality = codec, crf, quality
+        self.width, self.height = width, height
+        self.wants_decoded = decode
+        self.reset()
+
+    @property
+    def padding(self) -> int:
+        """Texels encoded beyond width * height, because H.264 gets sides that are multiples of 4."""
+        return _padded(self.width) * _padded(self.height) - self.width * self.height if self.codec == "h264" else 0
+
+    def reset(self) -> None:
+        """Start again: the next frame is a keyframe and no earlier frame matters."""
+        self._coder = self._open()
+
+    def _open(self) -> _Coder:
+        if self.codec == "h264":
+            return _H264(self.crf, _padded(self.width), _padded(self.height), self.wants_decoded)
+        return _Jpeg(self.quality) if self.codec == "jpeg" else _Plain()
+
+    def encode(self, rgb: np.ndarray | Picture) -> EncodedFrame:
+        """Encode the next frame, uint8 (height, width, 3), sRGB; decode it as the client would if asked to."""
+        picture = rgb if isinstance(rgb, Picture) else Picture(rgb)
+        if picture.rgb.shape[:2] != (self.height, self.width):
+            height, width = picture.rgb.shape[:2]
+            raise CodecError(f"A frame of {width}x{height} came to a stream of {self.width}x{self.height}.")
+        started = time.perf_counter()
+        data = self._coder.encode(picture)
+        encoded = time.perf_counter()
+        decoded = self._coder.decode(data, picture)[: self.height, : self.width] if self.wants_decoded else None
+        ended = time.perf_counter()
+        return EncodedFrame(len(data), decoded, (encoded - started) * 1000, (ended - encoded) * 1000)
+
+
+def encode_all(streams: Sequence[VideoStream], rgb: np.ndarray) -> list[EncodedFrame]:
+    """Encode one frame with every stream, two at a time (the codecs leave Python's lock); in the order of `streams`.
+
+    The conversion to YUV is made once, and its time counted in every H.264 stream's `encode_ms`.
+    """
+    picture = Picture(rgb)
+    shared = 0.0
+    if any(stream.codec == "h264" for stream in streams):
+        _ = picture.yuv
+        shared = picture.conversion_ms
+    with ThreadPoolExecutor(ENCODERS_AT_A_TIME) as pool:
+        frames = list(pool.map(lambda stream: stream.encode(picture), streams))
+    return [
+        EncodedFrame(f.bytes, f.decoded, f.encode_ms + shared * (s.codec == "h264"), f.decode_ms)
+        for s, f in zip(streams, frames, strict=True)
+    ]
+
+
+def _padded(side: int) -> int:
+    return -(-side // MULTIPLE) * MULTIPLE
+
+
+def _av() -> Any:
+    try:
+        import av
+        from av.video import reformatter
+    except ImportError as error:
+        raise CodecError(f"PyAV cannot be imported ({error}): run pip install -e . again.") from error
+    av.logging.set_level(av.logging.ERROR)
+    return av, reformatter
+
+
+def rgb_to_yuv(rgb: np.ndarray) -> np.ndarray:
+    """Full-range sRGB uint8 (H, W, 3) of even size to limited-range BT.709 4:2:0, uint8 (H/2*3, W): Y, Cb, Cr planes.
+
+    Chroma is the mean of 2x2 texels, so that nothing is mixed across the even borders of an atlas's blocks.
+    """
+    av, form = _av()
+    height, width = rgb.shape[:2]
+    frame = form.VideoReformatter().reformat(
+        av.VideoFrame.from_numpy_buffer(rgb, "rgb24"),
+        format="yuv420p",
+        src_colorspace=form.Colorspace.ITU709,
+        dst_colorspace=form.Colorspace.ITU709,
+        src_color_range=form.ColorRange.JPEG,
+        dst_color_range=form.ColorRange.MPEG,
+        interpolation=form.Interpolation.AREA | form.Interpolation.ACCURATE_RND | form.Interpolation.BITEXACT,
+        threads=1,
+    )
+    return frame.to_ndarray()
+
+
+def yuv_to_rgb(frame: Any) -> np.ndarray:
+    """The inverse for a decoded frame, each chroma value standing for its 2x2 texels; uint8 (H, W, 3)."""
+    _, form = _av()
+    return (
+        form.VideoReformatter()
+        .reformat(
+            frame,
+            format="rgb24",
+            src_colorspace=form.Colorspace.ITU709,
+            dst_colorspace=form.Colorspace.ITU709,
+            src_color_range=form.ColorRange.MPEG,
+            dst_color_range=form.ColorRange.JPEG,
+            interpolation=form.Interpolation.POINT,
+            threads=1,
+        )
+        .to_ndarray()
+    )
+
+
+class _H264:
+    """x264 through PyAV, and FFmpeg's decoder behind it; `width` and `height` are multiples of 4."""
+
+    def __init__(self, crf: int, width: int, height: int, decode: bool) -> None:
+        av, form = _av()
+        self.encoder = av.CodecContext.create("libx264", "w")
+        self.encoder.width, self.encoder.height, self.encoder.pix_fmt = width, height, "yuv420p"
+        self.encoder.time_base, self.encoder.framerate = Fraction(1, RATE), Fraction(RATE)
+        # More threads change the bitstream.
+        self.encoder.thread_count = 1
+        self.encoder.color_range = form.ColorRange.MPEG
+        self.encoder.options = {"preset": "veryfast", "tune": "zerolatency", "crf": str(crf), "x264-params": X264}
+        self.encoder.open()
+        self.decoder = av.CodecContext.create("h264", "r") if decode else None
+        if self.decoder is not None:
+            self.decoder.thread_count = 1
+        self.count = 0
+
+    def encode(self, picture: Picture) -> bytes:
+        av, form = _av()
+        frame = av.VideoFrame.from_numpy_buffer(picture.yuv, "yuv420p")
+        frame.pts, frame.time_base = self.count, Fraction(1, RATE)
+        frame.colorspace, frame.color_range = form.Colorspace.ITU709, form.ColorRange.MPEG
+        self.count += 1
+        packets = self.encoder.encode(frame)
+        if len(packets) != 1:
+            raise CodecError(f"x264 gave {len(packets)} packets for one frame: this build delays frames.")
+        return bytes(packets[0])
+
+    def decode(self, data: bytes, picture: Picture) -> np.ndarray:
+        av, _ = _av()
+        frames = self.decoder.decode(av.Packet(data))
+        if len(frames) != 1:
+            raise CodecError(f"The H.264 decoder gave {len(frames)} frames for one packet: this build delays frames.")
+        return yuv_to_rgb(frames[0])
+
+
+class _Jpeg:
+    """Baseline JPEG with 4:2:0 chroma through OpenImageIO, whose Python writes to files only."""
+
+    def __init__(self, quality: int) -> None:
+        self.quality = quality
+
+    def encode(self, picture: Picture) -> bytes:
+        import OpenImageIO as oiio
+
+        height, width = picture.rgb.shape[:2]
+        spec = oiio.ImageSpec(width, height, 3, "uint8")
+        spec.attribute("Compression", f"jpeg:{self.quality}")
+        spec.attribute("jpeg:subsampling", "4:2:0")
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "frame.jpg"
+            output = oiio.ImageOutput.create(str(file))
+            if output is None or not (output.open(str(file), spec) and output.write_image(picture.rgb)):
+                raise CodecError(f"OpenImageIO cannot write a JPEG of {width}x{height}: {oiio.geterror()}")
+            output.close()
+            return file.read_bytes()
+
+    def decode(self, data: bytes, picture: Picture) -> np.ndarray:
+        import OpenImageIO as oiio
+
+        with tempfile.TemporaryDirectory() as folder:
+            file = Path(folder) / "frame.jpg"
+            file.write_bytes(data)
+            source = oiio.ImageInput.open(str(file))
+            if source is None:
+                raise CodecError(f"OpenImageIO cannot read back its own JPEG: {oiio.geterror()}")
+            pixels = source.read_image(format="uint8")
+            source.close()
+            return pixels
+
+
+class _Plain:
+    """No codec: 3 bytes per texel."""
+
+    def encode(self, picture: Picture) -> bytes:
+        return picture.rgb.tobytes()
+
+    def decode(self, data: bytes, picture: Picture) -> np.ndarray:
+        return picture.rgb
+
+
+def pack_lz4(blobs: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Each blob as one LZ4 block with its length in front; the same bytes every time."""
+    import lz4.block
+
+    return {name: lz4.block.compress(data, store_size=True) for name, data in blobs.items()}
+
+
+def unpack_lz4(packed: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The inverse of `pack_lz4`. Raises CodecError, naming the blob, if one is damaged."""
+    import lz4.block
+
+    blobs = {}
+    for name, data in packed.items():
+        try:
+            blobs[name] = lz4.block.decompress(data)
+        except (lz4.block.LZ4BlockError, ValueError) as error:
+            raise CodecError(f"The LZ4 block {name!r} is damaged: {error}") from error
+    return blobs
