@@ -1,0 +1,181 @@
+"""Every column of the CSV files: its name, unit, meaning, and which direction is better.
+
+COLUMNS.md is written from this file by `python -m reports.columns`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+STATUSES = ("ok", "skipped", "overflow", "invalid", "timeout", "failed")
+KINDS = ("key", "setting", "status", "time", "count", "size", "quality")
+MEASURED = ("time", "count", "size", "quality")
+DOCUMENT = Path(__file__).with_name("COLUMNS.md")
+
+
+@dataclass(frozen=True)
+class Column:
+    """One column. kind: one of KINDS; type: of its values; better: "lower", "higher" or "" where neither is."""
+
+    name: str
+    unit: str
+    meaning: str
+    kind: str
+    type: type
+    better: str = ""
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS or self.better not in ("", "lower", "higher"):
+            raise ValueError(f"The column {self.name!r} has an unknown kind or direction.")
+
+
+def _time(name: str, meaning: str) -> Column:
+    return Column(name, "ms", meaning, "time", float, "lower")
+
+
+def _quality(name: str, unit: str, better: str, meaning: str) -> Column:
+    return Column(name, unit, meaning, "quality", float, better)
+
+
+FRAME_COLUMNS: tuple[Column, ...] = (
+    Column("scene", "", "name or file of the scene", "key", str),
+    Column("scene_hash", "", "hash of the scene's content, after repair and decimation", "setting", str),
+    Column("path", "", "camera path", "setting", str),
+    Column("path_hash", "", "hash of all poses of the camera path and of the head motion", "key", str),
+    Column("method", "", "packer", "key", str),
+    Column("variant", "", "all parameters of the packer and their values", "key", str),
+    Column("codec", "", "how planes travel: h264, jpeg, or none for lossless", "key", str),
+    Column("crf", "", "constant rate factor of H.264, lower is finer; empty for other codecs", "key", int),
+    Column("frame", "", "frame of the path, from 0", "key", int),
+    Column("status", "", f"one of {', '.join(STATUSES)}", "status", str),
+    Column("reason", "", "why the status is not ok", "status", str),
+    Column("width", "px", "width of the client's picture", "setting", int),
+    Column("height", "px", "height of the client's picture", "setting", int),
+    Column("fov", "degrees", "horizontal field of view of the client", "setting", float),
+    Column("cell_radius", "m", "radius of the view cell", "setting", float),
+    Column("cell_fov", "degrees", "horizontal field of view of the view cell", "setting", float),
+    Column("latency", "ms", "time from the server's pose to the display", "setting", float),
+    Column("device", "", "OpenCL device", "setting", str),
+    Column("seed", "", "seed of scene, head motion and methods", "setting", int),
+    Column("pvs_triangles", "triangles", "triangles in the potentially visible set", "count", int),
+    Column("placed_triangles", "triangles", "of these, triangles that got a place", "count", int, "higher"),
+    Column("samples", "samples", "shading samples computed", "count", int, "lower"),
+    Column("atlas_width", "texels", "width of the atlas; empty for a method without one", "setting", int),
+    Column("atlas_height", "texels", "height of the atlas; empty for a method without one", "setting", int),
+    _quality("fill", "0..1", "higher", "share of the atlas' texels that a triangle owns"),
+    _time("pvs_ms", "device time of finding the potentially visible set; empty where it came from the cache"),
+    _time("structs_ms", "device time of building structures: sizes, places, lookups"),
+    _time("gather_ms", "device time of computing the shading samples"),
+    _time("server_ms", "structs_ms + gather_ms: all the server does for a frame but visibility and encoding"),
+    _time("client_ms", "device time of decoding metadata and drawing the novel view on the client"),
+    _time("encode_ms", "host time of encoding planes, metadata and geometry"),
+    _time("decode_ms", "host time of decoding planes, metadata and geometry"),
+    _time("wall_ms", "host time of packing the frame, from start to end, without encoding and metrics"),
+    Column("bytes_video", "bytes", "encoded planes", "size", int, "lower"),
+    Column("bytes_metadata", "bytes", "metadata after LZ4", "size", int, "lower"),
+    Column("bytes_geometry", "bytes", "geometry of the potentially visible set after LZ4", "size", int, "lower"),
+    Column("bytes_total", "bytes", "bytes_video + bytes_metadata + bytes_geometry", "size", int, "lower"),
+    Column("compression_ratio", "", "bytes_video / (3 * atlas_width * atlas_height)", "size", float, "lower"),
+    _quality("flip", "0..1", "lower", "mean FLIP error of the client's picture against the reference"),
+    _quality("dssim", "0..1", "lower", "(1 - SSIM) / 2 against the reference"),
+    _quality("iwssim", "0..1", "higher", "information-weighted SSIM against the reference"),
+    _quality("psnr", "dB", "higher", "peak signal-to-noise ratio against the reference; empty for equal pictures"),
+    _quality("delta_e", "", "lower", "mean CIEDE2000 colour difference against the reference"),
+    _quality(
+        "stretch_l2", "px/texel", "lower", "root mean square stretch of the atlas on screen; undersampled above 1"
+    ),
+    _quality("stretch_linf", "px/texel", "lower", "largest stretch of the atlas on screen"),
+    _quality("coherence", "0..1", "higher", "share of owned texels with the same owner as in the frame before"),
+    _quality("coherence_bytes", "0..1", "higher", "share of the atlas' bytes unchanged since the frame before"),
+    _quality(
+        "missing_px", "0..1", "lower", "share of the novel view's pixels whose triangle is not in the visible set"
+    ),
+    _quality("holes_px", "0..1", "lower", "share of the novel view's pixels empty on the client, not in the reference"),
+    Column("peak_mb", "MB", "peak memory of the process (1 MB is 10^6 bytes)", "size", float, "lower"),
+)
+
+FRAME_KEY = tuple(column.name for column in FRAME_COLUMNS if column.kind == "key")
+MEASURES = tuple(column for column in FRAME_COLUMNS if column.kind in MEASURED)
+BY_NAME = {column.name: column for column in FRAME_COLUMNS}
+
+_PLACE = tuple(BY_NAME[name] for name in ("scene", "path_hash", "method", "variant", "frame"))
+
+STAGE_COLUMNS: tuple[Column, ...] = (
+    *_PLACE,
+    Column("stage", "", "name of the stage; the part before the slash is its group", "key", str),
+    Column("ms", "ms", "device time of all launches of the stage in this frame", "time", float, "lower"),
+    Column("launches", "", "kernel launches of the stage in this frame", "count", int),
+)
+
+STATISTIC_COLUMNS: tuple[Column, ...] = (
+    *_PLACE,
+    Column("name", "", "what the method reports beyond the common columns", "key", str),
+    Column("value", "", "its value, in the unit the method documents", "count", float),
+)
+
+
+def summary_columns() -> tuple[Column, ...]:
+    """Columns of summary.csv: the key without the frame, settings, counts of frames, and three for each measure."""
+    carried = tuple(column for column in FRAME_COLUMNS if column.kind in ("key", "setting") and column.name != "frame")
+    counts = (
+        Column("frames", "frames", "frames of this key", "count", int),
+        Column("frames_ok", "frames", "frames with status ok; only these enter the medians", "count", int, "higher"),
+        Column("frames_skipped", "frames", "frames skipped with a reason", "count", int),
+        Column("frames_failed", "frames", "frames with any other status", "count", int, "lower"),
+    )
+    return (*carried, *counts, *(statistic for measure in MEASURES for statistic in _statistics(measure)))
+
+
+def _statistics(measure: Column) -> tuple[Column, ...]:
+    def column(suffix: str, meaning: str) -> Column:
+        return Column(f"{measure.name}_{suffix}", measure.unit, meaning, measure.kind, float, measure.better)
+
+    return (
+        column("median", f"median of {measure.name} over the frames"),
+        column("low", f"lower end of its 95 % interval for {measure.name}"),
+        column("high", f"upper end of its 95 % interval for {measure.name}"),
+    )
+
+
+def document() -> str:
+    """The text of COLUMNS.md."""
+    tables = (
+        (
+            "frames.csv",
+            "One row per scene, path, method, variant, codec, CRF and frame, sorted by that key. An empty cell is a "
+            "value that does not exist (a quality of a rate that was not displayed, the PSNR of equal pictures) or "
+            "was not reached; it never stands for zero. A row that is not ok says why in `reason`. With `--repeat`, "
+            "times are medians over the repetitions, and every repetition is kept in the table `repeats` of "
+            "results.sqlite. Device time is measured by the device's own events, host time by a clock on the host.",
+            FRAME_COLUMNS,
+        ),
+        (
+            "summary.csv",
+            "One row per key without the frame. The interval is the distribution-free one for a median: the closest "
+            "pair of order statistics, equally far from both ends, that covers the median with a probability of at "
+            "least 95 %. Fewer than 6 values have no such pair, so the cells are empty. It takes frames as "
+            "independent, which neighbouring frames of a path are not: read it as the spread along this path.",
+            summary_columns(),
+        ),
+        ("stages.csv", "One row per frame and stage of a method's kernels.", STAGE_COLUMNS),
+        ("statistics.csv", "One row per frame and number that a method reports of itself.", STATISTIC_COLUMNS),
+    )
+    parts = [
+        "# Columns of the CSV files",
+        "The files are UTF-8 with a header line, commas and line feeds; numbers have as many digits as it takes to "
+        "read back the same value. `better` says which direction is better, where one is.",
+    ]
+    for name, about, columns in tables:
+        parts += [f"## {name}", about, _table(columns)]
+    return "\n\n".join(parts) + "\n"
+
+
+def _table(columns: tuple[Column, ...]) -> str:
+    lines = ["| column | unit | meaning | kind | better |", "| --- | --- | --- | --- | --- |"]
+    lines += [f"| {c.name} | {c.unit} | {c.meaning} | {c.kind} | {c.better} |" for c in columns]
+    return "\n".join(lines)
+
+
+if __name__ == "__main__":
+    DOCUMENT.write_text(document(), encoding="utf-8")

@@ -1,0 +1,105 @@
+"""The CSV files of a run, made from its store: frames.csv, summary.csv, stages.csv and statistics.csv."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+from math import comb
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from reports.columns import (
+    FRAME_COLUMNS,
+    FRAME_KEY,
+    MEASURES,
+    STAGE_COLUMNS,
+    STATISTIC_COLUMNS,
+    Column,
+    summary_columns,
+)
+from reports.store import Store
+
+SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
+
+
+def write_all(folder: Path) -> None:
+    """Write the four files beside the store in `folder`, each replaced at once. Raises StoreError without a store."""
+    with Store(folder, must_exist=True) as store:
+        rows, stages, statistics = store.rows(), store.stages(), store.statistics()
+    write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
+    write_csv(folder / "summary.csv", summary_columns(), summarise(rows))
+    write_csv(folder / "stages.csv", STAGE_COLUMNS, stages)
+    write_csv(folder / "statistics.csv", STATISTIC_COLUMNS, statistics)
+
+
+def write_csv(path: Path, columns: Sequence[Column], rows: Iterable[dict[str, Any]]) -> None:
+    """Write rows in their order; None becomes an empty cell, a float the shortest text that reads back the same."""
+    text = io.StringIO(newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow([column.name for column in columns])
+    writer.writerows([_cell(row[column.name]) for column in columns] for row in rows)
+    replace_file(path, text.getvalue())
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write a UTF-8 file so that a reader, or a kill, never meets half of it."""
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    part.write_text(text, encoding="utf-8", newline="")
+    os.replace(part, path)
+
+
+def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """The rows of summary.csv from those of frames.csv, which are sorted by their key.
+
+    Medians and intervals are over the frames with status ok; a measure without a value in any of them is None.
+    """
+    return [_summary(list(group)) for _, group in groupby(rows, lambda row: [row[name] for name in SUMMARY_KEY])]
+
+
+def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    carried = [column.name for column in summary_columns() if column.name in rows[0]]
+    summary = {name: rows[0][name] for name in carried}
+    good = [row for row in rows if row["status"] == "ok"]
+    skipped = sum(row["status"] == "skipped" for row in rows)
+    summary |= {
+        "frames": len(rows),
+        "frames_ok": len(good),
+        "frames_skipped": skipped,
+        "frames_failed": len(rows) - len(good) - skipped,
+    }
+    for measure in MEASURES:
+        values = sorted(row[measure.name] for row in good if row[measure.name] is not None)
+        low, high = median_interval(values)
+        summary |= {
+            f"{measure.name}_median": float(median(values)) if values else None,
+            f"{measure.name}_low": low,
+            f"{measure.name}_high": high,
+        }
+    return summary
+
+
+def median_interval(values: Sequence[float]) -> tuple[float | None, float | None]:
+    """Ends of the 95 % interval of the median of sorted values; None below 6 values, which cannot give one.
+
+    The median lies below the k-th smallest of n values with probability P(B < k), B binomial (n, 1/2). The interval is
+    from the k-th smallest to the k-th largest, for the largest k with P(B < k) <= 2.5 % (David and Nagaraja, Order
+    Statistics, section 7.1).
+    """
+    n = len(values)
+    k, below = 0, 0  # below counts the outcomes with B < k, out of 2^n
+    while 40 * (below + comb(n, k)) <= 2**n:
+        below += comb(n, k)
+        k += 1
+    if k == 0:
+        return None, None
+    return float(values[k - 1]), float(values[n - k])
+
+
+def _cell(value: Any) -> str:
+    if value is None:
+        return ""
+    return repr(value) if isinstance(value, float) else str(value)

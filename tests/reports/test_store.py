@@ -1,0 +1,154 @@
+"""The store keeps whole frames only, refuses what it does not know, and says what is wrong."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reports.columns import DOCUMENT, FRAME_COLUMNS, document
+from reports.store import Store, StoreError
+from tests.reports.synthetic import COMMON, METHODS, PLAN, frame_rows, make_store
+
+ISSUE_ORDER = """scene,scene_hash,path,path_hash,method,variant,codec,crf,frame,status,reason,width,height,fov,
+cell_radius,cell_fov,latency,device,seed,pvs_triangles,placed_triangles,samples,atlas_width,atlas_height,fill,pvs_ms,structs_ms,
+gather_ms,server_ms,client_ms,encode_ms,decode_ms,wall_ms,bytes_video,bytes_metadata,bytes_geometry,bytes_total,
+compression_ratio,flip,dssim,iwssim,psnr,delta_e,stretch_l2,stretch_linf,coherence,coherence_bytes,missing_px,holes_px,
+peak_mb"""
+ROW = COMMON | {"codec": "none", "status": "ok"}
+
+
+def test_columns_are_the_promised_ones_and_documented() -> None:
+    assert [column.name for column in FRAME_COLUMNS] == ISSUE_ORDER.replace("\n", "").split(",")
+    assert DOCUMENT.read_text(encoding="utf-8") == document(), "run python -m reports.columns"
+
+
+def test_everything_committed_is_read_back(tmp_path: Path) -> None:
+    make_store(tmp_path)
+    with Store(tmp_path, must_exist=True) as store:
+        assert store.plan() == PLAN
+        assert store.finished() == {(m, v, f) for m, (v, _, _) in METHODS.items() for f in range(12)}
+        rows = store.rows()
+        assert len(rows) == 3 * 12 * 5
+        found = [row for row in rows if (row["method"], row["frame"]) == ("sas", 3)]
+        wanted = sorted(frame_rows("sas", 3), key=lambda row: (row["codec"], row["crf"] or -1))
+        for row, given in zip(found, wanted, strict=True):
+            assert {name: row[name] for name in given} == given
+            assert all(row[name] is None for name in row.keys() - given.keys() - {"method", "variant", "frame"})
+        assert {row["stage"]: row["launches"] for row in store.stages() if row["method"] == "bins"}[
+            "structs/place"
+        ] == 5
+        assert [r["value"] for r in store.statistics() if (r["method"], r["name"]) == ("sas", "bias")][5] == 1.0
+        assert len(store.repeats()) == 3 * 12 * 2
+        assert store.notes.under("warning") == {
+            "noise": "Repeated timings spread by 14 %: other programs were running."
+        }
+
+
+def test_missing_and_infinite_values_are_absent(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        row = ROW | {"psnr": float("inf"), "flip": float("nan"), "dssim": None, "samples": np.int64(7)}
+        row |= {"iwssim": np.float32("nan"), "bytes_video": float("nan"), "fill": np.float32(0.5)}
+        store.commit_frame("sas", "", 0, [row], [("a", float("nan"), 1)], {"b": float("-inf")})
+        (found,) = store.rows()
+        assert [found[name] for name in ("psnr", "flip", "dssim", "iwssim", "bytes_video")] == [None] * 5
+        assert (found["samples"], found["fill"]) == (7, 0.5)
+        assert (store.stages()[0]["ms"], store.statistics()[0]["value"]) == (None, None)
+
+
+@pytest.mark.parametrize(
+    ("change", "named"),
+    [
+        ({"flipp": 0.1}, "flipp"),
+        ({"status": "fine"}, "fine"),
+        ({"status": None}, "status"),
+        ({"path_hash": None}, "path_hash"),
+        ({"samples": 1.5}, "samples"),
+        ({"samples": True}, "samples"),
+        ({"flip": "0.1"}, "flip"),
+        ({"device": 3}, "device"),
+        ({"frame": 4}, "frame"),
+    ],
+)
+def test_wrong_rows_are_refused_and_nothing_is_kept(tmp_path: Path, change: dict, named: str) -> None:
+    with Store(tmp_path) as store:
+        with pytest.raises(StoreError, match=named):
+            store.commit_frame("sas", "", 3, [ROW, ROW | {"codec": "jpeg"} | change])
+        assert store.finished() == set()
+        assert store.rows() == []
+
+
+def test_two_rows_of_one_key_are_refused_and_the_earlier_frame_stays(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 3, [ROW | {"flip": 0.5}], [("a", 1.0, 1)])
+        with pytest.raises(StoreError, match="two entries"):
+            store.commit_frame("sas", "", 3, [ROW, ROW])
+        with pytest.raises(StoreError, match="no row"):
+            store.commit_frame("sas", "", 3, [])
+        assert [row["flip"] for row in store.rows()] == [0.5]
+        store.commit_frame("sas", "", 3, [ROW | {"flip": 0.25}], [("b", 1.0, 1)])
+        assert [row["flip"] for row in store.rows()] == [0.25]
+        assert [row["stage"] for row in store.stages()] == ["b"]
+
+
+def test_another_plan_is_refused_naming_each_difference(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.set_plan(PLAN)
+        store.set_plan(PLAN)
+        other = {"settings": PLAN["settings"] | {"frames": 13, "crf": (5,)}, "extra": None}
+        with pytest.raises(StoreError) as caught:
+            store.set_plan(other)
+        for part in ("settings.frames was 12 and is now 13", "settings.crf", "scene_hash", "extra was absent"):
+            assert part in str(caught.value)
+        assert "seed" not in str(caught.value)
+        assert store.plan() == PLAN
+
+
+def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
+    with pytest.raises(StoreError, match="no results in"):
+        Store(tmp_path / "nothing", must_exist=True)
+    assert not (tmp_path / "nothing").exists()
+    (tmp_path / "results.sqlite").write_text("this is a text, and a long one, not a database" * 50)
+    with pytest.raises(StoreError, match="cannot be opened"):
+        Store(tmp_path)
+
+
+KILLED = """
+import os, signal, sys
+from pathlib import Path
+from reports.store import Store
+from tests.reports.synthetic import frame_rows
+frame, moment = 0, int(sys.argv[2])
+store = Store(Path(sys.argv[1]))
+store._connection.execute("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
+insert = store._insert
+def insert_and_die(table, records):
+    insert(table, records)
+    if frame == 2 and table == ("rows", "stages", "statistics", "repeats", "finished")[moment]:
+        os.kill(os.getpid(), signal.SIGKILL)
+store._insert = insert_and_die
+for frame in range(4):
+    rows = frame_rows("sas", frame)
+    store.commit_frame("sas", "v", frame, rows, [(f"s{i}", 1.0, 1) for i in range(2000)], {"n": 1.0}, [(0, "s", 1.0)])
+"""
+
+
+@pytest.mark.parametrize("moment", range(5))
+def test_a_kill_within_a_transaction_leaves_whole_frames_only(tmp_path: Path, moment: int) -> None:
+    root = Path(__file__).parents[2]
+    ended = subprocess.run(
+        [sys.executable, "-c", KILLED, str(tmp_path), str(moment)], cwd=root, env=os.environ | {"PYTHONPATH": str(root)}
+    )
+    assert ended.returncode == -signal.SIGKILL
+    with Store(tmp_path) as store:
+        assert store.finished() == {("sas", "v", 0), ("sas", "v", 1)}
+        assert len(store.rows()) == 2 * 5
+        assert len(store.stages()) == 2 * 2000
+        assert len(store.statistics()) == len(store.repeats()) == 2
+        store.commit_frame("sas", "v", 2, frame_rows("sas", 2))
+        assert len(store.finished()) == 3
