@@ -1,0 +1,145 @@
+"""Packers are found by name, module or file, and every mistake is answered with what is known."""
+
+from importlib.metadata import EntryPoint
+from pathlib import Path
+from textwrap import dedent
+
+import pytest
+
+from harness import plugins
+from harness.plugins import folder_name, load_packer, packer_names, variant_string
+
+SOURCE = """
+    from packers.interface import Packer, Paper, Parameter
+
+    class Grid(Packer):
+        name = "grid"
+        paper = Paper("One cell per triangle", 2026, "")
+        parameters = {
+            "cell": Parameter(8, (4, 8), "side of a cell", "texels"),
+            "scale": Parameter(1.0, (0.5, 1.0), "of the footprint"),
+            "reuse": Parameter(False, (False, True), "take freed cells"),
+            "order": Parameter("id", ("id", "size"), "of the triangles"),
+        }
+
+        def pack(self, frame):
+            raise NotImplementedError
+
+        def client(self, scene):
+            raise NotImplementedError
+
+    class Unfinished(Packer):
+        name = "unfinished"
+        paper = Grid.paper
+
+    number = 3
+"""
+DEFAULTS = "cell=8,order=id,reuse=false,scale=1.0"
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "my_packer.py"
+    path.write_text(dedent(SOURCE))
+    return path
+
+
+@pytest.fixture
+def installed(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Two packers as if installed: `grid`, and `broken`, whose module does not exist."""
+    monkeypatch.syspath_prepend(str(file.parent))
+    entries = [
+        EntryPoint("grid", "my_packer:Grid", plugins.GROUP),
+        EntryPoint("broken", "no_such_module:Packer", plugins.GROUP),
+    ]
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+
+
+def test_the_suite_offers_its_own_packers():
+    assert "sas" in packer_names()
+
+
+@pytest.mark.usefixtures("installed")
+def test_by_installed_name():
+    (packer,) = load_packer("grid[cell=4,reuse=true]")
+    assert packer.name == "grid"
+    assert variant_string(packer) == "cell=4,order=id,reuse=true,scale=1.0"
+
+
+@pytest.mark.usefixtures("installed")
+def test_names_import_nothing_and_a_broken_packer_says_so():
+    assert packer_names() == ["broken", "grid"]
+    for spec in ("broken", "all"):
+        with pytest.raises(ValueError, match=r"'broken' \(no_such_module:Packer\) cannot be imported"):
+            load_packer(spec)
+
+
+def test_all_gives_one_of_each(monkeypatch: pytest.MonkeyPatch, file: Path):
+    monkeypatch.syspath_prepend(str(file.parent))
+    entry = EntryPoint("grid", "my_packer:Grid", plugins.GROUP)
+    monkeypatch.setattr(plugins, "entry_points", lambda group: [entry, entry])  # as a second copy of the metadata gives
+    assert [variant_string(packer) for packer in load_packer("all")] == [DEFAULTS]
+
+
+def test_one_name_from_two_packages_is_refused(monkeypatch: pytest.MonkeyPatch):
+    entries = [EntryPoint("grid", f"{place}:Grid", plugins.GROUP) for place in ("a", "b")]
+    monkeypatch.setattr(plugins, "entry_points", lambda group: entries)
+    with pytest.raises(ValueError, match=r"a:Grid, b:Grid"):
+        load_packer("grid")
+
+
+def test_by_file_and_by_module(file: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(file.parent)
+    monkeypatch.setattr("sys.path", [*plugins.sys.path])
+    by_file = load_packer(f"{file}:Grid[scale=2]")
+    by_relative_file = load_packer("my_packer.py:Grid[scale=2.0]")
+    by_module = load_packer("my_packer:Grid[ scale = 2e0 ]")
+    variants = [variant_string(packer) for (packer,) in (by_file, by_relative_file, by_module)]
+    assert variants == ["cell=8,order=id,reuse=false,scale=2.0"] * 3
+
+
+def test_empty_brackets_mean_the_defaults(file: Path):
+    assert variant_string(*load_packer(f"{file}:Grid[]")) == DEFAULTS
+
+
+@pytest.mark.usefixtures("installed")
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("gird", "no packer 'gird'. Did you mean 'grid'?"),
+        ("zzz", "no packer 'zzz'. Known: broken, grid, all."),
+        ("grid[cel=4]", "no parameter 'cel'. Did you mean 'cell'? Known: cell, order, reuse, scale."),
+        ("grid[cell=4.5]", "cell must be a whole number, not '4.5'"),
+        ("grid[cell=]", "cell must be a whole number, not ''"),
+        ("grid[scale=big]", "scale must be a number, not 'big'"),
+        ("grid[reuse=maybe]", "reuse must be true or false, not 'maybe'"),
+        ("grid[order=sise]", "order cannot be 'sise'. Did you mean 'size'? Known: id, size."),
+        ("grid[cell]", "'cell' is not of the form parameter=value"),
+        ("grid[cell=4,cell=8]", "'cell' is given twice"),
+        ("grid[cell=4", "is not of the form NAME or NAME[parameter=value,parameter=value]"),
+        ("", "is not of the form NAME"),
+        ("all[cell=4]", "Parameters belong to one method"),
+        ("my_packer:Gird", "no packer class 'Gird'. Did you mean 'Grid'?"),
+        ("my_packer:Unfinished", "lacks client, pack"),
+        ("my_packer:number", "is not a packer"),
+        ("my_pakcer:Grid", "The module 'my_pakcer' cannot be imported"),
+        ("nowhere/my_packer.py:Grid", "There is no file nowhere/my_packer.py"),
+    ],
+)
+def test_mistakes_are_answered_with_what_is_known(spec: str, message: str):
+    with pytest.raises(ValueError) as error:
+        load_packer(spec)
+    assert message in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+def test_a_file_that_fails_to_import_says_why(tmp_path: Path):
+    path = tmp_path / "failing.py"
+    path.write_text("1 / 0")
+    with pytest.raises(ValueError, match="ZeroDivisionError"):
+        load_packer(f"{path}:Grid")
+
+
+def test_folders_differ_by_parameters_and_are_safe_names():
+    assert folder_name("sas", "a=1") == folder_name("sas", "a=1") != folder_name("sas", "a=2")
+    assert folder_name("../my method", "").startswith(".._my_method-")
