@@ -1,0 +1,1 @@
+"""The rasteriser: visibility at each pixel, samples of it, and the triangles that it shows."""

@@ -1,0 +1,51 @@
+"""A camera as the raster kernels take it: eye-relative, so that large coordinates keep their precision."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+SUBPIXELS = 256  # positions on screen are snapped to 1/256 pixel
+LARGEST_SIZE = 8192
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A view and a projection for an image size.
+
+    eye: float64 (3). rows: float64 (4, 4), acting on (p - eye, 1): x and y in sub-pixels right of and below the
+    image's centre (times w), z and w as in clip space, so that z / w is the depth.
+    """
+
+    eye: np.ndarray
+    rows: np.ndarray
+    width: int
+    height: int
+
+    @classmethod
+    def of(cls, view: np.ndarray, projection: np.ndarray, width: int, height: int) -> Camera:
+        """Raises ValueError for matrices or sizes that cannot be drawn."""
+        view, projection = np.asarray(view, np.float64), np.asarray(projection, np.float64)
+        if view.shape != (4, 4) or projection.shape != (4, 4) or not np.isfinite([view, projection]).all():
+            raise ValueError("View and projection must be finite 4 x 4 matrices.")
+        if not (1 <= width <= LARGEST_SIZE and 1 <= height <= LARGEST_SIZE):
+            raise ValueError(f"The image is {width} x {height} pixels; both sides must be 1 to {LARGEST_SIZE}.")
+        eye = np.linalg.solve(view[:3, :3], -view[:3, 3])
+        rows = np.column_stack([projection[:, :3] @ view[:3, :3], projection[:, 3]])
+        rows[0] *= width * SUBPIXELS / 2
+        rows[1] *= -height * SUBPIXELS / 2
+        return cls(eye, rows, width, height)
+
+    def arguments(self) -> tuple[Any, Any]:
+        """The kernels' `eye` (float8) and `rows` (float16) arguments; see camera.cl."""
+        from pyopencl import cltypes
+
+        high = self.eye.astype(np.float32)
+        low = (self.eye - high).astype(np.float32)
+        return cltypes.make_float8(*high, 0, *low, 0), cltypes.make_float16(*self.rows.astype(np.float32).ravel())
+
+    def project(self, points: np.ndarray) -> np.ndarray:
+        """Float64 (..., 4) of points (..., 3): x and y in sub-pixels from the centre times w, z, w."""
+        return (np.asarray(points, np.float64) - self.eye) @ self.rows[:, :3].T + self.rows[:, 3]

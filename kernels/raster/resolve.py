@@ -1,0 +1,96 @@
+"""From visibility to shading samples: one per covered pixel."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.common.scan import exclusive_scan
+from kernels.raster.camera import Camera
+from kernels.raster.rasteriser import Visibility
+from kernels.samples import Samples
+from kernels.triangles import Triangles
+
+if TYPE_CHECKING:
+    from kernels.device import Device
+
+
+def resolve(
+    device: Device,
+    triangles: Triangles,
+    visibility: Visibility,
+    view: np.ndarray,
+    projection: np.ndarray,
+    stage: str = "raster/resolve",
+) -> Samples:
+    """One sample per covered pixel, in row order; its texel is the pixel.
+
+    Barycentrics are perspective-correct at the pixel's centre, kept inside the triangle. The footprint is the longer of
+    the steps that the surface point makes per pixel along x and along y. Where a triangle is seen so edge-on that
+    neither is defined, the sample is its middle, with footprint 0.
+    """
+    camera = Camera.of(view, projection, visibility.width, visibility.height)
+    width, height = camera.width, camera.height
+    kernels = device.build("raster/resolve.cl")
+    local = 1 if device.is_cpu else None
+    counts = device.empty(height, np.int32)
+    device.launch(stage, kernels.covered_per_row, height, width, height, visibility.triangle, counts, local=local)
+    offsets, count = exclusive_scan(device, counts, height, stage)
+    samples = Samples.allocate(device, count)
+    listed = (width, height, visibility.triangle, offsets, samples.triangle, samples.texel)
+    device.launch(stage, kernels.list_covered, height, *listed, local=local)
+    inputs = (count, width, height, *camera.arguments(), triangles.positions, triangles.indices)
+    results = (samples.triangle, samples.texel, samples.bary1, samples.bary2, samples.footprint)
+    device.launch(stage, kernels.sample_covered, -(-count // 8), *inputs, *results)
+    return samples
+
+
+def resolve_twin(triangles: Triangles, triangle: np.ndarray, view: np.ndarray, projection: np.ndarray) -> dict:
+    """The samples of an image of triangle ids (height, width): arrays by the names of Samples, float64.
+
+    Meets each triangle's plane with the ray through the pixel's centre, and with those one pixel to the right and
+    below for the footprint's differentials.
+    """
+    height, width = triangle.shape
+    rows, columns = np.nonzero(triangle >= 0)
+    ids = triangle[rows, columns]
+    corners = triangles.host_positions[triangles.host_indices[ids]].astype(np.float64)
+    edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
+    normal = np.cross(edges[..., 0], edges[..., 1])
+
+    def rays(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        ndc = np.stack([2 * x / width - 1, 1 - 2 * y / height], axis=1)
+        eye_space = np.zeros((len(x), 3))
+        orthographic = projection[3, 3] == 1
+        eye_space[:, 0] = (ndc[:, 0] - projection[0, 3] + (0 if orthographic else projection[0, 2])) / projection[0, 0]
+        eye_space[:, 1] = (ndc[:, 1] - projection[1, 3] + (0 if orthographic else projection[1, 2])) / projection[1, 1]
+        eye_space[:, 2] = 0 if orthographic else -1
+        back = np.linalg.inv(view)
+        if orthographic:
+            origin = eye_space @ back[:3, :3].T + back[:3, 3]
+            return origin, np.broadcast_to(-back[:3, 2], origin.shape)
+        return np.broadcast_to(back[:3, 3], (len(x), 3)), eye_space @ back[:3, :3].T
+
+    def meet(origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        distance = ((corners[:, 0] - origin) * normal).sum(axis=1) / (direction * normal).sum(axis=1)
+        return origin + distance[:, None] * direction
+
+    origin, direction = rays(columns + 0.5, rows + 0.5)
+    points = meet(origin, direction)
+    weights = (np.linalg.pinv(edges) @ (points - corners[:, 0])[..., None])[..., 0]
+    b1 = weights[:, 0].clip(0, 1)
+    slope = ((points - origin) * direction).sum(axis=1) / (direction**2).sum(axis=1)
+    steps = []
+    for dx, dy in ((1, 0), (0, 1)):
+        other_origin, other = rays(columns + 0.5 + dx, rows + 0.5 + dy)
+        change = (other - direction) * slope[:, None] + (other_origin - origin)  # of the point at the same distance
+        along = (change * normal).sum(axis=1) / (direction * normal).sum(axis=1)
+        steps.append(np.linalg.norm(change - along[:, None] * direction, axis=1))
+    return {
+        "triangle": ids,
+        "bary1": b1,
+        "bary2": np.clip(weights[:, 1], 0, 1 - b1),
+        "footprint": np.maximum(*steps),
+        "texel": rows * width + columns,
+    }
