@@ -1,0 +1,237 @@
+"""From the parts that a reader found to one scene: flattened, cleaned, relative to its centre."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from scenes.model import Camera, CameraAnimation, Light, Scene, SceneError
+from scenes.normals import perpendicular, tangents, with_normals
+from scenes.raw import Part, RawScene
+from scenes.transforms import normal_matrices
+
+_LARGEST = 1e18  # beyond it squared lengths leave float32's range
+
+
+def assemble(name: str, raw: RawScene) -> Scene:
+    """A scene without lights of its own, features and hash: positions relative to the centre of the bounds.
+
+    Triangles that cannot be drawn (vertices that are not numbers or too far away, indices without a vertex, no area)
+    are dropped and counted in the notes. Raises SceneError where none is left.
+    """
+    parts = [part for part in (_cleaned(part, raw) for part in raw.parts) if len(part.indices)]
+    if not parts:
+        raise SceneError(f"{name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
+    mapped = {index for index, material in enumerate(raw.materials) if material.normal_texture >= 0}
+    parts = [_completed(part, part.material in mapped) for part in parts]
+    arrays, origin = _flattened(parts, bool(mapped & {part.material for part in parts}))
+    keep = has_area(arrays.positions, arrays.indices)
+    raw.note("{} triangles without any area are dropped.", np.count_nonzero(~keep))
+    if not keep.any():
+        raise SceneError(f"{name} has no triangle of positive area; check that the file holds a surface.")
+    if not keep.all():
+        arrays = arrays.keeping(keep)
+    return Scene(
+        name=name,
+        positions=arrays.positions,
+        indices=arrays.indices,
+        normals=arrays.normals,
+        uvs=arrays.uvs,
+        colours=arrays.colours,
+        material_ids=arrays.material_ids,
+        materials=raw.materials,
+        textures=raw.textures,
+        tangents=arrays.tangents,
+        lights=[_light_from(light, origin) for light in raw.lights],
+        origin=origin,
+        cameras=[_camera_from(camera, origin) for camera in raw.cameras],
+        animations=[_animation_from(animation, origin) for animation in raw.animations],
+        notes=raw.notes(),
+    )
+
+
+@dataclass
+class FlatMesh:
+    """The scene's arrays as `Scene` documents them."""
+
+    positions: np.ndarray
+    indices: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+    colours: np.ndarray
+    material_ids: np.ndarray
+    tangents: np.ndarray | None
+
+    def keeping(self, triangles: np.ndarray) -> FlatMesh:
+        """Only the triangles marked in a bool mask (T), and the vertices that they use."""
+        indices, used = compacted(self.indices[triangles], len(self.positions))
+        vertex_arrays = (self.positions, self.normals, self.uvs, self.colours, self.tangents)
+        positions, normals, uvs, colours, tangent = (None if a is None else a[used] for a in vertex_arrays)
+        return FlatMesh(
+            positions, indices.astype(np.int32), normals, uvs, colours, self.material_ids[triangles], tangent
+        )
+
+
+def compacted(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Indices renumbered to the vertices that they use, and those vertices' old numbers in rising order."""
+    marks = np.zeros(count, bool)
+    marks[indices] = True
+    used = np.flatnonzero(marks)
+    number = np.cumsum(marks) - 1
+    return number[indices], used
+
+
+def has_area(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Bool (T): whether float32 positions span any area at all, decided in float64 where it is close."""
+    corners = [positions[indices[:, corner]] for corner in range(3)]
+    area = np.abs(np.cross(corners[1] - corners[0], corners[2] - corners[0])).max(axis=1)
+    extent = np.abs(corners[1] - corners[0]).max(axis=1) + np.abs(corners[2] - corners[0]).max(axis=1)
+    with np.errstate(over="ignore", invalid="ignore"):
+        close = np.flatnonzero(~(area > 1e-4 * extent * extent) | ~(area > 1e-30))
+    exact = [corner[close].astype(np.float64) for corner in corners]
+    keep = np.ones(len(indices), bool)
+    keep[close] = np.any(np.cross(exact[1] - exact[0], exact[2] - exact[0]) != 0, axis=1)
+    return keep
+
+
+def _because(raw: RawScene) -> str:
+    notes = raw.notes()
+    return f" ({notes[0].rstrip('.')})" if notes else ""
+
+
+def _cleaned(part: Part, raw: RawScene) -> Part:
+    """The part without triangles whose indices or vertices are unusable, and without unused vertices."""
+    indices, count = np.asarray(part.indices, np.int64).reshape(-1, 3), len(part.positions)
+    inside = ((indices >= 0) & (indices < count)).all(axis=1)
+    raw.note("{} triangles refer to vertices that the file does not have and are dropped.", np.count_nonzero(~inside))
+    indices = indices[inside]
+    finite = np.isfinite(part.positions).all(axis=1)
+    near = np.ones(count, bool)
+    with np.errstate(over="ignore", invalid="ignore"):
+        for transform in part.transforms:
+            world = part.positions @ transform[:3, :3].T + transform[:3, 3]
+            near &= (np.abs(world) < _LARGEST).all(axis=1)
+    for good, sentence in (
+        (finite, "{} triangles have vertices that are infinite or not a number and are dropped."),
+        (near | ~finite, "{} triangles lie beyond what float32 can draw (1e18 units) and are dropped."),
+    ):
+        keep = good[indices].all(axis=1)
+        raw.note(sentence, np.count_nonzero(~keep) * len(part.transforms))
+        indices = indices[keep]
+    indices, used = compacted(indices, count)
+    return part.taking(used, indices)
+
+
+def _completed(part: Part, wants_tangents: bool) -> Part:
+    """The part with normals, UVs and colours, and with tangents where its material has a normal map."""
+    if part.normals is None:
+        part = with_normals(part)
+    count = len(part.positions)
+    usable_uvs = part.uvs is not None
+    uvs = np.nan_to_num(part.uvs, posinf=0.0, neginf=0.0) if usable_uvs else np.zeros((count, 2), np.float32)
+    colours = part.colours if part.colours is not None else np.ones((count, 4), np.float32)
+    colours = np.clip(np.nan_to_num(colours, nan=1.0), 0, 1e4)
+    part = replace(part, uvs=uvs, colours=colours, normals=_repaired_normals(part))
+    if not wants_tangents:
+        return replace(part, tangents=None)
+    if part.tangents is None or not np.isfinite(part.tangents).all():
+        part.tangents = tangents(part.positions, part.normals, uvs, part.indices)
+    return part
+
+
+def _repaired_normals(part: Part) -> np.ndarray:
+    """Unit normals, float32; where the file's have no length, that of one of the vertex's faces."""
+    normals = np.asarray(part.normals, np.float64)
+    length = np.linalg.norm(normals, axis=1)
+    bad = ~(np.isfinite(length) & (length > 1e-12))
+    if bad.any():
+        corners = np.asarray(part.positions, np.float64)[part.indices]
+        faces = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        size = np.linalg.norm(faces, axis=1)
+        solid = size > 0
+        faces = faces[solid] / size[solid, None]
+        normals, length = normals.copy(), length.copy()
+        normals[bad], length[bad] = (0.0, 1.0, 0.0), 1.0
+        for corner in range(3):
+            vertices = part.indices[solid, corner]
+            normals[vertices[bad[vertices]]] = faces[bad[vertices]]
+    return (normals / length[:, None]).astype(np.float32)
+
+
+def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.ndarray]:
+    """Every instance of every part in world space, and the origin: the centre of the bounds, float64 (3)."""
+    world = [
+        np.einsum("nij,vj->nvi", p.transforms[:, :3, :3], p.positions) + p.transforms[:, None, :3, 3] for p in parts
+    ]
+    low = np.min([points.min(axis=(0, 1)) for points in world], axis=0)
+    high = np.max([points.max(axis=(0, 1)) for points in world], axis=0)
+    origin = (low + high) / 2
+    vertices = sum(points.shape[0] * points.shape[1] for points in world)
+    triangles = sum(len(part.transforms) * len(part.indices) for part in parts)
+    if max(vertices, triangles * 3) >= 1 << 31:
+        raise SceneError(f"It has {triangles:,} triangles, more than 32-bit indices can number; use --decimate.")
+    mesh = FlatMesh(
+        np.empty((vertices, 3), np.float32),
+        np.empty((triangles, 3), np.int32),
+        np.empty((vertices, 3), np.float32),
+        np.empty((vertices, 2), np.float32),
+        np.empty((vertices, 4), np.float32),
+        np.empty(triangles, np.int32),
+        np.tile(np.float32([1, 0, 0, 1]), (vertices, 1)) if with_tangents else None,
+    )
+    vertex = triangle = 0
+    for part, points in zip(parts, world, strict=True):
+        count, size = points.shape[:2]
+        rows, faces = slice(vertex, vertex + count * size), slice(triangle, triangle + count * len(part.indices))
+        mesh.positions[rows] = (points - origin).reshape(-1, 3)
+        mesh.uvs[rows], mesh.colours[rows] = np.tile(part.uvs, (count, 1)), np.tile(part.colours, (count, 1))
+        mesh.indices[faces] = _instance_indices(part, vertex)
+        mesh.material_ids[faces] = part.material
+        mesh.normals[rows] = _instance_normals(part)
+        if part.tangents is not None:
+            mesh.tangents[rows] = _instance_tangents(part, mesh.normals[rows])
+        vertex, triangle = rows.stop, faces.stop
+    return mesh, origin
+
+
+def _mirrored(part: Part) -> np.ndarray:
+    return np.linalg.det(part.transforms[:, :3, :3]) < 0
+
+
+def _instance_indices(part: Part, first: int) -> np.ndarray:
+    """Indices (N*T, 3) of a part's instances; mirrored ones turned, so that fronts stay counter-clockwise."""
+    offsets = first + np.arange(len(part.transforms)) * len(part.positions)
+    turned = np.where(_mirrored(part)[:, None, None], part.indices[None][:, :, [0, 2, 1]], part.indices[None])
+    return (turned + offsets[:, None, None]).reshape(-1, 3)
+
+
+def _instance_normals(part: Part) -> np.ndarray:
+    turned = np.einsum("nij,vj->nvi", normal_matrices(part.transforms[:, :3, :3]), part.normals)
+    length = np.linalg.norm(turned, axis=2, keepdims=True)
+    return np.where(length > 0, turned / np.where(length > 0, length, 1), part.normals[None]).reshape(-1, 3)
+
+
+def _instance_tangents(part: Part, normals: np.ndarray) -> np.ndarray:
+    turned = np.einsum("nij,vj->nvi", part.transforms[:, :3, :3], part.tangents[:, :3]).reshape(-1, 3)
+    turned = turned - normals * np.einsum("vi,vi->v", turned, normals)[:, None]
+    length = np.linalg.norm(turned, axis=1, keepdims=True)
+    unit = np.where(length > 0, turned / np.where(length > 0, length, 1), perpendicular(normals))
+    side = np.where(_mirrored(part), -1.0, 1.0)[:, None] * part.tangents[None, :, 3]
+    return np.concatenate([unit, side.reshape(-1, 1)], axis=1)
+
+
+def _moved(point: tuple[float, float, float], origin: np.ndarray) -> tuple[float, float, float]:
+    return tuple((np.array(point) - origin).tolist())
+
+
+def _camera_from(camera: Camera, origin: np.ndarray) -> Camera:
+    return replace(camera, position=_moved(camera.position, origin))
+
+
+def _light_from(light: Light, origin: np.ndarray) -> Light:
+    return replace(light, position=_moved(light.position, origin))
+
+
+def _animation_from(animation: CameraAnimation, origin: np.ndarray) -> CameraAnimation:
+    return replace(animation, positions=animation.positions - origin)

@@ -1,0 +1,45 @@
+"""`cameras.json` beside a scene file: viewpoints and scale that the file itself does not say.
+
+A JSON object with `metres_per_unit` (optional) and `cameras`, a list of objects with `eye`, `dir` and `up` (in the
+coordinates of the file after its node transforms) and `fov_x_deg` or `fov_min_axis_deg`; only `eye` and `dir` must be.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from scenes.model import Camera, SceneError
+
+
+def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
+    """The cameras, in file coordinates, and metres per unit where stated; nothing where the file is missing.
+
+    Raises SceneError where it is not as described above.
+    """
+    if not file.is_file():
+        return [], None
+    try:
+        content = json.loads(file.read_bytes())
+        cameras = [_camera(entry, number) for number, entry in enumerate(content.get("cameras", []))]
+        unit = content.get("metres_per_unit")
+        unit = None if unit is None else float(unit)
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise SceneError(f"{file} cannot be used: {error}.") from error
+    if unit is not None and not (np.isfinite(unit) and unit > 0):
+        raise SceneError(f"{file} has metres_per_unit = {unit}; it must be a positive number.")
+    return cameras, unit
+
+
+def _camera(entry: dict, number: int) -> Camera:
+    direction, up = np.float64(entry["dir"]), np.float64(entry.get("up", (0, 1, 0)))
+    eye = np.float64(entry["eye"])
+    for name, vector in (("eye", eye), ("dir", direction), ("up", up)):
+        if vector.shape != (3,) or not np.isfinite(vector).all() or (name != "eye" and not vector.any()):
+            raise ValueError(f"camera {number} has no usable {name}")
+    fov = entry.get("fov_x_deg", entry.get("fov_min_axis_deg"))
+    fov = None if fov is None else float(fov)
+    direction, up = direction / np.linalg.norm(direction), up / np.linalg.norm(up)
+    return Camera(tuple(eye.tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, f"camera {number}")

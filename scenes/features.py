@@ -1,0 +1,56 @@
+"""What a scene has, found once (`Features`), and the digest of its content."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import astuple
+
+import numpy as np
+
+from scenes.model import Features, Scene
+
+_SLANTED = 3.0  # longest edge over height, as in the atlas papers' notion of slanted triangles
+
+
+def find_features(scene: Scene) -> Features:
+    """The features of the materials that triangles use, and the shape statistics of the triangles."""
+    used = [scene.materials[index] for index in np.unique(scene.material_ids)]
+    area, longest = _areas(scene)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        slanted = np.count_nonzero(longest > _SLANTED * 2 * area / longest) / len(area)
+    count = max(1, len(area) // 100)
+    return Features(
+        textures=any(max(m.base_texture, m.emissive_texture) >= 0 for m in used),
+        normal_maps=scene.tangents is not None and any(m.normal_texture >= 0 for m in used),
+        vertex_colours=bool((scene.colours != 1).any()),
+        mask=any(m.alpha_mode == "mask" for m in used),
+        blend=any(m.alpha_mode == "blend" or m.transmission > 0 for m in used),
+        shadows=any(light.shadows and light.kind != "point" for light in scene.lights),
+        specular=any(m.roughness < 1 or m.metallic > 0 for m in used),
+        emissive=any(max(m.emissive) > 0 for m in used),
+        single_sided=any(not m.double_sided for m in used),
+        slanted=float(slanted),
+        largest=float(np.partition(area, -count)[-count:].sum() / area.sum()),
+    )
+
+
+def content_digest(scene: Scene) -> str:
+    """16 hex digits over everything that can change a picture: arrays, materials, textures, lights, scale."""
+    digest = hashlib.blake2b(digest_size=8)
+    tangents = scene.tangents if scene.tangents is not None else np.zeros(0, np.float32)
+    arrays = [scene.positions, scene.indices, scene.normals, scene.uvs, scene.colours, scene.material_ids, tangents]
+    for array in [*arrays, np.asarray(scene.origin, np.float64), *(texture.texels for texture in scene.textures)]:
+        digest.update(f"{array.dtype}{array.shape}".encode())
+        digest.update(np.ascontiguousarray(array).data)
+    settings = [astuple(m) for m in scene.materials] + [astuple(light) for light in scene.lights]
+    settings += [(t.srgb, t.wrap_s, t.wrap_t) for t in scene.textures]
+    digest.update(repr((settings, astuple(scene.sky), scene.exposure, scene.metres_per_unit)).encode())
+    return digest.hexdigest()
+
+
+def _areas(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """Area and longest edge of every triangle, float64 (T), in scene units."""
+    a, b, c = (scene.positions[scene.indices[:, corner]].astype(np.float64) for corner in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+    edges = [np.einsum("ti,ti->t", edge, edge) for edge in (b - a, c - b, a - c)]
+    return area, np.sqrt(np.maximum.reduce(edges))

@@ -1,0 +1,235 @@
+"""glTF 2.0 files (.glb, .gltf), flattened straight from their accessors.
+
+trimesh reads glTF too, but drops skins, morph targets, instancing (EXT_mesh_gpu_instancing), wrap modes, second UV
+sets, cameras, lights and animations, and loops over nodes in Python; so this format has its own reader here, and
+trimesh reads the others (scenes/mesh_files.py).
+
+Conventions: matrices are float64 (4, 4) for column vectors; quaternions are x, y, z, w; times become milliseconds.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from scenes.gltf_document import GltfDocument
+from scenes.gltf_materials import GltfMaterials
+from scenes.gltf_motion import camera_animations
+from scenes.gltf_nodes import GltfNodes
+from scenes.model import Camera, Light
+from scenes.raw import Part, RawScene
+from scenes.transforms import compose, normal_matrices
+
+# Extensions that are read, or whose absence changes nothing that is drawn here.
+_KNOWN = {
+    "EXT_mesh_gpu_instancing",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+}
+
+
+def read_gltf(path: Path) -> RawScene:
+    """All triangles, materials, textures, cameras, camera animations and lights of a glTF file, at rest pose.
+
+    Raises SceneError for what cannot be read at all, and KeyError, IndexError, TypeError or ValueError for damage.
+    """
+    document = GltfDocument(path)
+    raw = RawScene()
+    for name in document.json.get("extensionsUsed", []):
+        if name not in _KNOWN:
+            raw.note(f"The file uses {name}, which is not supported and ignored.")
+    materials = GltfMaterials(document, raw)
+    nodes = GltfNodes(document)
+    _add_parts(document, nodes, materials, raw)
+    raw.cameras = [_camera(document, nodes, node) for node in nodes.drawn if "camera" in nodes.entries[node]]
+    raw.lights = [
+        _light(document, nodes, node) for node in nodes.drawn if _light_index(nodes.entries[node]) is not None
+    ]
+    raw.animations = camera_animations(document, nodes)
+    if document.items("animations"):
+        raw.note(
+            "The file's {} animations move no geometry here: it is drawn at rest.", len(document.items("animations"))
+        )
+    return raw
+
+
+def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterials, raw: RawScene) -> None:
+    """One part per primitive, with the transforms of all nodes that draw it; skinned and morphed ones of their own."""
+    placed: dict[int, list[np.ndarray]] = {}
+    for node in nodes.drawn:
+        entry = nodes.entries[node]
+        if "mesh" not in entry:
+            continue
+        if "skin" in entry:
+            joints = _joint_matrices(document, nodes, entry["skin"])
+            raw.parts += _primitives(document, materials, raw, entry["mesh"], entry.get("weights"), joints)
+        elif "weights" in entry:
+            transforms = _instances(document, entry, nodes.world[node])
+            for part in _primitives(document, materials, raw, entry["mesh"], entry["weights"], None):
+                part.transforms = transforms
+                raw.parts.append(part)
+        else:
+            placed.setdefault(entry["mesh"], []).append(_instances(document, entry, nodes.world[node]))
+    for mesh, transforms in placed.items():
+        stacked = np.concatenate(transforms)
+        for part in _primitives(document, materials, raw, mesh, None, None):
+            part.transforms = stacked
+            raw.parts.append(part)
+
+
+def _instances(document: GltfDocument, node: dict, world: np.ndarray) -> np.ndarray:
+    """World matrices (N, 4, 4) of a node's instances (EXT_mesh_gpu_instancing), or its own one."""
+    extension = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
+    if extension is None:
+        return world[None]
+    values = {name: document.accessor(index) for name, index in extension["attributes"].items()}
+    count = max(len(value) for value in values.values())
+    translation = values.get("TRANSLATION", np.zeros((count, 3)))
+    rotation = values.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
+    return world @ compose(translation, rotation, values.get("SCALE", np.ones((count, 3))))
+
+
+def _joint_matrices(document: GltfDocument, nodes: GltfNodes, index: int) -> np.ndarray:
+    """Joint matrices (J, 4, 4) at rest: world matrix of each joint times its inverse bind matrix (3.7.3)."""
+    skin = document.items("skins")[index]
+    world = nodes.world[skin["joints"]]
+    if "inverseBindMatrices" not in skin:
+        return world
+    return world @ document.accessor(skin["inverseBindMatrices"])[: len(world)].astype(np.float64)
+
+
+def _primitives(
+    document: GltfDocument,
+    materials: GltfMaterials,
+    raw: RawScene,
+    mesh: int,
+    weights: list[float] | None,
+    joints: np.ndarray | None,
+) -> list[Part]:
+    """The parts of one mesh, morphed by its default weights and skinned by the joint matrices where given."""
+    entry = document.items("meshes")[mesh]
+    weights = weights if weights is not None else entry.get("weights", [])
+    parts = []
+    for primitive in entry["primitives"]:
+        if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
+            raise ValueError("its meshes are compressed with Draco, which cannot be read; export it uncompressed")
+        if primitive.get("mode", 4) not in (4, 5, 6) or "POSITION" not in primitive["attributes"]:
+            raw.note("{} primitives of points or lines are left out.")
+            continue
+        part = _part(document, materials, raw, primitive)
+        _morph(document, primitive, weights, part)
+        if joints is not None and "JOINTS_0" in primitive["attributes"]:
+            _skin(document, primitive["attributes"], joints, part)
+        parts.append(part)
+    return parts
+
+
+def _part(document: GltfDocument, materials: GltfMaterials, raw: RawScene, primitive: dict) -> Part:
+    attributes = primitive["attributes"]
+    positions = document.accessor(attributes["POSITION"])
+    indices = document.accessor(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
+    material = primitive.get("material", materials.default)
+    source = materials.sources[material]
+    part = Part(positions, _triangles(indices.astype(np.int64), primitive.get("mode", 4)), material)
+    part.normals = _attribute(document, attributes, "NORMAL", len(positions))
+    part.tangents = _attribute(document, attributes, "TANGENT", len(positions))
+    part.uvs = _attribute(document, attributes, f"TEXCOORD_{source.channel}", len(positions))
+    if part.uvs is not None:
+        part.uvs = source.apply(part.uvs)
+    colours = _attribute(document, attributes, "COLOR_0", len(positions))
+    if colours is not None:
+        part.colours = np.ones((len(positions), 4), np.float32)
+        part.colours[:, : colours.shape[1]] = colours
+    textured = raw.materials[material].base_texture >= 0
+    raw.note("{} textured primitives have no texture coordinates and show one texel.", textured and part.uvs is None)
+    return part
+
+
+def _attribute(document: GltfDocument, attributes: dict, name: str, count: int) -> np.ndarray | None:
+    if name not in attributes:
+        return None
+    values = document.accessor(attributes[name])
+    if len(values) != count:
+        raise ValueError(f"a primitive has {count} positions but {len(values)} entries of {name}")
+    return values
+
+
+def _triangles(indices: np.ndarray, mode: int) -> np.ndarray:
+    """Triangle lists (T, 3) from a list, strip or fan; an odd strip triangle is turned (3.7.2.1)."""
+    if mode == 4:
+        return indices[: len(indices) // 3 * 3].reshape(-1, 3)
+    count = max(0, len(indices) - 2)
+    if mode == 6:
+        return np.stack([indices[1:-1], indices[2:], np.broadcast_to(indices[:1], count)], axis=1)
+    odd = np.arange(count) % 2
+    step = np.arange(count)
+    return np.stack([indices[step], indices[step + 1 + odd], indices[step + 2 - odd]], axis=1)
+
+
+def _morph(document: GltfDocument, primitive: dict, weights: list[float], part: Part) -> None:
+    """Add the morph targets' displacements, weighted."""
+    for weight, target in zip(weights, primitive.get("targets", []), strict=False):
+        if weight and "POSITION" in target:
+            part.positions = part.positions + weight * document.accessor(target["POSITION"])
+        if weight and "NORMAL" in target and part.normals is not None:
+            part.normals = part.normals + weight * document.accessor(target["NORMAL"])
+
+
+def _skin(document: GltfDocument, attributes: dict, joints: np.ndarray, part: Part) -> None:
+    """Move a part into world space by its weighted joint matrices; its node's transform does not count (3.7.3.3)."""
+    blended = np.zeros((len(part.positions), 4, 4))
+    total = np.zeros(len(part.positions))
+    for number in range(len(attributes)):
+        if f"JOINTS_{number}" not in attributes:
+            break
+        indices = _attribute(document, attributes, f"JOINTS_{number}", len(part.positions))
+        weights = _attribute(document, attributes, f"WEIGHTS_{number}", len(part.positions)).astype(np.float64)
+        for column in range(4):
+            blended += weights[:, column, None, None] * joints[indices[:, column]]
+        total += weights.sum(axis=1)
+    blended /= np.where(total > 0, total, 1)[:, None, None]
+    part.positions = np.einsum("vij,vj->vi", blended[:, :3, :3], part.positions) + blended[:, :3, 3]
+    if part.normals is not None:
+        part.normals = np.einsum("vij,vj->vi", normal_matrices(blended[:, :3, :3]), part.normals)
+    if part.tangents is not None:
+        turned = np.einsum("vij,vj->vi", blended[:, :3, :3], part.tangents[:, :3])
+        part.tangents = np.concatenate([turned, part.tangents[:, 3:]], axis=1)
+
+
+def _camera(document: GltfDocument, nodes: GltfNodes, node: int) -> Camera:
+    entry = document.items("cameras")[nodes.entries[node]["camera"]]
+    matrix = nodes.world[node]
+    lens = entry.get("perspective", {})
+    fov = None
+    if "yfov" in lens:
+        aspect = lens.get("aspectRatio", 16 / 9)
+        fov = float(np.degrees(2 * np.arctan(np.tan(lens["yfov"] / 2) * aspect)))
+    direction, up = _unit(-matrix[:3, 2]), _unit(matrix[:3, 1])
+    name = entry.get("name") or nodes.entries[node].get("name") or f"camera {node}"
+    return Camera(tuple(matrix[:3, 3].tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, str(name))
+
+
+def _light_index(node: dict) -> int | None:
+    return node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
+
+
+def _light(document: GltfDocument, nodes: GltfNodes, node: int) -> Light:
+    """A KHR_lights_punctual light; lux and candela are taken as they are, the exposure settles the scale."""
+    lights = document.json.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
+    entry = lights[_light_index(nodes.entries[node])]
+    matrix = nodes.world[node]
+    colour = tuple(float(c) * float(entry.get("intensity", 1.0)) for c in entry.get("color", (1, 1, 1)))
+    cone = float(np.degrees(entry.get("spot", {}).get("outerConeAngle", np.pi / 4)))
+    direction = tuple(_unit(-matrix[:3, 2]).tolist())
+    return Light(entry["type"], colour, tuple(matrix[:3, 3].tolist()), direction, cone, entry["type"] != "point")
+
+
+def _unit(vector: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(vector)
+    return vector / length if length > 0 else np.array([0.0, 0.0, -1.0])

@@ -1,0 +1,156 @@
+"""A glTF 2.0 file's container: JSON, buffers, accessors and image bytes (Khronos glTF 2.0, sections 3.6 and 4.4)."""
+
+from __future__ import annotations
+
+import base64
+import json
+import struct
+from pathlib import Path
+from urllib.parse import unquote
+
+import numpy as np
+
+from scenes.model import SceneError
+
+_COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
+_WIDTHS = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3)}
+_WIDTHS["MAT4"] = (4, 4)
+_ENTRIES_LIMIT = 1 << 29  # of an accessor without data of its own; more is a damaged count
+
+# Extensions without which the geometry cannot be read at all.
+_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+
+
+class GltfDocument:
+    """The parsed JSON with typed access to its binary data.
+
+    json: the document. Indices out of range, missing keys and overruns raise KeyError, IndexError or ValueError,
+    which the caller turns into one sentence.
+    """
+
+    def __init__(self, path: Path) -> None:
+        data = path.read_bytes()
+        self._path = path
+        self._chunk: bytes | None = None
+        if data[:4] == b"glTF":
+            text, self._chunk = _split_glb(data)
+        else:
+            text = data
+        self.json = json.loads(text)
+        if not isinstance(self.json, dict):
+            raise ValueError("its JSON is not an object")
+        version = str(self.json.get("asset", {}).get("version", "2.0"))
+        if not version.startswith("2"):
+            raise SceneError(f"{path} is glTF {version}; only glTF 2.0 can be read, so convert it first.")
+        for name in _COMPRESSED:
+            if name in self.json.get("extensionsRequired", []):
+                raise SceneError(f"{path} needs {name}, which cannot be read; export it without compression.")
+        self._buffers: dict[int, bytes] = {}
+        self._accessors: dict[int, np.ndarray] = {}
+
+    def items(self, kind: str) -> list[dict]:
+        """A top-level list such as "nodes"; empty where the file has none."""
+        return self.json.get(kind, [])
+
+    def accessor(self, index: int) -> np.ndarray:
+        """An accessor's entries: (N,), (N, k) or (N, k, k) for matrices by row; float32 where normalised."""
+        if index not in self._accessors:
+            self._accessors[index] = self._read_accessor(self._entry("accessors", index))
+        return self._accessors[index]
+
+    def image_bytes(self, index: int) -> bytes:
+        """An image file's bytes, embedded, from a data URI or from the file beside."""
+        image = self._entry("images", index)
+        return bytes(self._view(image["bufferView"])) if "bufferView" in image else self._fetch(image["uri"])
+
+    def _entry(self, kind: str, index: int) -> dict:
+        entries = self.items(kind)
+        if not 0 <= index < len(entries):
+            raise ValueError(f"it refers to {kind}[{index}], which it does not have")
+        return entries[index]
+
+    def _fetch(self, uri: str) -> bytes:
+        if uri.startswith("data:"):
+            return base64.b64decode(uri.partition(",")[2])
+        file = self._path.parent / unquote(uri)
+        if not file.is_file():
+            raise FileNotFoundError(f"the file {uri} beside it is missing")
+        return file.read_bytes()
+
+    def _view(self, index: int) -> memoryview:
+        view = self._entry("bufferViews", index)
+        buffer = view["buffer"]
+        if buffer not in self._buffers:
+            entry = self._entry("buffers", buffer)
+            own = self._chunk if "uri" not in entry else self._fetch(entry["uri"])
+            if own is None:
+                raise ValueError(f"buffer {buffer} has no data")
+            self._buffers[buffer] = own
+        offset, length = view.get("byteOffset", 0), view["byteLength"]
+        if min(offset, length) < 0 or offset + length > len(self._buffers[buffer]):
+            raise ValueError(f"buffer view {index} reaches past the end of its buffer; the file is cut off or damaged")
+        return memoryview(self._buffers[buffer])[offset : offset + length]
+
+    def _read_accessor(self, accessor: dict) -> np.ndarray:
+        component = np.dtype("<" + _COMPONENTS[accessor["componentType"]])
+        columns, rows = _WIDTHS[accessor["type"]]
+        count = accessor["count"]
+        if "bufferView" in accessor:
+            stride = self._entry("bufferViews", accessor["bufferView"]).get("byteStride")
+            view = self._view(accessor["bufferView"])[accessor.get("byteOffset", 0) :]
+            values = _strided(view, component, columns, rows, count, stride)
+        elif 0 <= count < _ENTRIES_LIMIT:
+            values = np.zeros((count, columns, rows), component)
+        else:
+            raise ValueError(f"an accessor claims {count} entries")
+        if "sparse" in accessor:
+            values = self._with_sparse(values.copy(), accessor["sparse"], component)
+        if accessor.get("normalized"):
+            values = np.maximum(values.astype(np.float32) / np.iinfo(component).max, -1)
+        if columns > 1:
+            return values.transpose(0, 2, 1)  # stored column by column
+        return values[:, 0, 0] if rows == 1 else values[:, 0]
+
+    def _with_sparse(self, values: np.ndarray, sparse: dict, component: np.dtype) -> np.ndarray:
+        where, what = sparse["indices"], sparse["values"]
+        kind = np.dtype("<" + _COMPONENTS[where["componentType"]])
+        rows = _strided(self._view(where["bufferView"])[where.get("byteOffset", 0) :], kind, 1, 1, sparse["count"])
+        data = self._view(what["bufferView"])[what.get("byteOffset", 0) :]
+        values[rows[:, 0, 0]] = _strided(data, component, *values.shape[1:], sparse["count"])
+        return values
+
+
+def _strided(
+    view: memoryview, component: np.dtype, columns: int, rows: int, count: int, stride: int | None = None
+) -> np.ndarray:
+    """(count, columns, rows) entries; matrix columns start at multiples of 4 bytes."""
+    column_bytes = component.itemsize * rows
+    if columns > 1:
+        column_bytes = -(-column_bytes // 4) * 4
+    stride = stride or column_bytes * columns
+    last = (count - 1) * stride + (columns - 1) * column_bytes + component.itemsize * rows
+    if count < 0 or (count and last > len(view)):
+        raise ValueError("an accessor reaches past the end of its data; the file is cut off or damaged")
+    if count == 0:
+        return np.zeros((0, columns, rows), component)
+    return np.ndarray((count, columns, rows), component, view, 0, (stride, column_bytes, component.itemsize))
+
+
+def _split_glb(data: bytes) -> tuple[bytes, bytes | None]:
+    """The JSON and binary chunks of a GLB container."""
+    if len(data) < 20:
+        raise ValueError("it is cut off")
+    text, binary, position = None, None, 12
+    while position + 8 <= len(data):
+        length, kind = struct.unpack_from("<II", data, position)
+        body = data[position + 8 : position + 8 + length]
+        if len(body) < length:
+            raise ValueError("it is cut off")
+        if kind == 0x4E4F534A and text is None:
+            text = body
+        elif kind == 0x004E4942 and binary is None:
+            binary = body
+        position += 8 + length
+    if text is None:
+        raise ValueError("it has no JSON chunk")
+    return text, binary

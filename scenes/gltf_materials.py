@@ -1,0 +1,156 @@
+"""glTF materials, textures and samplers as the scene model's."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from scenes.gltf_document import GltfDocument
+from scenes.images import decode_image
+from scenes.model import Material, Texture
+from scenes.raw import RawScene
+
+_WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
+
+
+@dataclass(frozen=True)
+class UvSource:
+    """Which UV set a material's textures use, and its KHR_texture_transform as a float64 (2, 3) matrix or None."""
+
+    channel: int = 0
+    transform: tuple[tuple[float, float, float], ...] | None = None
+
+    def apply(self, uvs: np.ndarray) -> np.ndarray:
+        """The UVs (V, 2) after the transform."""
+        if self.transform is None:
+            return uvs
+        matrix = np.array(self.transform)
+        return uvs @ matrix[:, :2].T + matrix[:, 2]
+
+
+class GltfMaterials:
+    """Reads materials into a raw scene; each (image, wrap modes, colour space) becomes one texture.
+
+    sources: UvSource per material; a material's textures share it, because the scene model has one set of UVs.
+    default: index of the material for primitives without one.
+    """
+
+    def __init__(self, document: GltfDocument, raw: RawScene) -> None:
+        self._document, self._raw = document, raw
+        self._images: dict[int, np.ndarray | None] = {}
+        self._textures: dict[tuple, int] = {}
+        self.sources: list[UvSource] = []
+        for entry in document.items("materials"):
+            raw.materials.append(self._read(entry))
+        # The specification's default is full metal, which shows nothing but the sky: a file that says nothing is matt.
+        self.default = len(raw.materials)
+        raw.materials.append(Material(name="default", base_colour=(0.8, 0.8, 0.8, 1.0)))
+        self.sources.append(UvSource())
+
+    def _read(self, entry: dict) -> Material:
+        extensions = entry.get("extensions", {})
+        pbr = _metallic_roughness(entry, extensions)
+        base = pbr.get("baseColorTexture")
+        normal, emissive = entry.get("normalTexture"), entry.get("emissiveTexture")
+        source = next((_uv_source(info) for info in (base, normal, emissive) if info), UvSource())
+        self.sources.append(source)
+        roughness, metallic = self._surface(pbr)
+        strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        factor = tuple(float(c) for c in entry.get("emissiveFactor", (0, 0, 0)))
+        transmission = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)
+        if "occlusionTexture" in entry:
+            self._raw.note("{} materials have an occlusion texture, which is not used.")
+        if "KHR_materials_unlit" in extensions:
+            self._raw.note("{} unlit materials are lit like the others.")
+        return Material(
+            name=str(entry.get("name", "")),
+            base_colour=tuple(float(c) for c in pbr.get("baseColorFactor", (1, 1, 1, 1))),
+            base_texture=self._texture(base, source, True),
+            normal_texture=self._texture(normal, source, False),
+            normal_scale=float((normal or {}).get("scale", 1.0)),
+            emissive=tuple(c * float(strength) for c in factor),
+            emissive_texture=self._texture(emissive, source, True) if any(factor) else -1,
+            roughness=roughness,
+            metallic=metallic,
+            alpha_mode={"MASK": "mask", "BLEND": "blend"}.get(entry.get("alphaMode"), "opaque"),
+            alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),
+            double_sided=bool(entry.get("doubleSided", False)),
+            transmission=float(transmission),
+        )
+
+    def _surface(self, pbr: dict) -> tuple[float, float]:
+        """Roughness and metallic; a texture of them is replaced by its mean."""
+        roughness, metallic = float(pbr.get("roughnessFactor", 1.0)), float(pbr.get("metallicFactor", 1.0))
+        info = pbr.get("metallicRoughnessTexture")
+        texels = self._image_of(info) if info else None
+        if texels is not None:
+            self._raw.note("{} textures of roughness and metalness are replaced by their mean.")
+            means = texels[..., 1:3].reshape(-1, 2).mean(axis=0) / 255
+            roughness, metallic = roughness * float(means[0]), metallic * float(means[1])
+        return roughness, metallic
+
+    def _texture(self, info: dict | None, source: UvSource, srgb: bool) -> int:
+        """Index of the texture that a material's slot refers to, or -1."""
+        if not info:
+            return -1
+        if _uv_source(info) != source:
+            self._raw.note("{} textures use other texture coordinates than their material's first and are left out.")
+            return -1
+        entry = self._document.items("textures")[info["index"]]
+        samplers = self._document.items("samplers")
+        sampler = samplers[entry["sampler"]] if "sampler" in entry else {}
+        wraps = tuple(_WRAPS.get(sampler.get(key), "repeat") for key in ("wrapS", "wrapT"))
+        key = (_image_index(entry), *wraps, srgb)
+        if key not in self._textures:
+            texels = self._image_of(info)
+            if texels is None:
+                self._textures[key] = -1
+            else:
+                self._textures[key] = len(self._raw.textures)
+                name = self._document.items("images")[key[0]].get("name") or f"image {key[0]}"
+                self._raw.textures.append(Texture(name, texels, srgb, *wraps))
+        return self._textures[key]
+
+    def _image_of(self, info: dict) -> np.ndarray | None:
+        """The texels of a texture's image, decoded once; None where it is missing or unreadable (noted)."""
+        index = _image_index(self._document.items("textures")[info["index"]])
+        if index is not None and index not in self._images:
+            try:
+                self._images[index] = decode_image(self._document.image_bytes(index))
+            except (OSError, KeyError, ValueError) as error:
+                self._images[index] = None
+                self._raw.note(f"Image {index} is left out: {str(error).strip(chr(39))}.")
+        return self._images.get(index)
+
+
+def _metallic_roughness(entry: dict, extensions: dict) -> dict:
+    """The core material's parameters; the older specular-glossiness ones are translated (diffuse and gloss only)."""
+    gloss = extensions.get("KHR_materials_pbrSpecularGlossiness")
+    if gloss is None:
+        return entry.get("pbrMetallicRoughness", {})
+    pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - float(gloss.get("glossinessFactor", 1.0))}
+    pbr["baseColorFactor"] = gloss.get("diffuseFactor", (1, 1, 1, 1))
+    if "diffuseTexture" in gloss:
+        pbr["baseColorTexture"] = gloss["diffuseTexture"]
+    return pbr
+
+
+def _image_index(texture: dict) -> int | None:
+    for extension in texture.get("extensions", {}).values():
+        if "source" in extension and "source" not in texture:
+            return extension["source"]
+    return texture.get("source")
+
+
+def _uv_source(info: dict) -> UvSource:
+    """UV set and transform of a texture reference (KHR_texture_transform: translation, rotation, then scale)."""
+    change = info.get("extensions", {}).get("KHR_texture_transform")
+    if change is None:
+        return UvSource(info.get("texCoord", 0))
+    (u, v), (su, sv) = change.get("offset", (0, 0)), change.get("scale", (1, 1))
+    angle = change.get("rotation", 0.0)
+    cos, sin = math.cos(angle), math.sin(angle)
+    matrix = ((cos * su, sin * sv, float(u)), (-sin * su, cos * sv, float(v)))
+    return UvSource(change.get("texCoord", info.get("texCoord", 0)), matrix)

@@ -1,0 +1,108 @@
+"""Animated cameras of a glTF file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.gltf_document import GltfDocument
+from scenes.gltf_nodes import GltfNodes
+from scenes.model import CameraAnimation
+from scenes.transforms import compose
+
+_STEP_MS = 1000 / 60  # rotations between keys are not straight lines, so they are sampled at 60 Hz at least
+_LONGEST = 36_000  # frames: ten minutes
+
+
+def camera_animations(document: GltfDocument, nodes: GltfNodes) -> list[CameraAnimation]:
+    """Every camera that an animation moves, itself or through an ancestor, in world coordinates."""
+    found = []
+    for number, animation in enumerate(document.items("animations")):
+        channels: dict[int, list[tuple[str, dict]]] = {}
+        for channel in animation["channels"]:
+            target = channel["target"]
+            if "node" in target and target.get("path") in ("translation", "rotation", "scale"):
+                sampler = animation["samplers"][channel["sampler"]]
+                channels.setdefault(target["node"], []).append((target["path"], sampler))
+        for node in nodes.drawn:
+            lineage = nodes.lineage(node)
+            if "camera" in nodes.entries[node] and any(ancestor in channels for ancestor in lineage):
+                camera = document.items("cameras")[nodes.entries[node]["camera"]]
+                name = camera.get("name") or nodes.entries[node].get("name") or f"camera {node}"
+                title = animation.get("name") or f"animation {number}"
+                found.append(_sample(document, nodes, lineage, channels, f"{name}, {title}"))
+    return found
+
+
+def _sample(
+    document: GltfDocument,
+    nodes: GltfNodes,
+    lineage: list[int],
+    channels: dict[int, list[tuple[str, dict]]],
+    name: str,
+) -> CameraAnimation:
+    """Poses of the last node of a lineage from the first to the last key of whatever moves it."""
+    keys = [document.accessor(sampler["input"])[[0, -1]] for node in lineage for _, sampler in channels.get(node, [])]
+    first, last = min(float(key[0]) for key in keys), max(float(key[1]) for key in keys)
+    count = int(np.clip(np.ceil((last - first) * 1000 / _STEP_MS), 1, _LONGEST)) + 1
+    times = np.linspace(first, last, count)
+    world = np.broadcast_to(np.eye(4), (count, 4, 4))
+    for node in lineage:
+        local = _local_over_time(document, nodes.entries[node], channels.get(node, []), times)
+        world = world @ (nodes.local[node] if local is None else local)
+    return CameraAnimation(name, (times - first) * 1000, world[:, :3, 3].copy(), _quaternions(world[:, :3, :3]))
+
+
+def _local_over_time(
+    document: GltfDocument, entry: dict, channels: list[tuple[str, dict]], times: np.ndarray
+) -> np.ndarray | None:
+    """A node's local matrices (N, 4, 4) at the times, or None where nothing moves it."""
+    if not channels:
+        return None
+    rest = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}
+    values = {name: np.tile(np.float64(entry.get(name, default)), (len(times), 1)) for name, default in rest.items()}
+    for path, sampler in channels:
+        values[path] = _interpolate(document, sampler, times, path == "rotation")
+    return compose(values["translation"], values["rotation"], values["scale"])
+
+
+def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, rotation: bool) -> np.ndarray:
+    """A sampler's values at the times (3.11 and appendix C: step, linear, spherical linear, cubic spline)."""
+    keys = document.accessor(sampler["input"]).astype(np.float64)
+    values = document.accessor(sampler["output"]).astype(np.float64)
+    mode = sampler.get("interpolation", "LINEAR")
+    after = np.clip(np.searchsorted(keys, times, side="right"), 1, max(1, len(keys) - 1))
+    before = after - 1
+    after = np.minimum(after, len(keys) - 1)
+    span = np.where(keys[after] > keys[before], keys[after] - keys[before], 1)
+    t = np.clip((times - keys[before]) / span, 0, 1)[:, None]
+    if mode == "STEP":
+        return values[np.where(t[:, 0] >= 1, after, before)]
+    if mode == "CUBICSPLINE":
+        arriving, points, leaving = values.reshape(len(keys), 3, -1).transpose(1, 0, 2)
+        p, q, m, n = points[before], points[after], leaving[before] * span[:, None], arriving[after] * span[:, None]
+        h = (2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t, -2 * t**3 + 3 * t**2, t**3 - t**2)
+        return h[0] * p + h[1] * m + h[2] * q + h[3] * n
+    return (
+        _slerp(values[before], values[after], t) if rotation else values[before] + t * (values[after] - values[before])
+    )
+
+
+def _slerp(p: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
+    """Spherical interpolation of quaternions (N, 4) along the shorter way."""
+    dot = np.einsum("ni,ni->n", p, q)[:, None]
+    q, dot = np.where(dot < 0, -q, q), np.abs(dot)
+    angle = np.arctan2(np.sqrt(np.maximum(0, 1 - dot * dot)), dot)
+    sine = np.sin(angle)
+    near = sine < 1e-6
+    safe = np.where(near, 1, sine)
+    return np.where(near, 1 - t, np.sin((1 - t) * angle) / safe) * p + np.where(near, t, np.sin(t * angle) / safe) * q
+
+
+def _quaternions(linear: np.ndarray) -> np.ndarray:
+    """Unit quaternions (N, 4) x, y, z, w of camera frames (N, 3, 3), scale taken out."""
+    from scipy.spatial.transform import Rotation
+
+    z = linear[:, :, 2] / np.linalg.norm(linear[:, :, 2], axis=1, keepdims=True)
+    x = np.cross(linear[:, :, 1], z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=2)).as_quat()

@@ -1,0 +1,73 @@
+"""The node tree of a glTF file: which nodes are drawn, and their world matrices."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.gltf_document import GltfDocument
+from scenes.transforms import compose
+
+
+class GltfNodes:
+    """entries: the nodes' JSON. local, world: float64 (N, 4, 4). parents: list of int, -1 at roots.
+
+    drawn: the nodes of the default scene, parents before children, in the file's order of children.
+    Raises ValueError where the nodes do not form trees.
+    """
+
+    def __init__(self, document: GltfDocument) -> None:
+        self.entries = document.items("nodes")
+        self.parents = [-1] * len(self.entries)
+        for index, entry in enumerate(self.entries):
+            for child in entry.get("children", []):
+                if self.parents[child] >= 0:
+                    raise ValueError(f"node {child} has two parents")
+                self.parents[child] = index
+        self.local = np.array([local_matrix(entry) for entry in self.entries]).reshape(-1, 4, 4)
+        roots = [index for index, parent in enumerate(self.parents) if parent < 0]
+        order = self._descend(roots)
+        if len(order) != len(self.entries):
+            raise ValueError("its node tree has a cycle")
+        self.world = self.world_matrices(self.local, order)
+        self.drawn = self._descend(_scene_roots(document, roots))
+
+    def world_matrices(self, local: np.ndarray, order: list[int]) -> np.ndarray:
+        """World matrices for local ones; `order` has parents before children and every ancestor of its nodes."""
+        world = local.copy()
+        for index in order:
+            if self.parents[index] >= 0:
+                world[index] = world[self.parents[index]] @ local[index]
+        return world
+
+    def lineage(self, node: int) -> list[int]:
+        """The node's ancestors from the root down to itself."""
+        path = []
+        while node >= 0:
+            path.append(node)
+            node = self.parents[node]
+        return path[::-1]
+
+    def _descend(self, roots: list[int]) -> list[int]:
+        order, stack = [], list(reversed(roots))
+        while stack:
+            index = stack.pop()
+            order.append(index)
+            stack.extend(reversed(self.entries[index].get("children", [])))
+            if len(order) > len(self.entries):
+                raise ValueError("its node tree has a cycle")
+        return order
+
+
+def _scene_roots(document: GltfDocument, roots: list[int]) -> list[int]:
+    scenes = document.items("scenes")
+    return scenes[document.json.get("scene", 0)].get("nodes", []) if scenes else roots
+
+
+def local_matrix(node: dict) -> np.ndarray:
+    """A node's local transform, from its matrix or its translation, rotation and scale."""
+    if "matrix" in node:
+        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+    if not node.keys() & {"translation", "rotation", "scale"}:
+        return np.eye(4)
+    values = (("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)))
+    return compose(*(np.array([node.get(name, default)], np.float64) for name, default in values))[0]

@@ -1,0 +1,117 @@
+"""Scenes by name or from files."""
+
+from __future__ import annotations
+
+import difflib
+import warnings
+from pathlib import Path
+
+import numpy as np
+
+from scenes.assemble import assemble
+from scenes.cameras import read_cameras
+from scenes.features import content_digest, find_features
+from scenes.gltf import read_gltf
+from scenes.mesh_files import read_mesh_file
+from scenes.model import Scene, SceneError
+from scenes.raw import RawScene
+
+_READERS = {".glb": read_gltf, ".gltf": read_gltf}
+_READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
+
+_PROCEDURAL = {
+    "hall": "an indoor hall: a few very large surfaces, very many small ones, railings and pipes, 3 shadowed lights",
+    "village": "an outdoor village: terrain, timber houses, masked foliage, sun and sky",
+}
+
+
+def list_scenes() -> dict[str, str]:
+    """Names of the built-in scenes and what each is."""
+    return dict(_PROCEDURAL)
+
+
+def load_scene(
+    name_or_path: str,
+    *,
+    unit: float | None = None,
+    detail: int | None = None,
+    repair: bool = False,
+    decimate: float | None = None,
+    seed: int = 0,
+) -> Scene:
+    """A built-in scene by name, or a .glb, .gltf, .obj, .ply, .stl or .off file.
+
+    unit: metres per unit of a file; a `metres_per_unit` in `cameras.json` beside it wins; 1 without either.
+    detail: triangles of a built-in scene, made from `seed`.
+    repair: drop duplicate and degenerate faces and faces at non-manifold edges. decimate: ratio of triangles to keep.
+    Raises SceneError, one sentence, for everything that cannot be loaded.
+    """
+    if unit is not None and not (np.isfinite(unit) and unit > 0):
+        raise SceneError(f"The unit must be a positive number of metres, not {unit}.")
+    if name_or_path in _PROCEDURAL:
+        scene = _make(name_or_path, detail, seed)
+    else:
+        scene = _load_file(_existing(name_or_path), unit)
+    scene.features = find_features(scene)
+    scene.content_hash = content_digest(scene)
+    return scene
+
+
+def _make(name: str, detail: int | None, seed: int) -> Scene:
+    if name == "hall":
+        from scenes.hall import make_hall as make
+    else:
+        from scenes.village import make_village as make
+    return make(seed=seed) if detail is None else make(detail=detail, seed=seed)
+
+
+def _existing(name_or_path: str) -> Path:
+    """The file meant, checked; raises SceneError naming the known scenes and formats otherwise."""
+    path = Path(name_or_path)
+    formats = ", ".join(_READERS)
+    if path.is_file():
+        if path.suffix.lower() in _READERS:
+            return path
+        raise SceneError(f"{path} is of a format that cannot be read; readable are {formats}.")
+    if path.is_dir():
+        raise SceneError(f"{path} is a folder; name a scene file in it ({formats}).")
+    if path.suffix or len(path.parts) > 1:
+        raise SceneError(f"There is no scene file {path}.")
+    known = ", ".join(_PROCEDURAL)
+    near = difflib.get_close_matches(name_or_path, _PROCEDURAL, n=1, cutoff=0.0)
+    raise SceneError(f"There is no scene {name_or_path!r}; did you mean {near[0]!r}? Known are {known}, or a file.")
+
+
+def _load_file(path: Path, unit: float | None) -> Scene:
+    raw = _read(path)
+    cameras, stated_unit = read_cameras(path.parent / "cameras.json")
+    raw.cameras = cameras + raw.cameras
+    scene = assemble(path.parent.name if path.stem.lower() == "scene" else path.stem, raw)
+    scene.metres_per_unit = stated_unit or unit or 1.0
+    low, high = scene.bounds
+    scene.place = any(((low < c.position) & (c.position < high)).all() for c in scene.cameras)
+    return scene
+
+
+def _read(path: Path) -> RawScene:
+    """The file's content; whatever a reader raises becomes one sentence."""
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            return _READERS[path.suffix.lower()](path)
+    except SceneError as error:
+        raise error if str(path) in str(error) else SceneError(f"{path} cannot be read: {error}") from error
+    except Exception as error:
+        raise SceneError(f"{path} cannot be read: {_reason(error)}.") from error
+
+
+def _reason(error: Exception) -> str:
+    """A damaged file's error in words."""
+    text = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else ""
+    if isinstance(error, KeyError):
+        return f"it lacks {error}"
+    if isinstance(error, MemoryError):
+        return "it claims to hold more than fits into memory"
+    if isinstance(error, IndexError):
+        return f"it is damaged, something refers to what it does not have ({text})"
+    return text if isinstance(error, (FileNotFoundError, ValueError)) and text else f"it is damaged ({text})"

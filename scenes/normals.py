@@ -1,0 +1,106 @@
+"""Normals where a file has none, and tangents where a normal map needs them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.raw import Part
+
+CREASE_DEGREES = 50.0  # faces that meet at more keep a sharp edge; a cylinder of 8 sides is still smooth
+_LARGEST_FAN = 64  # corners at a vertex beyond which pairs are not compared
+
+
+def with_normals(part: Part) -> Part:
+    """The part with smooth normals: angle-weighted over faces within the crease angle of each other.
+
+    Vertices at the same position count as one; vertices at creases are split, so their number may change.
+    """
+    normals = crease_normals(part.positions, part.indices)
+    flat = normals.reshape(-1, 3)
+    vertices = part.indices.ravel().astype(np.int64)
+    steps = np.rint((flat + 1) * 511).astype(np.int64)  # 10 bits each: equal enough to share a vertex
+    key = (((vertices << 10 | steps[:, 0]) << 10) | steps[:, 1]) << 10 | steps[:, 2]
+    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
+    split = part.taking(vertices[first], inverse.reshape(-1, 3))
+    split.normals = flat[first]
+    return split
+
+
+def crease_normals(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Unit normals of the triangles' corners, float64 (T, 3, 3), for positions (V, 3) and indices (T, 3)."""
+    points = np.asarray(positions, np.float64)
+    face, weight = _faces(points[indices])
+    _, welded = np.unique(np.ascontiguousarray(positions), axis=0, return_inverse=True)
+    corner_vertex = welded.reshape(-1)[indices].ravel()
+    order = np.argsort(corner_vertex, kind="stable")
+    owner = order // 3
+    starts = np.flatnonzero(np.diff(corner_vertex[order], prepend=-1))
+    count = np.diff(starts, append=len(order))
+    first, size = np.repeat(starts, count), np.repeat(count, count)
+    cosine = np.cos(np.radians(CREASE_DEGREES))
+    sums = np.zeros((len(order), 3))
+    active = np.flatnonzero(size <= _LARGEST_FAN)
+    for step in range(int(min(count.max(initial=0), _LARGEST_FAN))):
+        active = active[size[active] > step]
+        other = first[active] + (active - first[active] + step) % size[active]
+        near = np.einsum("ni,ni->n", face[owner[active]], face[owner[other]]) > cosine
+        share = weight.ravel()[order[other]] * near
+        sums[active] += face[owner[other]] * share[:, None]
+    for start, length in zip(starts[count > _LARGEST_FAN], count[count > _LARGEST_FAN], strict=True):
+        rows = slice(start, start + length)
+        mean = (face[owner[rows]] * weight.ravel()[order[rows], None]).sum(axis=0)
+        mean /= max(np.linalg.norm(mean), 1e-300)
+        sums[rows] = np.where((face[owner[rows]] @ mean > cosine)[:, None], mean, face[owner[rows]])
+    corners = np.empty_like(sums)
+    corners[order] = sums
+    corners = _unit(corners, np.repeat(face, 3, axis=0))
+    return corners.reshape(-1, 3, 3)
+
+
+def tangents(positions: np.ndarray, normals: np.ndarray, uvs: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """Tangents (V, 4) along growing u, perpendicular to the normals, with the sign of growing v's side in w.
+
+    The bitangent is w * cross(normal, tangent). Row 0 of an image is v = 0, so glTF's bitangent points to falling v
+    in the picture and growing v in the coordinates' own sense as its specification (3.7.2.1) defines them.
+    """
+    points, coordinates = np.asarray(positions, np.float64)[indices], np.asarray(uvs, np.float64)[indices]
+    e1, e2 = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
+    (u1, v1), (u2, v2) = (coordinates[:, 1] - coordinates[:, 0]).T, (coordinates[:, 2] - coordinates[:, 0]).T
+    turn = np.sign(u1 * v2 - u2 * v1)[:, None]
+    along_u = (e1 * v2[:, None] - e2 * v1[:, None]) * turn
+    along_v = (e2 * u1[:, None] - e1 * u2[:, None]) * turn
+    sums = np.zeros((2, len(positions), 3))
+    for corner in range(3):
+        for axis in range(3):
+            for row, value in enumerate((along_u, along_v)):
+                sums[row, :, axis] += np.bincount(indices[:, corner], value[:, axis], len(positions))
+    normals = np.asarray(normals, np.float64)
+    tangent = sums[0] - normals * np.einsum("vi,vi->v", normals, sums[0])[:, None]
+    tangent = _unit(tangent, perpendicular(normals))
+    side = np.einsum("vi,vi->v", np.cross(normals, tangent), sums[1])
+    return np.concatenate([tangent, np.where(side < 0, -1.0, 1.0)[:, None]], axis=1)
+
+
+def perpendicular(normals: np.ndarray) -> np.ndarray:
+    """Some unit vector perpendicular to each normal (V, 3)."""
+    helper = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
+    return _unit(np.cross(normals, helper), helper)
+
+
+def _faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Unit face normals (T, 3), zero where a face has no area, and the corners' angles (T, 3)."""
+    edges = corners[:, [1, 2, 0]] - corners
+    normal = np.cross(edges[:, 0], edges[:, 1])
+    back = -edges[:, [2, 0, 1]]
+    sine = np.linalg.norm(normal, axis=1)[:, None]
+    angle = np.arctan2(sine, np.einsum("tci,tci->tc", edges, back))
+    return _unit(normal, np.zeros_like(normal)), angle
+
+
+def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """Vectors (N, 3) at length 1; `otherwise` where they have none."""
+    largest = np.abs(vectors).max(axis=1, initial=0)[:, None]  # first, so that squares neither over- nor underflow
+    usable = (largest > 0) & np.isfinite(largest)
+    scaled = vectors / np.where(usable, largest, 1)
+    length = np.linalg.norm(scaled, axis=1, keepdims=True)
+    return np.where(usable, scaled / np.where(usable, length, 1), otherwise)

@@ -1,0 +1,28 @@
+"""Matrices of affine transforms, column vectors, many at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+    """Matrices (N, 4, 4) from translations (N, 3), quaternions (N, 4) x, y, z, w and scales (N, 3)."""
+    rotation = rotation.astype(np.float64)
+    length = np.linalg.norm(rotation, axis=1, keepdims=True)
+    x, y, z, w = (rotation / np.where(length > 0, length, 1)).T
+    matrices = np.zeros((len(rotation), 4, 4))
+    matrices[:, 0, :3] = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)], axis=1)
+    matrices[:, 1, :3] = np.stack([2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)], axis=1)
+    matrices[:, 2, :3] = np.stack([2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)], axis=1)
+    matrices[:, :3, :3] *= scale[:, None, :]
+    matrices[:, :3, 3] = translation
+    matrices[:, 3, 3] = 1
+    return matrices
+
+
+def normal_matrices(linear: np.ndarray) -> np.ndarray:
+    """Matrices (N, 3, 3) that carry normals along with (N, 3, 3): the inverse transpose up to a positive factor."""
+    a, b, c = linear[:, :, 0], linear[:, :, 1], linear[:, :, 2]
+    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
+    sign = np.where(np.einsum("ni,ni->n", a, cofactors[:, :, 0]) < 0, -1.0, 1.0)
+    return cofactors * sign[:, None, None]
