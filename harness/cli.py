@@ -30,7 +30,7 @@ def run(
         list[str] | None,
         _option(
             WORK,
-            "all, a name, 'name\\[param=value,...]', 'package.module:Class' or 'file.py:Class'; repeatable. Default: all",
+            "all, a name, 'name\\[param=value,...]', 'module:Class' or 'file.py:Class'; repeatable. Default: all",
             metavar="METHOD",
         ),
     ] = None,

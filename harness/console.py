@@ -1,0 +1,198 @@
+"""What the command line prints: errors as one sentence, the catalogue, tables that fit 80 columns."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+if TYPE_CHECKING:
+    from reports.compare import Comparison
+    from reports.store import Store
+
+WIDEST = 80
+UNUSABLE = 2
+
+
+class InputError(ValueError):
+    """Arguments or input that cannot be used; the message is one sentence."""
+
+
+def make_console(stderr: bool = False) -> Console:
+    """A console of at most 80 columns, so that output reads the same everywhere."""
+    console = Console(stderr=stderr, highlight=False)
+    return Console(stderr=stderr, highlight=False, width=min(WIDEST, console.width))
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Turn errors about arguments and input into one sentence on stderr and exit code 2; others are bugs and show."""
+    from harness.settings import SettingsError
+    from kernels.device import DeviceError
+    from reports.store import StoreError
+    from scenes.model import SceneError
+    from scenes.paths import PathError
+
+    known = (InputError, SettingsError, DeviceError, StoreError, SceneError, PathError)
+    try:
+        yield
+    except known as error:
+        make_console(stderr=True).print(f"[bold red]bench:[/] {escape(str(error))}", soft_wrap=True)
+        raise typer.Exit(UNUSABLE) from None
+
+
+def make_table(title: str, *columns: str) -> Table:
+    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=False)
+    for column in columns:
+        table.add_column(column, overflow="fold")
+    return table
+
+
+def show_catalogue() -> None:
+    """Print packers with their parameters, scenes, paths, devices and metrics."""
+    from harness.metrics import METRICS
+    from harness.plugins import find_packers
+    from kernels.device import list_devices
+    from scenes.load import list_scenes
+    from scenes.paths import list_paths
+
+    console = make_console()
+    for name, packer in find_packers().items():
+        console.print(f"[bold]{name}[/]  {packer.paper.title} ({packer.paper.year})")
+        table = make_table("", "parameter", "default", "sweep", "meaning")
+        for key, parameter in packer.parameters.items():
+            unit = f" [{parameter.unit}]" if parameter.unit else ""
+            sweep = ", ".join(str(value) for value in parameter.sweep)
+            table.add_row(f"  {key}", str(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\["))
+        console.print(table)
+        console.print()
+    for title, known in (("scenes", list_scenes()), ("paths", list_paths())):
+        table = make_table(title, "name", "what it is")
+        for name, text in known.items():
+            table.add_row(name, text)
+        console.print(table)
+        console.print()
+    table = make_table("devices (the first is the default)", "device", "platform")
+    for device in list_devices():
+        table.add_row(device.name.strip(), f"{device.platform.name} {device.platform.version}")
+    console.print(table)
+    console.print()
+    table = make_table("metrics", "name", "unit", "better", "meaning")
+    for metric in METRICS.values():
+        table.add_row(metric.name, metric.unit, metric.better, metric.meaning)
+    console.print(table)
+
+
+SUMMARY = (  # column of frames.csv, heading, format
+    ("samples", "samples", "{:,.0f}"),
+    ("server_ms", "server ms", "{:.1f}"),
+    ("fill", "fill", "{:.2f}"),
+    ("flip", "FLIP", "{:.4f}"),
+    ("dssim", "DSSIM", "{:.4f}"),
+    ("coherence", "cohere", "{:.2f}"),
+    ("compression_ratio", "ratio", "{:.2%}"),
+)
+
+
+def show_summary(store: Store, folder: Path) -> None:
+    """Print medians per method, codec and rate, then where the results are."""
+    console = make_console()
+    groups: dict[tuple, list[dict[str, Any]]] = {}
+    for row in store.rows():
+        groups.setdefault((row["method"], row["variant"], row["codec"], row["crf"]), []).append(row)
+    several = len({key[:2] for key in groups}) > len({key[0] for key in groups})
+    table = make_table("medians over the frames", "method", "codec", *(heading for _, heading, _ in SUMMARY))
+    for column in table.columns[2:]:
+        column.justify = "right"
+        column.no_wrap = True
+    for (method, variant, codec, crf), rows in groups.items():
+        name = f"{method}\\[{variant}]" if several and variant else method
+        good = [row for row in rows if row["status"] in ("ok", "overflow")]
+        cells = [_median(good, column, form) for column, _, form in SUMMARY]
+        table.add_row(name, f"{codec} {crf}" if crf is not None else codec, *cells)
+    console.print(table)
+    for status, count, reason in _troubles(store.rows()):
+        colour = "dim" if status == "skipped" else "red"
+        console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
+    for text in store.notes.under("warning/").values():
+        console.print(f"[yellow]warning[/] {escape(text)}")
+    console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)
+
+
+def _median(rows: list[dict[str, Any]], column: str, form: str) -> str:
+    values = [row[column] for row in rows if row[column] is not None]
+    return form.format(median(values)) if values else ""
+
+
+def _troubles(rows: list[dict[str, Any]]) -> list[tuple[str, int, str]]:
+    """Statuses other than ok with how many rows they have and the first reason of each method."""
+    counts: dict[tuple[str, str], tuple[int, str]] = {}
+    for row in rows:
+        if row["status"] != "ok":
+            key = (row["status"], row["method"])
+            count, reason = counts.get(key, (0, f"{row['method']}: {row['reason']}"))
+            counts[key] = (count + 1, reason)
+    return [(status, count, reason) for (status, _), (count, reason) in counts.items()]
+
+
+def show_report(folder: Path) -> None:
+    """Rebuild the CSV files and the report of a results folder."""
+    from reports import csv_files, html
+
+    if not (folder / "results.sqlite").is_file():
+        raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+    csv_files.write_all(folder)
+    html.write_report(folder)
+    make_console().print(f"Rebuilt {folder}/frames.csv, summary.csv and report.html", soft_wrap=True)
+
+
+def show_comparison(first: Path, second: Path) -> None:
+    """Print how run `second` compares to run `first`, one line per method, codec, rate and metric."""
+    from reports.compare import compare
+
+    for folder in (first, second):
+        if not (folder / "results.sqlite").is_file():
+            raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+    console = make_console()
+    rows = compare(first, second)
+    if not rows:
+        raise InputError(f"{first} and {second} have no method, codec and rate in common.")
+    groups: dict[tuple, list[Comparison]] = {}
+    for row in rows:
+        groups.setdefault((row.method, row.variant, row.codec, row.crf), []).append(row)
+    colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
+    for (method, variant, codec, crf), group in groups.items():
+        rate = "" if crf is None else f" CRF {crf}"
+        table = make_table(f"{method} {codec}{rate}", "metric", "A", "B", "B is", "p")
+        if variant:
+            console.print(f"[dim]{variant}[/]")
+        for row in group:
+            p = "" if row.p is None else f"{row.p:.2g}"
+            verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"
+            table.add_row(row.metric, _number(row.a), _number(row.b), verdict, p)
+        console.print(table)
+        console.print()
+
+
+def show_examination() -> bool:
+    """Print what the doctor found; False if something needed is missing or wrong."""
+    from harness.doctor import examine
+
+    marks = {True: "[green]ok[/]", False: "[red]no[/]", None: "[yellow]--[/]"}
+    table = make_table("bench doctor", "", "what", "found")
+    findings = examine()
+    for finding in findings:
+        table.add_row(marks[finding.ok], finding.name, finding.detail.replace("[", "\\["))
+    make_console().print(table)
+    return all(finding.ok is not False for finding in findings)
+
+
+def _number(value: float | None) -> str:
+    return "" if value is None else f"{value:.4g}"

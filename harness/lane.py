@@ -1,0 +1,311 @@
+"""One method on its way through the frames of a run: pack, encode, decode, draw, check, measure."""
+
+from __future__ import annotations
+
+import resource
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from harness import validity
+from harness.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
+from harness.coherence import AtlasHistory
+from harness.dump import owner_planes
+from harness.frames import Work
+from harness.metrics import Metrics
+from harness.novel_view import NovelView
+from harness.plugins import variant_string
+from harness.settings import Settings
+from kernels.fill.push_pull import Filler
+from kernels.metrics.stretch import stretch
+from packers.interface import Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
+
+Key = tuple[str, int | None]  # codec and CRF
+QUALITIES = ("flip", "dssim", "iwssim", "psnr", "delta_e")
+
+
+@dataclass
+class Packed:
+    """What packing one frame gave; times are device milliseconds by stage, `wall_ms` is the host's.
+
+    repeats: every repetition's stages, where there is more than one; `stages` and `wall_ms` are then medians.
+    """
+
+    payload: Payload
+    stages: dict[str, float]
+    launches: dict[str, int]
+    wall_ms: float
+    repeats: list[dict[str, float]] = field(default_factory=list)
+
+    def total(self, group: str) -> float:
+        """Device milliseconds of all stages of a group ("structs" or "gather")."""
+        return sum(ms for name, ms in self.stages.items() if name.startswith(group + "/"))
+
+
+@dataclass
+class Sent:
+    """What went over the wire: planes as packed, each (codec, CRF)'s encoded planes, and compressed bytes."""
+
+    planes: dict[str, np.ndarray]
+    encoded: dict[Key, list[EncodedFrame]]
+    metadata_bytes: int
+    geometry_bytes: int
+    pack_ms: float
+    unpack_ms: float
+
+    def row(self, key: Key) -> dict[str, Any]:
+        """The size and coding columns of one row."""
+        raw = sum(plane.shape[0] * plane.shape[1] * 3 for plane in self.planes.values())
+        frames = self.encoded.get(key, [])
+        video = sum(frame.bytes for frame in frames) if frames else raw
+        decoded = [frame for frame in frames if frame.decoded is not None]
+        return {
+            "encode_ms": self.pack_ms + sum(frame.encode_ms for frame in frames),
+            "decode_ms": self.unpack_ms + sum(f.decode_ms for f in decoded) if decoded or not frames else None,
+            "bytes_video": video,
+            "bytes_metadata": self.metadata_bytes,
+            "bytes_geometry": self.geometry_bytes,
+            "bytes_total": video + self.metadata_bytes + self.geometry_bytes,
+            "compression_ratio": video / raw if raw else None,
+        }
+
+
+@dataclass
+class Measured:
+    """What one frame of one method gives to the store, to the report's pictures and to `--dump`."""
+
+    rows: list[dict[str, Any]]
+    stages: list[tuple[str, float, int]]
+    statistics: dict[str, float]
+    repeats: list[tuple[int, str, float]]
+    pictures: dict[str, np.ndarray]
+    lossless: np.ndarray
+    plane: np.ndarray | None
+    owners: Owners | None
+
+
+@dataclass
+class Drawn:
+    """The columns that come from drawing, by (codec, CRF), the pictures, and host milliseconds spent on metrics."""
+
+    rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
+    pictures: dict[str, np.ndarray] = field(default_factory=dict)
+    metrics_ms: float = 0.0
+    lossless: np.ndarray | None = None
+
+    def row(self, key: Key) -> dict[str, Any]:
+        """The columns of one row; none where that rate is not displayed."""
+        return self.rows.get(key, {})
+
+
+class Lane:
+    """A packer with its clients, encoders and history; `dead` is the status and reason once it has stopped.
+
+    `pack` and `advance` carry all state from frame to frame; `measure` carries only the history of the atlas, so a
+    resumed run replays finished frames through `pack` and `advance` alone.
+    """
+
+    def __init__(self, packer: Packer, scene: ServerScene, settings: Settings) -> None:
+        self.packer, self.scene, self.settings = packer, scene, settings
+        self.method, self.variant = packer.name, variant_string(packer)
+        self.dead: tuple[str, str] | None = None
+        values = {name: getattr(packer, name) for name in packer.parameters}
+        self.repeated = [type(packer)(**values) for _ in range(settings.repeat - 1)]
+        self.history = AtlasHistory()
+        self.filler = Filler(scene.device)
+        self.streams: dict[str, list[VideoStream]] = {}
+
+    def prepare(self) -> float:
+        """Prepare the packer and make its clients; returns host milliseconds of the packer's own part."""
+        start = time.perf_counter()
+        self.packer.prepare(self.scene)
+        self.scene.device.finish()
+        spent = (time.perf_counter() - start) * 1000
+        for packer in self.repeated:
+            packer.prepare(self.scene)
+        self.lossless = self.packer.client(self.scene)
+        self.displayed = None if self.settings.codec == "none" else self.packer.client(self.scene)
+        return spent
+
+    @property
+    def display_key(self) -> Key:
+        """The (codec, CRF) whose decoded planes the client shows beside the lossless row."""
+        return (self.settings.codec, self.settings.display_crf if self.settings.codec == "h264" else None)
+
+    def keys(self) -> list[Key]:
+        """The (codec, CRF) of every row of a frame."""
+        coded = {"h264": [("h264", crf) for crf in self.settings.crfs], "jpeg": [("jpeg", None)], "none": []}
+        return [("none", None), *coded[self.settings.codec]]
+
+    def pack(self, frame: Frame) -> Packed:
+        """Pack one frame, `--repeat` times; the repetitions use packers of their own with the same past."""
+        packed = self._timed(self.packer, frame)
+        again = [self._timed(packer, frame) for packer in self.repeated]
+        if again:
+            runs = [packed, *again]
+            packed.repeats = [run.stages for run in runs]
+            packed.stages = {name: median(run.stages.get(name, 0.0) for run in runs) for name in packed.stages}
+            packed.wall_ms = median(run.wall_ms for run in runs)
+        return packed
+
+    def _timed(self, packer: Packer, frame: Frame) -> Packed:
+        self.scene.device.finish()
+        start = time.perf_counter()
+        with self.scene.device.record() as record:
+            payload = packer.pack(frame)
+        return Packed(payload, record.milliseconds, record.launches, (time.perf_counter() - start) * 1000)
+
+    def advance(self, payload: Payload) -> Sent:
+        """Encode the payload, decode it as the clients would, and hand it to them."""
+        planes = {name: plane.get() for name, plane in payload.planes.items()}
+        start = time.perf_counter()
+        blobs = pack_lz4(payload.blobs)
+        geometry = pack_lz4({"geometry": payload.geometry})
+        middle = time.perf_counter()
+        received, shapes = unpack_lz4(blobs), unpack_lz4(geometry)["geometry"]
+        end = time.perf_counter()
+        sent = Sent(
+            planes,
+            {},
+            sum(map(len, blobs.values())),
+            sum(map(len, geometry.values())),
+            (middle - start) * 1000,
+            (end - middle) * 1000,
+        )
+        self.lossless.receive(Decoded({name: p[..., :3] for name, p in planes.items()}, received, shapes))
+        if self.displayed is not None:
+            decoded = {name: self._encode(name, plane, sent) for name, plane in payload.planes.items()}
+            self.displayed.receive(Decoded(decoded, received, shapes))
+        return sent
+
+    def _encode(self, name: str, plane: Any, sent: Sent) -> np.ndarray:
+        """Encode one plane at every rate; returns what the display's rate decodes to."""
+        height, width = plane.shape[:2]
+        coded = self.keys()[1:]
+        if name not in self.streams:
+            self.streams[name] = [
+                VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key) for codec, crf in coded
+            ]
+        frames = encode_all(self.streams[name], self.filler.fill(plane))
+        for key, frame in zip(coded, frames, strict=True):
+            sent.encoded.setdefault(key, []).append(frame)
+        return frames[coded.index(self.display_key)].decoded
+
+    def remember(self, payload: Payload, owners: Owners | None, sent: Sent) -> dict[str, float | None]:
+        """Fill and coherence of the frame's atlas; it is remembered for the next frame."""
+        if owners is None or not sent.planes:
+            return {}
+        plane = next(iter(sent.planes.values()))
+        owner, _ = owner_planes(owners, plane.shape[1], plane.shape[0])
+        use = self.history.update(owner, plane)
+        return {
+            "atlas_width": plane.shape[1],
+            "atlas_height": plane.shape[0],
+            "fill": use.fill,
+            "coherence": use.coherence,
+            "coherence_bytes": use.coherence_bytes,
+        }
+
+    def replay(self, work: Work) -> None:
+        """Bring all state to where it was after this frame, without measuring."""
+        payload = self.pack(work.frame).payload
+        self.remember(payload, self.packer.owners(payload), self.advance(payload))
+
+    def measure(self, work: Work, novel: NovelView, metrics: Metrics, packed: Packed, sent: Sent) -> Measured:
+        """Check and measure one packed and sent frame."""
+        payload, frame = packed.payload, work.frame
+        owners = self.packer.owners(payload)
+        found = validity.check(frame, payload, owners, self.lossless, (novel.triangle, novel.bary))
+        status, reason = _verdict(frame, payload, found)
+        common = {
+            "status": status,
+            "reason": reason,
+            "pvs_triangles": len(frame.pvs),
+            "placed_triangles": len(frame.pvs) - len(payload.unplaced),
+            "samples": payload.sample_count,
+            "structs_ms": packed.total("structs"),
+            "gather_ms": packed.total("gather"),
+            "server_ms": packed.total("structs") + packed.total("gather"),
+            "pvs_ms": work.pvs_ms,
+            "wall_ms": packed.wall_ms,
+            "missing_px": novel.missing,
+            **self.remember(payload, owners, sent),
+            **self._stretch(novel),
+        }
+        drawn = self._draw(novel, metrics)
+        plane = next(iter(sent.planes.values()), None)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+        rows = [{**common, "peak_mb": peak, **sent.row(key), **drawn.row(key)} for key in self.keys()]
+        for row, (codec, crf) in zip(rows, self.keys(), strict=True):
+            row.update(codec=codec, crf=crf)
+        return Measured(
+            rows,
+            [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
+            {**payload.statistics, "metrics_ms": drawn.metrics_ms, "reference_ms": novel.milliseconds},
+            [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
+            drawn.pictures | ({"atlas": plane[..., :3]} if plane is not None else {}),
+            drawn.lossless,
+            plane,
+            owners,
+        )
+
+    def _stretch(self, novel: NovelView) -> dict[str, float | None]:
+        """Stretch of the atlas on the novel view's pixels."""
+        texels = self.lossless.locate(novel.triangle, novel.bary)
+        if texels is None:
+            return {}
+        height, width = novel.visibility.shape
+        positions = np.full((height * width, 2), np.nan, np.float32)
+        positions[novel.pixel] = texels
+        device = self.scene.device
+        located = device.upload(positions.reshape(height, width, 2))
+        l2, linf, _ = stretch(device, device.upload(novel.visibility), located)
+        return {"stretch_l2": l2, "stretch_linf": linf}
+
+    def _draw(self, novel: NovelView, metrics: Metrics) -> Drawn:
+        """Draw the novel view with both clients and compare with the reference."""
+        drawn = Drawn()
+        for key, client in (("none", None), self.lossless), (self.display_key, self.displayed):
+            if client is None:
+                continue
+            image, milliseconds = self._draw_once(client, novel)
+            start = time.perf_counter()
+            values = metrics.compare(image.rgb)
+            drawn.metrics_ms += (time.perf_counter() - start) * 1000
+            holes = (image.triangle.get() < 0) & (novel.visibility >= 0)
+            drawn.rows[key] = {
+                **{name: values[name] for name in QUALITIES},
+                "client_ms": milliseconds,
+                "holes_px": float(holes.mean()),
+            }
+            rgb = image.rgb.get()[..., :3]
+            if client is self.lossless:
+                drawn.lossless = rgb
+            # What the report shows is the displayed client, which is drawn last.
+            drawn.pictures = {"client": rgb, "flip": metrics.flip_map()}
+        return drawn
+
+    def _draw_once(self, client: Client, novel: NovelView) -> tuple[Image, float]:
+        with self.scene.device.record() as record:
+            image = client.draw(novel.view)
+        return image, sum(record.milliseconds.values())
+
+
+def _verdict(frame: Frame, payload: Payload, found: list[validity.Violation]) -> tuple[str, str | None]:
+    """The status of a frame and its reason."""
+    if found:
+        return "invalid", " ".join(violation.sentence for violation in found)
+    if payload.unplaced:
+        reasons = sorted(set(payload.unplaced.values()))
+        return "overflow", f"{len(payload.unplaced)} of {len(frame.pvs)} triangles unplaced: {'; '.join(reasons)}"
+    return "ok", None
+
+
+def stopped_rows(keys: list[Key], status: str, reason: str) -> Iterator[dict[str, Any]]:
+    """One row per (codec, CRF) of a frame that gave no results."""
+    for codec, crf in keys:
+        yield {"codec": codec, "crf": crf, "status": status, "reason": reason}

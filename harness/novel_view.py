@@ -1,0 +1,59 @@
+"""The picture every method is judged by: the novel view drawn forward, and what follows from it alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.metrics import Metrics
+from harness.reference import ForwardRenderer
+from kernels.raster.resolve import resolve
+from packers.interface import Frame, ServerScene, View
+
+
+@dataclass(frozen=True)
+class NovelView:
+    """The reference of one frame.
+
+    view: the client's camera. rgb: uint8 (h, w, 4). visibility: int32 (h, w), triangle per pixel, -1 where empty.
+    pixel, triangle, bary: of every covered pixel, int32 (n), int32 (n), float32 (n, 2).
+    missing: share of covered pixels whose triangle is not in the PVS, None where nothing is covered.
+    milliseconds: device time of drawing it.
+    """
+
+    view: View
+    rgb: np.ndarray
+    visibility: np.ndarray
+    pixel: np.ndarray
+    triangle: np.ndarray
+    bary: np.ndarray
+    missing: float | None
+    milliseconds: float
+
+
+def draw_novel_view(
+    scene: ServerScene, forward: ForwardRenderer, metrics: Metrics, frame: Frame, view: View
+) -> NovelView:
+    """Draw the novel view, shaded for the server's eye, and make `metrics` compare with it from now on."""
+    device = scene.device
+    with device.record() as record:
+        image, visibility = forward.draw(view, frame.server.eye)
+    samples = resolve(device, scene.triangles, visibility, view.view, view.projection)
+    n = samples.count
+    triangle = samples.triangle.get()[:n]
+    bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+    known = np.zeros(scene.host.triangle_count, bool)
+    known[frame.pvs] = True
+    missing = float(np.mean(~known[triangle])) if n else None
+    metrics.reference(image.rgb)
+    return NovelView(
+        view=view,
+        rgb=image.rgb.get(),
+        visibility=visibility.triangle.get(),
+        pixel=samples.texel.get()[:n],
+        triangle=triangle,
+        bary=bary,
+        missing=missing,
+        milliseconds=sum(record.milliseconds.values()),
+    )

@@ -1,0 +1,119 @@
+"""The plan of a run: what binds its results together, what will run, what is skipped, and how long it should take."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from pathlib import Path
+from typing import Any
+
+from harness.console import make_console, make_table
+from harness.lane import Lane
+from harness.plugins import variant_string
+from harness.session import Session, find_methods, open_path, open_scene
+from harness.settings import Settings
+from harness.skips import skipped_stages
+from kernels.cache import VERSION, cache_folder, write_atomically
+from kernels.device import kernels_digest
+from packers.interface import Packer
+from scenes.model import Scene
+
+# Settings that change no result, so a run may be resumed with others.
+FREE = ("timeout", "dump", "methods")
+# Host seconds of one frame before anything was measured here: per million pixels, texels and PVS pixels, and fixed.
+FIRST_GUESS = {"pixels": 0.9, "texels": 0.25, "pvs_pixels": 0.012, "fixed": 0.3}
+
+
+def make_plan(session: Session, lanes: list[Lane]) -> dict[str, Any]:
+    """Everything that results of one folder must have in common, as JSON values."""
+    settings = {key: value for key, value in session.settings.to_json().items() if key not in FREE}
+    return {
+        "settings": settings,
+        "methods": [f"{lane.method}[{lane.variant}]" for lane in lanes],
+        "scene_hash": session.scene.host.content_hash,
+        "path_hash": session.path_hash,
+        "device": session.device.name,
+        "kernels": kernels_digest(),
+        "version": VERSION,
+    }
+
+
+def show_plan(settings: Settings, out: Path | None) -> None:
+    """Print what `bench run` with these settings would do; loads the scene and path, runs no kernel."""
+    packers = find_methods(settings)
+    scene = open_scene(settings)
+    path = open_path(settings, scene)
+    count = len(path.times_ms[: settings.frames])
+    console = make_console()
+    console.print(f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {count} frames")
+    console.print(
+        f"client {settings.width}x{settings.height} at {settings.fov:g} degrees, cell {settings.cell_radius:g} m / "
+        f"{settings.cell_fov:g} degrees, atlas {settings.atlas_width}x{settings.atlas_height}, {settings.latency:g} ms"
+    )
+    rates = ", ".join(str(crf) for crf in settings.crfs)
+    console.print(f"codec {settings.codec}" + (f", CRF {rates}, shown at {settings.display_crf}" if rates else ""))
+    for note in [*scene.notes, *path.notes]:
+        console.print(f"[yellow]note[/] {note}", markup=True)
+    _print_methods(console, packers, scene, settings, count)
+    table = make_table("skipped for this scene", "stage", "why")
+    for name, reason in skipped_stages(scene).items():
+        table.add_row(name, reason)
+    console.print(table)
+    running = sum(packer.skip(scene) is None for packer in packers)
+    seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, running)
+    console.print(f"about {_duration(seconds)}; results in {out or 'a new folder below runs/'}")
+
+
+def _print_methods(console: Any, packers: list[Packer], scene: Scene, settings: Settings, count: int) -> None:
+    table = make_table("methods", "method", "parameters", "what happens")
+    for packer in packers:
+        reason = packer.skip(scene)
+        what = (
+            f"skipped: {reason}"
+            if reason
+            else f"{count} frames" + (" x " + str(settings.repeat)) * (settings.repeat > 1)
+        )
+        table.add_row(packer.name, variant_string(packer), what)
+    console.print(table)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 90:
+        return f"{max(5, round(seconds / 5) * 5)} s"
+    return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"
+
+
+def _pace_file(settings: Settings, scene_hash: str) -> Path:
+    same = (
+        "width",
+        "height",
+        "atlas_width",
+        "atlas_height",
+        "cell_radius",
+        "cell_fov",
+        "codec",
+        "pvs_density",
+        "repeat",
+    )
+    values = [getattr(settings, name) for name in same]
+    key = hashlib.sha256(json.dumps([scene_hash, settings.crfs, values]).encode()).hexdigest()[:24]
+    return cache_folder("pace") / f"{key}.json"
+
+
+def remember_pace(session: Session, seconds_per_frame: float, methods: int) -> None:
+    """Keep how long a frame of one method took, for the next plan."""
+    pace = seconds_per_frame / max(1, methods)
+    file = _pace_file(session.settings, session.scene.host.content_hash)
+    write_atomically(file, lambda out: out.write(json.dumps(pace).encode()))
+
+
+def expected_pace(settings: Settings, scene_hash: str) -> float:
+    """Seconds per frame and method: as measured by the last such run here, else a guess from the sizes."""
+    try:
+        return float(json.loads(_pace_file(settings, scene_hash).read_text()))
+    except (OSError, ValueError):
+        pixels = settings.width * settings.height / 1e6
+        texels = settings.atlas_width * settings.atlas_height / 1e6
+        views = 9 * pixels * (settings.cell_fov / settings.fov * settings.pvs_density) ** 2
+        guess = FIRST_GUESS
+        return guess["fixed"] + guess["pixels"] * pixels + guess["texels"] * texels + guess["pvs_pixels"] * views

@@ -1,0 +1,285 @@
+"""The run loop: every method through every frame, one committed transaction per method and frame."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import platform
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, TextIO
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from harness.console import InputError, make_console, show_summary
+from harness.dump import dump_frame, dump_scene, folder_name, write_png
+from harness.frames import Work
+from harness.lane import Lane, Measured, stopped_rows
+from harness.metrics import Metrics
+from harness.noise import noise_warnings
+from harness.novel_view import NovelView, draw_novel_view
+from harness.plan import make_plan, remember_pace
+from harness.session import Session, find_methods, open_session
+from harness.settings import Settings
+from harness.skips import skipped_stages
+from harness.watchdog import PackTimeoutError, restart, time_limit
+from reports import csv_files, html
+from reports.store import Store
+
+RUNS = Path("runs")
+PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
+
+
+def run(settings: Settings, out: Path | None) -> bool:
+    """Run everything the settings ask for into `out` (a new folder below runs/ if None, or the unfinished run of the
+    same plan there); returns whether every row is ok or skipped.
+
+    Raises InputError, SettingsError, SceneError, PathError, DeviceError or StoreError for what cannot be used.
+    """
+    console = make_console(stderr=True)
+    console.print(f"[dim]Opening {settings.scene} ...[/]")
+    lanes_of = find_methods(settings)
+    session = open_session(settings)
+    lanes = [Lane(packer, session.scene, settings) for packer in lanes_of]
+    plan = make_plan(session, lanes)
+    folder = out or _folder_for(plan, settings)
+    with _locked(folder), Store(folder) as store:
+        store.set_plan(plan)
+        (folder / "run.json").write_text(json.dumps({"settings": settings.to_json(), "plan": plan}, indent=2) + "\n")
+        console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
+        Run(session, lanes, store, folder).all_frames()
+        csv_files.write_all(folder)
+        html.write_report(folder)
+        show_summary(store, folder)
+        return all(row["status"] in ("ok", "skipped") for row in store.rows())
+
+
+class Run:
+    """One run on its way: what it works with, and where its results go."""
+
+    def __init__(self, session: Session, lanes: list[Lane], store: Store, folder: Path) -> None:
+        self.session, self.lanes, self.store, self.folder = session, lanes, store, folder
+        self.settings, self.frames = session.settings, len(session.path.times_ms[: session.settings.frames])
+        self.metrics = Metrics(session.device)
+        shown = {0, self.frames // 2, self.frames - 1}
+        self.pictured = sorted(shown)
+        self.common = self._common_columns()
+
+    def _common_columns(self) -> dict[str, Any]:
+        """The columns that are the same in every row."""
+        s, scene, path = self.settings, self.session.scene.host, self.session.path
+        return {
+            "scene": scene.name,
+            "scene_hash": scene.content_hash,
+            "path": path.name,
+            "path_hash": self.session.path_hash,
+            "width": s.width,
+            "height": s.height,
+            "fov": s.fov,
+            "cell_radius": s.cell_radius,
+            "cell_fov": s.cell_fov,
+            "latency": s.latency,
+            "device": self.session.device.name,
+            "seed": s.seed,
+        }
+
+    def all_frames(self) -> None:
+        """Prepare the lanes, then work through the frames, with progress."""
+        self._write_notes()
+        done = self.store.finished()
+        finished = self._finished_before(done)
+        columns = (
+            TextColumn("{task.description}"),
+            BarColumn(bar_width=20),
+            MofNCompleteColumn(),
+            TextColumn("left:"),
+            TimeRemainingColumn(),
+        )
+        started = time.perf_counter()
+        with Progress(*columns, console=make_console(stderr=True), transient=True) as progress:
+            task = progress.add_task("preparing", total=self.frames * len(self.lanes))
+            for lane in self.lanes:
+                progress.update(task, description=f"preparing {lane.method}")
+                self._prepare(lane)
+            for index in range(self.frames):
+                self._one_frame(index, done, finished, progress, task)
+        remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
+
+    def _finished_before(self, done: set[tuple[str, str, int]]) -> dict[tuple[str, str], int]:
+        """How many leading frames of each lane are committed; lanes that stopped in an earlier run stay stopped."""
+        counts = {}
+        stopped = {
+            (row["method"], row["variant"]): (row["status"], row["reason"])
+            for row in self.store.rows()
+            if row["status"] in ("failed", "timeout", "skipped")
+        }
+        for lane in self.lanes:
+            key = (lane.method, lane.variant)
+            counts[key] = sum((*key, index) in done for index in range(self.frames))
+            lane.dead = stopped.get(key)
+        return counts
+
+    def _prepare(self, lane: Lane) -> None:
+        if lane.dead:
+            return
+        reason = lane.packer.skip(self.session.scene.host)
+        if reason:
+            lane.dead = ("skipped", reason)
+            return
+        with self._guarded(lane, "preparing"):
+            self.store.notes[f"prepare_ms/{lane.method}[{lane.variant}]"] = f"{lane.prepare():.1f}"
+
+    def _one_frame(
+        self, index: int, done: set, finished: dict[tuple[str, str], int], progress: Progress, task: Any
+    ) -> None:
+        """One frame of every lane: replayed where it is committed, measured where it is not."""
+        fresh = [lane for lane in self.lanes if (lane.method, lane.variant, index) not in done]
+        alive = [lane for lane in self.lanes if not lane.dead]
+        for lane in fresh:
+            if lane.dead:
+                self._commit_stopped(lane, index)
+        replayed = [lane for lane in alive if lane not in fresh and finished[lane.method, lane.variant] < self.frames]
+        novel = None
+        if replayed or any(not lane.dead for lane in fresh):
+            progress.update(task, description=f"frame {index + 1}: visible set")
+            work = self.session.source.work(index)
+        for lane in alive:
+            progress.update(task, description=f"frame {index + 1}: {lane.method}")
+            if lane in replayed:
+                with self._guarded(lane, f"replaying frame {index}"):
+                    lane.replay(work)
+            elif lane in fresh:
+                if novel is None:
+                    novel = self._novel_view(work)
+                self._measure(lane, work, novel)
+            progress.advance(task)
+
+    def _novel_view(self, work: Work) -> NovelView:
+        novel = draw_novel_view(self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
+        if work.frame.index in self.pictured:
+            self._write_picture("reference", work.frame.index, "", novel.rgb[..., :3])
+        return novel
+
+    def _measure(self, lane: Lane, work: Work, novel: NovelView) -> None:
+        index = work.frame.index
+        with self._guarded(lane, f"frame {index}"):
+            with time_limit(self.settings.timeout, lambda: self._give_up(lane, index)):
+                packed = lane.pack(work.frame)
+            measured = lane.measure(work, novel, self.metrics, packed, lane.advance(packed.payload))
+        if lane.dead:
+            self._commit_stopped(lane, index)
+            return
+        self.store.commit_frame(
+            lane.method,
+            lane.variant,
+            index,
+            [{**self.common, "frame": index, **row} for row in measured.rows],
+            measured.stages,
+            measured.statistics,
+            measured.repeats,
+        )
+        self._write_pictures(lane, work, novel, measured)
+
+    @contextmanager
+    def _guarded(self, lane: Lane, doing: str) -> Iterator[None]:
+        """A packer that fails stops its own lane, never the run."""
+        try:
+            yield
+        except PackTimeoutError:
+            lane.dead = ("timeout", f"{doing}: packing took longer than {self.settings.timeout:g} s.")
+        except Exception as error:  # whatever a method does, the others go on and the rows say what happened
+            lane.dead = ("failed", f"{doing}: {type(error).__name__}: {error}")
+
+    def _commit_stopped(self, lane: Lane, index: int) -> None:
+        status, reason = lane.dead
+        rows = [{**self.common, "frame": index, **row} for row in stopped_rows(lane.keys(), status, reason)]
+        self.store.commit_frame(lane.method, lane.variant, index, rows)
+
+    def _give_up(self, lane: Lane, index: int) -> None:
+        """Called from the watchdog's thread while a kernel hangs: note the timeout and start this command again."""
+        lane.dead = ("timeout", f"frame {index}: packing took longer than {self.settings.timeout:g} s in a kernel.")
+        with Store(self.folder) as store:
+            self.store = store
+            self._commit_stopped(lane, index)
+        restart("--out", str(self.folder))
+
+    def _write_notes(self) -> None:
+        """What a result must say about where it came from; warnings; what was skipped and why."""
+        notes, scene = self.store.notes, self.session.scene.host
+        notes.setdefault("environment/date", datetime.now().astimezone().isoformat(timespec="seconds"))
+        notes["environment/machine"] = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+        notes["environment/system"] = platform.platform()
+        notes["environment/python"] = platform.python_version()
+        for name in PACKAGES:
+            notes[f"environment/{name}"] = version(name)
+        for key, value in self.session.device.description.items():
+            notes[f"device/{key}"] = value
+        for number, text in enumerate([*scene.notes, *self.session.path.notes]):
+            notes[f"scene/{number:02d}"] = text
+        for number, text in enumerate(noise_warnings()):
+            notes[f"warning/{number:02d}"] = text
+        for name, reason in skipped_stages(scene).items():
+            notes[f"skipped/{name}"] = reason
+
+    def _write_pictures(self, lane: Lane, work: Work, novel: NovelView, measured: Measured) -> None:
+        index = work.frame.index
+        if index in self.pictured:
+            for name, rgb in measured.pictures.items():
+                self._write_picture(folder_name(lane.method, lane.variant), index, f"_{name}", rgb)
+            known = {
+                folder_name(other.method, other.variant): {"method": other.method, "variant": other.variant}
+                for other in self.lanes
+            }
+            (self.folder / "pictures" / "pictures.json").write_text(json.dumps(known, indent=2))
+        if self.settings.dump:
+            dump_scene(self.folder / "dump", self.session.scene.host)
+            dump_frame(
+                self.folder / "dump",
+                lane.method,
+                lane.variant,
+                index,
+                atlas=measured.plane,
+                owners=measured.owners,
+                client=measured.lossless,
+                reference=novel.rgb,
+                visibility=novel.visibility,
+                novel=novel.view,
+            )
+
+    def _write_picture(self, group: str, index: int, suffix: str, rgb: Any) -> None:
+        path = self.folder / "pictures" / group / f"frame_{index:04d}{suffix}.png"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_png(path, rgb)
+
+
+def _folder_for(plan: dict[str, Any], settings: Settings) -> Path:
+    """The newest unfinished run of this plan below runs/, else a new folder there."""
+    for folder in sorted(RUNS.glob("*/"), reverse=True):
+        if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file():
+            with Store(folder) as store:
+                if store.plan() == json.loads(json.dumps(plan)):
+                    return folder
+    stem = datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + Path(settings.scene).stem
+    return next(f for n in range(1000) if not (f := RUNS / (stem if n == 0 else f"{stem}-{n}")).exists())
+
+
+@contextmanager
+def _locked(folder: Path) -> Iterator[TextIO]:
+    """Keep two processes from writing one run; the lock ends with the process, however that ends."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with open(folder / ".lock", "w") as lock:
+            try:
+                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            except BlockingIOError:
+                raise InputError(
+                    f"{folder} is in use by another bench run: wait for it, or give another --out."
+                ) from None
+            yield lock
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error

@@ -1,0 +1,100 @@
+"""Everything a run needs before its first frame: device, scene, path, head motion, and the work of each frame."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from harness.console import InputError
+from harness.frames import FrameSource
+from harness.reference import ForwardRenderer
+from harness.settings import Settings
+from harness.upload import upload_scene
+from kernels.cache import cache_folder
+from kernels.device import Device
+from packers.interface import ServerScene
+from scenes.head_motion import HeadMotion
+from scenes.load import load_scene
+from scenes.model import Scene
+from scenes.paths import CameraPath, make_path
+
+if TYPE_CHECKING:
+    from packers.interface import Packer
+
+# An object whose file states no unit is taken to be this large, so that a view cell in metres means something.
+OBJECT_SIZE = 2.0
+
+
+@dataclass(frozen=True)
+class Session:
+    """The settings of a run, and what follows from them."""
+
+    settings: Settings
+    device: Device
+    scene: ServerScene
+    path: CameraPath
+    head: HeadMotion
+    source: FrameSource
+    forward: ForwardRenderer
+
+    @property
+    def path_hash(self) -> str:
+        """A hash of the path's poses and of the head motion at each of them."""
+        offsets = [self.head.offset(float(time), self.settings.latency) for time in self.path.times_ms]
+        digest = hashlib.sha256(self.path.hash.encode())
+        for shift, turn in offsets:
+            digest.update(np.concatenate([shift, turn]).tobytes())
+        return digest.hexdigest()[:16]
+
+
+def find_methods(settings: Settings) -> list[Packer]:
+    """The packers of `--method`, each once, in the order given. Raises InputError."""
+    from harness.plugins import load_packer, variant_string
+
+    found: dict[tuple[str, str], Packer] = {}
+    for spec in settings.methods:
+        try:
+            packers = load_packer(spec)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        for packer in packers:
+            found.setdefault((packer.name, variant_string(packer)), packer)
+    return list(found.values())
+
+
+def open_scene(settings: Settings) -> Scene:
+    """The scene of the settings, from the cache where it is there. Raises SceneError."""
+    scene = load_scene(
+        settings.scene,
+        unit=settings.unit,
+        detail=settings.detail,
+        repair=settings.repair,
+        decimate=settings.decimate,
+        seed=settings.seed,
+        cache=cache_folder("scenes"),
+    )
+    if scene.place or settings.unit is not None or scene.metres_per_unit != 1:
+        return scene
+    low, high = scene.bounds
+    size = float(max(high - low))
+    note = f"The file states no unit: the object is taken to be {OBJECT_SIZE:g} m large (--unit changes that)."
+    return replace(scene, metres_per_unit=OBJECT_SIZE / size, notes=[*scene.notes, note])
+
+
+def open_path(settings: Settings, scene: Scene) -> CameraPath:
+    """The camera path of the settings. Raises PathError; a path shorter than the frames asked for is one."""
+    return make_path(scene, settings.path, settings.frames, settings.seed)
+
+
+def open_session(settings: Settings) -> Session:
+    """Open the device, load and upload the scene, and make the path."""
+    scene = open_scene(settings)
+    path = open_path(settings, scene)
+    head = HeadMotion.recorded(settings.head_motion) if settings.head_motion else HeadMotion.synthetic(settings.seed)
+    device = Device.open(settings.device)
+    server = upload_scene(device, scene)
+    source = FrameSource(server, path, head, settings)
+    return Session(settings, device, server, path, head, source, ForwardRenderer(server))

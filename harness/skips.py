@@ -1,0 +1,22 @@
+"""What a scene does not need, and so is not built or run: DESIGN's rule, as a list with reasons."""
+
+from __future__ import annotations
+
+from scenes.model import Scene
+
+
+def skipped_stages(scene: Scene) -> dict[str, str]:
+    """Stages left out for this scene, name to reason."""
+    features = scene.features
+    reasons = {
+        "textures": (features.textures, "no material has a texture"),
+        "normal maps": (features.normal_maps, "no material has a normal map"),
+        "vertex colours": (features.vertex_colours, "all vertices are white"),
+        "alpha mask": (features.mask, "no material is alpha-masked"),
+        "blending": (features.blend, "no material is blended"),
+        "shadow maps": (features.shadows, "no light casts shadows"),
+        "specular": (features.specular, "all materials are fully rough and not metallic"),
+        "emission": (features.emissive, "no material emits light"),
+        "back-face culling": (features.single_sided, "all materials are double-sided"),
+    }
+    return {name: reason for name, (needed, reason) in reasons.items() if not needed}
