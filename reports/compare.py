@@ -1,0 +1,163 @@
+"""Comparing two runs of the same work, metric by metric, by a rank test on paired frames."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from reports.columns import MEASURES, Column
+from reports.store import Store
+
+# A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
+ALPHA = 0.01
+# ...and if it is large enough to matter. The same work timed in two processes easily differs by several per cent.
+TIME_THRESHOLD = 0.10
+OTHER_THRESHOLD = 0.01
+
+OK = Column("ok", "0..1", "share of frames with status ok", "status", float, "higher")
+
+Coding = tuple[str | None, int | None]
+Method = tuple[str, str]
+Rows = dict[Method, dict[Coding, dict[int, dict[str, Any]]]]
+
+
+class CompareError(ValueError):
+    """Two runs that cannot be compared; the message says why."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One metric of one method in two runs.
+
+    variant: of run a, and `A -> B` where the runs differ in it. codec, crf: both None for a metric that is the same for
+        every coding. a, b: medians over the paired frames (for `ok` the shares). change: median of the paired
+        differences b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all
+        pairs are equal. frames: pairs compared.
+    verdict: `better` or `worse` (of b) where p < ALPHA and the change reaches the threshold (TIME_THRESHOLD for times,
+        OTHER_THRESHOLD else); `same` where all pairs are equal or the change is certain but smaller; else `ambiguous`.
+    """
+
+    method: str
+    variant: str
+    codec: str | None
+    crf: int | None
+    metric: str
+    unit: str
+    better: str
+    a: float
+    b: float
+    change: float | None
+    p: float
+    frames: int
+    verdict: str
+
+
+def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
+    """All metrics with a better direction of all methods in both runs, sorted by method, variant, then metric.
+
+    Frames are paired by their number; frames that are not ok in both runs count only for the metric `ok`. Methods are
+    matched by their variant; where both runs hold a single, different variant of a method, these two are compared.
+
+    Raises StoreError if a folder has no results, CompareError if the runs differ in scene or path or share no method.
+    """
+    rows_a, rows_b = _read(folder_a), _read(folder_b)
+    for name in ("scene_hash", "path_hash"):
+        a, b = ({row[name] for row in rows} for rows in (rows_a, rows_b))
+        if a != b:
+            raise CompareError(
+                f"{folder_a} and {folder_b} differ in {name} ({_list(a)} and {_list(b)}): "
+                "only runs of the same scene and path can be compared frame by frame."
+            )
+    grouped_a, grouped_b = _group(rows_a), _group(rows_b)
+    matches = _matches(grouped_a, grouped_b)
+    if not matches:
+        raise CompareError(
+            f"{folder_a} and {folder_b} have no method in common: {_names(grouped_a)}; {_names(grouped_b)}."
+        )
+    return [
+        comparison
+        for method_a, method_b in matches
+        for comparison in _compare_method(method_a, method_b, grouped_a[method_a], grouped_b[method_b])
+    ]
+
+
+def _read(folder: Path) -> list[dict[str, Any]]:
+    with Store(folder, must_exist=True) as store:
+        return store.rows()
+
+
+def _group(rows: list[dict[str, Any]]) -> Rows:
+    grouped: Rows = defaultdict(lambda: defaultdict(dict))
+    for row in rows:
+        grouped[row["method"], row["variant"]][row["codec"], row["crf"]][row["frame"]] = row
+    return grouped
+
+
+def _matches(a: Rows, b: Rows) -> list[tuple[Method, Method]]:
+    matches = [(key, key) for key in a if key in b]
+    for name in sorted({method for method, _ in a}):
+        ours, theirs = ([key for key in rows if key[0] == name] for rows in (a, b))
+        if len(ours) == len(theirs) == 1 and ours != theirs:
+            matches.append((ours[0], theirs[0]))
+    return sorted(matches)
+
+
+def _compare_method(name_a: Method, name_b: Method, a: dict, b: dict) -> list[Comparison]:
+    variant = name_a[1] if name_a == name_b else f"{name_a[1]} -> {name_b[1]}"
+    codings = [coding for coding in a if coding in b]
+    found = []
+    for metric in (OK, *MEASURES):
+        if not metric.better:
+            continue
+        pairs = {coding: _pairs(metric, a[coding], b[coding]) for coding in codings}
+        pairs = {coding: values for coding, values in pairs.items() if values}
+        if len(pairs) > 1 and len({tuple(values) for values in pairs.values()}) == 1:
+            pairs = {(None, None): next(iter(pairs.values()))}
+        found += [_judge(name_a[0], variant, coding, metric, values) for coding, values in pairs.items()]
+    return found
+
+
+def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple[float, float]]:
+    common = sorted(a.keys() & b.keys())
+    if metric is OK:
+        return [(float(a[frame]["status"] == "ok"), float(b[frame]["status"] == "ok")) for frame in common]
+    good = [frame for frame in common if a[frame]["status"] == b[frame]["status"] == "ok"]
+    values = [(a[frame][metric.name], b[frame][metric.name]) for frame in good]
+    return [pair for pair in values if None not in pair]
+
+
+def _judge(method: str, variant: str, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
+    middle = (lambda values: sum(values) / len(values)) if metric is OK else median
+    a, b = (float(middle(values)) for values in zip(*pairs, strict=True))
+    shift = float(middle([after - before for before, after in pairs]))
+    p = _p_value(pairs)
+    threshold = (TIME_THRESHOLD if metric.kind == "time" else OTHER_THRESHOLD) * abs(a)
+    if all(before == after for before, after in pairs) or (p < ALPHA and (shift == 0 or abs(shift) < threshold)):
+        verdict = "same"
+    elif p >= ALPHA:
+        verdict = "ambiguous"
+    else:
+        verdict = "better" if (shift > 0) == (metric.better == "higher") else "worse"
+    change = shift / abs(a) if a else None
+    frames = len(pairs)
+    return Comparison(
+        method, variant, *coding, metric.name, metric.unit, metric.better, a, b, change, p, frames, verdict
+    )
+
+
+def _p_value(pairs: list[tuple[float, float]]) -> float:
+    from scipy.stats import wilcoxon
+
+    differences = [after - before for before, after in pairs if after != before]
+    return float(wilcoxon(differences).pvalue) if differences else 1.0
+
+
+def _list(values: set[str]) -> str:
+    return ", ".join(sorted(str(value) for value in values)) or "none"
+
+
+def _names(rows: Rows) -> str:
+    return _list({method for method, _ in rows})

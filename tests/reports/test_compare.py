@@ -1,0 +1,98 @@
+"""Two runs compared: equal runs are the same, a planted change is found, chance is called ambiguous."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reports.compare import CompareError, Comparison, compare
+from reports.store import Store, StoreError
+from tests.reports.synthetic import COMMON, make_store
+
+
+def one_method(folder: Path, values: np.ndarray, metric: str = "flip", variant: str = "v", **other: object) -> Path:
+    with Store(folder) as store:
+        for frame, value in enumerate(values):
+            ok = np.isfinite(value)
+            row = COMMON | {"codec": "none", "status": "ok" if ok else "failed", metric: value} | other
+            store.commit_frame("sas", variant, frame, [row])
+    return folder
+
+
+def only(found: list[Comparison], metric: str) -> Comparison:
+    (comparison,) = [item for item in found if item.metric == metric]
+    return comparison
+
+
+def test_a_run_is_the_same_as_itself_and_metrics_of_all_codings_are_merged(tmp_path: Path) -> None:
+    make_store(tmp_path / "a")
+    make_store(tmp_path / "b", order=-1)
+    found = compare(tmp_path / "a", tmp_path / "b")
+    assert {item.verdict for item in found} == {"same"}
+    assert {item.method for item in found} == {"grid", "sas", "bins"}
+    server = [item for item in found if (item.method, item.metric) == ("sas", "server_ms")]
+    assert [(item.codec, item.crf, item.frames) for item in server] == [(None, None, 12)]
+    video = [(item.codec, item.crf) for item in found if (item.method, item.metric) == ("sas", "bytes_video")]
+    assert video == [("h264", 5), ("h264", 10), ("h264", 25), ("h264", 35), ("none", None)]
+
+
+def test_a_slower_run_is_worse_in_its_times_only(tmp_path: Path) -> None:
+    make_store(tmp_path / "a")
+    make_store(tmp_path / "b", slower=1.3)
+    found = compare(tmp_path / "a", tmp_path / "b")
+    changed = {item.metric for item in found if item.verdict != "same"}
+    assert changed == {"structs_ms", "gather_ms", "server_ms", "wall_ms"}
+    server = next(item for item in found if item.metric == "server_ms")
+    assert server.verdict == "worse"
+    assert server.change == pytest.approx(0.3, abs=0.01)
+    back = compare(tmp_path / "b", tmp_path / "a")
+    assert {item.verdict for item in back if item.metric in changed} == {"better"}
+
+
+@pytest.mark.parametrize(
+    ("metric", "factor", "verdict"),
+    [("psnr", 1.2, "better"), ("psnr", 0.8, "worse"), ("flip", 1.001, "same"), ("gather_ms", 1.05, "same")],
+)
+def test_direction_and_threshold(tmp_path: Path, metric: str, factor: float, verdict: str) -> None:
+    values = np.random.default_rng(2).uniform(20, 30, 20)
+    a = one_method(tmp_path / "a", values, metric)
+    b = one_method(tmp_path / "b", values * factor, metric)
+    assert only(compare(a, b), metric).verdict == verdict
+
+
+def test_chance_and_too_few_frames_are_ambiguous(tmp_path: Path) -> None:
+    random = np.random.default_rng(3)
+    a = one_method(tmp_path / "a", random.uniform(1, 2, 30))
+    b = one_method(tmp_path / "b", random.uniform(1, 2, 30))
+    assert only(compare(a, b), "flip").verdict == "ambiguous"
+    a = one_method(tmp_path / "c", np.ones(4))
+    b = one_method(tmp_path / "d", np.full(4, 2.0))
+    assert only(compare(a, b), "flip").verdict == "ambiguous"
+
+
+def test_failed_frames_are_left_out_of_metrics_but_not_forgotten(tmp_path: Path) -> None:
+    values = np.linspace(1, 2, 20)
+    a = one_method(tmp_path / "a", values)
+    b = one_method(tmp_path / "b", np.where(np.arange(20) < 12, np.nan, values))
+    found = compare(a, b)
+    assert (only(found, "flip").verdict, only(found, "flip").frames) == ("same", 8)
+    ok = only(found, "ok")
+    assert (ok.verdict, ok.a, ok.b, ok.frames) == ("worse", 1.0, 0.4, 20)
+
+
+def test_single_variants_are_matched_across_runs(tmp_path: Path) -> None:
+    a = one_method(tmp_path / "a", np.linspace(1, 2, 20), variant="block=1")
+    b = one_method(tmp_path / "b", np.linspace(1, 2, 20) / 2, variant="block=2")
+    flip = only(compare(a, b), "flip")
+    assert (flip.variant, flip.verdict) == ("block=1 -> block=2", "better")
+
+
+def test_different_work_is_refused(tmp_path: Path) -> None:
+    a = one_method(tmp_path / "a", np.ones(3))
+    b = one_method(tmp_path / "b", np.ones(3), path_hash="other")
+    with pytest.raises(CompareError, match="path_hash"):
+        compare(a, b)
+    with pytest.raises(StoreError, match="no results"):
+        compare(a, tmp_path / "c")

@@ -1,0 +1,109 @@
+"""The CSV files: sorted, the same bytes for the same results, nothing missing as zero, medians as documented."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+from statistics import NormalDist, median
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from reports.columns import FRAME_COLUMNS, FRAME_KEY, MEASURES
+from reports.csv_files import median_interval, summarise, write_all, write_csv
+from reports.store import Store
+from tests.reports.synthetic import COMMON, make_store
+
+FILES = ("frames.csv", "summary.csv", "stages.csv", "statistics.csv")
+TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
+NUMBERS = st.none() | st.floats() | st.integers(-(2**53), 2**53)
+
+
+def read(path: Path) -> list[dict[str, str]]:
+    with path.open(encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    make_store(folder)
+    write_all(folder)
+    return folder
+
+
+def test_same_results_give_the_same_bytes_in_whatever_order_they_came(folder: Path, tmp_path: Path) -> None:
+    make_store(tmp_path, order=-1)
+    write_all(tmp_path)
+    for name in FILES:
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted([*FILES, "results.sqlite"])
+
+
+def test_frames_are_sorted_and_failures_are_empty_not_zero(folder: Path) -> None:
+    rows = read(folder / "frames.csv")
+    keys = [tuple(int(row[k] or -1) if k in ("crf", "frame") else row[k] for k in FRAME_KEY) for row in rows]
+    assert keys == sorted(set(keys))
+    assert len(rows) == 3 * 12 * 5
+    failed = [row for row in rows if row["status"] == "failed"]
+    assert len(failed) == 5
+    for row in failed:
+        assert row["reason"] == "out of memory"
+        assert all(row[measure.name] == "" for measure in MEASURES)
+    hidden = [row for row in rows if row["crf"] not in ("25", "")]
+    assert all(row["flip"] == row["psnr"] == "" for row in hidden)
+
+
+def test_summary_holds_medians_of_frames_that_are_ok(folder: Path) -> None:
+    rows, summaries = read(folder / "frames.csv"), read(folder / "summary.csv")
+    assert len(summaries) == 3 * 5
+    for summary in summaries:
+        of_key = [row for row in rows if all(row[k] == summary[k] for k in FRAME_KEY if k != "frame")]
+        good = [row for row in of_key if row["status"] == "ok"]
+        assert (int(summary["frames"]), int(summary["frames_ok"])) == (12, len(good))
+        assert int(summary["frames_failed"]) == 12 - len(good)
+        for measure in MEASURES:
+            values = [float(row[measure.name]) for row in good if row[measure.name]]
+            if not values:
+                assert summary[f"{measure.name}_median"] == summary[f"{measure.name}_low"] == ""
+                continue
+            low, middle, high = (float(summary[f"{measure.name}_{s}"]) for s in ("low", "median", "high"))
+            assert middle == median(values)
+            assert low <= middle <= high
+
+
+@pytest.mark.parametrize("n", [6, 7, 12, 30, 101])
+def test_the_interval_covers_the_median_as_often_as_it_says(n: int) -> None:
+    values = np.sort(np.random.default_rng(1).normal(size=(4000, n)), axis=1)
+    ends = [median_interval(list(row)) for row in values]
+    covered = np.mean([low <= NormalDist().median <= high for low, high in ends])
+    assert 0.95 - 0.012 < covered < 0.995
+
+
+def test_few_values_have_no_interval() -> None:
+    assert [median_interval([1.0] * n) for n in range(6)] == [(None, None)] * 6
+    assert median_interval([1.0, 2, 3, 4, 5, 6]) == (1.0, 6.0)
+    assert median_interval(list(range(660))) == (304.0, 355.0)
+
+
+@settings(max_examples=40, deadline=None)
+@given(values=st.lists(st.tuples(TEXTS, NUMBERS), max_size=6))
+def test_any_text_and_number_is_read_back(values: list, tmp_path_factory: pytest.TempPathFactory) -> None:
+    folder = tmp_path_factory.mktemp("any")
+    with Store(folder) as store:
+        for frame, (text, number) in enumerate(values):
+            row = COMMON | {"codec": None, "status": "failed", "reason": text, "flip": number}
+            store.commit_frame(text, text, frame, [row])
+        rows = store.rows()
+    write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
+    found = sorted(read(folder / "frames.csv"), key=lambda row: int(row["frame"]))
+    for (text, number), row in zip(values, found, strict=True):
+        assert row["method"] == row["variant"] == row["reason"] == text
+        if number is None or not math.isfinite(number):
+            assert row["flip"] == ""
+        else:
+            assert float(row["flip"]) == float(number)
+    assert len(summarise(rows)) == len({text for text, _ in values})
