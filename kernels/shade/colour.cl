@@ -1,0 +1,54 @@
+// Sky radiance, tone mapping and encoding, 8 wide.
+
+#define INV_PI 0.318309886f
+
+// Layout of the environment: linear RGB of zenith, horizon and ground, then the exposure.
+#define ZENITH 0
+#define HORIZON 3
+#define GROUND 6
+#define EXPOSURE 9
+#define ENVIRONMENT_FLOATS 10
+
+// Radiance of one channel from a direction whose height (y of the unit vector) is given. Just below the horizon the sky
+// fades to the ground, so that there is no edge to alias.
+inline float8 sky_radiance8(__global const float *environment, int channel, float8 height)
+{
+    const float zenith = environment[ZENITH + channel], horizon = environment[HORIZON + channel];
+    const float ground = environment[GROUND + channel];
+    float8 up = (height > 0.0f) ? height : (float8)0.0f;
+    float8 down = height * -20.0f;
+    down = (down > 0.0f) ? ((down < 1.0f) ? down : (float8)1.0f) : (float8)0.0f;
+    const float8 sky = horizon + (zenith - horizon) * up;
+    return sky + (ground - sky) * down;
+}
+
+// Irradiance / pi of one channel on a surface whose normal has the given height, under the sky above without the fade.
+// Exact for normals straight up, level and straight down, quadratic in between: integrating the linear gradient against
+// the cosine gives the zenith weights 2/3, 2/(3 pi) and 0.
+inline float8 sky_irradiance8(__global const float *environment, int channel, float8 height)
+{
+    const float8 ground = 0.5f - 0.5f * height;
+    const float8 zenith = 0.212206591f + height * (0.333333333f + height * 0.121126742f);
+    return environment[GROUND + channel] * ground + environment[ZENITH + channel] * zenith +
+           environment[HORIZON + channel] * (1.0f - ground - zenith);
+}
+
+// Tone mapping (Narkowicz 2015, "ACES Filmic Tone Mapping Curve") of scene radiance, then sRGB encoding, 0..255.
+inline int8 encode8(float8 radiance)
+{
+    float8 x = (radiance > 0.0f) ? radiance : (float8)0.0f; // not-a-number becomes black
+    x = (x < 1e4f) ? x : (float8)1e4f;
+    x = x * (2.51f * x + 0.03f) / (x * (2.43f * x + 0.59f) + 0.14f);
+    x = (x < 1.0f) ? x : (float8)1.0f;
+    // The power 1/2.4 = 5/12 as a polynomial in the fourth root: within 0.0021 of one level.
+    const float8 y = sqrt(sqrt(x));
+    const float8 power =
+        -0.0614829118f +
+        y * (0.163491914f + y * (1.24979118f + y * (-0.567404048f + y * (0.280982092f + y * -0.0653834055f))));
+    return convert_int8(((x <= 0.0031308f) ? 12.92f * x : power) * 255.0f + 0.5f);
+}
+
+inline int8 packed8(int8 r, int8 g, int8 b)
+{
+    return r | (g << 8) | (b << 16) | (int)0xff000000;
+}

@@ -1,0 +1,40 @@
+"""Per triangle: material and UV scale, which turns a footprint in the scene into one in texture space."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+
+def face_rows(device: Device, vertices: Array, indices: Array, material_ids: np.ndarray) -> Array:
+    """int32 (T, 2) on the device: material, and the bits of the float32 UV scale.
+
+    vertices: float32 (V, 8), position, normal, uv; indices: int32 (T, 3); material_ids: int32 (T). The UV scale is the
+    largest singular value of d UV / d P; 0 for triangles without area.
+    """
+    count = len(material_ids)
+    faces = device.empty((count, 2), np.int32)
+    materials = device.upload(np.ascontiguousarray(material_ids, np.int32))
+    device.launch(
+        "shade/faces", device.build("shade/faces.cl").uv_scales, count, count, vertices, indices, materials, faces
+    )
+    return faces
+
+
+def uv_scale_twin(vertices: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """float64 (T): the UV scales."""
+    corners = np.asarray(vertices, np.float64)[indices]
+    sides = corners[:, 1:] - corners[:, :1]
+    # Orthonormal coordinates in the triangle's plane make d UV / d P a 2x2 matrix.
+    scales = np.zeros(len(indices))
+    for i, side in enumerate(sides):
+        frame, in_plane = np.linalg.qr(side[:, :3].T)
+        if np.linalg.norm(np.cross(side[0, :3], side[1, :3])) > 0:
+            scales[i] = np.linalg.svd(side[:, 6:].T @ np.linalg.inv(in_plane), compute_uv=False)[0]
+    return scales

@@ -1,0 +1,99 @@
+"""The shading kernel's launcher; its twin is in shade.py."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.shade.faces import face_rows
+from kernels.shade.shadow import ShadowMaps
+from kernels.shade.sky import pixel_rays
+from kernels.shade.tables import Lighting, Surface, make_tables
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+    from kernels.samples import Samples
+    from kernels.texture.buffers import TextureBuffers
+    from kernels.triangles import Triangles
+
+CHUNKS = 512  # on a CPU: enough for balance where some samples cost several times others
+STEP = 8  # samples shaded at once
+
+
+class Shader:
+    """The one shading function for a scene: shades sample lists and paints the sky.
+
+    `defines` and `arguments` are for kernels of packers that include shade/shade.cl: what to build them with, and what
+    to pass for SURFACE_PARAMETERS.
+    """
+
+    def __init__(
+        self,
+        device: Device,
+        triangles: Triangles,
+        surface: Surface,
+        lighting: Lighting,
+        textures: TextureBuffers,
+        shadows: ShadowMaps | None = None,
+    ) -> None:
+        """Upload a scene's surface and lighting. `shadows` belong to the same lights; None for none."""
+        shadows = shadows or ShadowMaps.none(device, len(lighting.lights))
+        self.device = device
+        self.textures = textures
+        self.shadows = shadows
+        self.tables = make_tables(
+            triangles.host_positions, triangles.host_indices, surface, lighting, textures.wraps, shadows.rows
+        )
+        self.defines = self.tables.defines
+        vertices = device.upload(self.tables.vertices)
+        self.faces = face_rows(device, vertices, triangles.indices, surface.material_ids)
+        self._environment = device.upload(self.tables.environment)
+        self.arguments = (
+            vertices,
+            device.upload(self.tables.extras),
+            triangles.indices,
+            self.faces,
+            device.upload(self.tables.materials),
+            textures.textures,
+            textures.levels,
+            textures.texels,
+            device.upload(self.tables.lights),
+            shadows.maps,
+            self._environment,
+        )
+
+    def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:
+        """Write the colour of every sample, sRGB with alpha 255, at its texel of `target`, uint8 (H, W, 4).
+
+        eye: float64 (3), from where highlights are seen and double-sided surfaces are turned towards. The sample arrays
+        must have room for whole steps of 8 (`Samples.allocate` sees to it); what lies beyond `count` is ignored.
+        """
+        chunks = CHUNKS if self.device.is_cpu else -(-samples.count // STEP)
+        run = max(1, -(-samples.count // (chunks * STEP))) * STEP if samples.count else STEP
+        self.device.launch(
+            stage,
+            self.device.build("shade/shade.cl", **self.defines).shade_samples,
+            -(-samples.count // run),
+            samples.count,
+            run,
+            samples.triangle,
+            samples.bary1,
+            samples.bary2,
+            samples.footprint,
+            samples.texel,
+            target,
+            *(float(x) for x in eye),
+            *self.arguments,
+            local=1 if self.device.is_cpu else None,
+        )
+
+    def sky(self, view: np.ndarray, projection: np.ndarray, target: Array, stage: str = "shade/sky") -> None:
+        """Paint the sky over all of `target`, uint8 (H, W, 4), as a camera float64 (4, 4), (4, 4) sees it; alpha 255."""
+        height, width = target.shape[:2]
+        rays = self.device.upload(pixel_rays(view, projection, width, height).astype(np.float32))
+        kernel = self.device.build("shade/sky.cl").paint_sky
+        groups = -(-width // STEP) * height
+        self.device.launch(stage, kernel, groups, width, height, rays, self._environment, target)

@@ -1,0 +1,82 @@
+// Shadow map lookups, 8 wide: 3x3 percentage-closer filtering, the taps bilinear.
+
+// Layout of a light's shadow in its record: rows of the map's transform (from scene space to map texels x and y, depth
+// and w), where the map starts, its side in texels (0: none), and the side of one map texel in scene units, which is
+// TEXEL_BASE + TEXEL_PER_W * w. Depth per scene unit along the light is DEPTH_BASE + DEPTH_PER_SQUARE * depth^2.
+#define SHADOW_X 20
+#define SHADOW_Y 24
+#define SHADOW_DEPTH 28
+#define SHADOW_W 32
+#define SHADOW_START 36
+#define SHADOW_SIZE 37
+#define TEXEL_BASE 38
+#define TEXEL_PER_W 39
+#define DEPTH_BASE 40
+#define DEPTH_PER_SQUARE 41
+
+// The filter reaches two texels, diagonally 2 sqrt 2: pushed that far along the normal, a plane cannot shadow itself.
+#define NORMAL_OFFSET 2.83f
+// Towards the light, for curvature and what depth loses to rounding; in texels.
+#define LIGHT_OFFSET 0.75f
+
+#if SHADOWS
+inline float8 row8(__global const float *row, float8 x, float8 y, float8 z)
+{
+    return row[0] * x + row[1] * y + row[2] * z + row[3];
+}
+
+// The share of light that arrives. x, y, z: position; f: unit geometric normal; l: unit direction to the light;
+// lanes with `wanted` 0 give 1. Between lit and dark lies a ramp one texel deep instead of a step, so that shading is a
+// continuous function of the position.
+inline float8 shadow8(__global const float *light, __global const float *shadow_maps, float8 x, float8 y, float8 z,
+                      float8 fx, float8 fy, float8 fz, float8 lx, float8 ly, float8 lz, int8 wanted)
+{
+    const int size = (int)light[SHADOW_SIZE];
+    __global const float *map = shadow_maps + as_int(light[SHADOW_START]);
+    const float8 texel = light[TEXEL_BASE] + light[TEXEL_PER_W] * row8(light + SHADOW_W, x, y, z);
+    const float8 cosine = fx * lx + fy * ly + fz * lz;
+    const float8 sine = sqrt((cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (float8)0.0f);
+    const float8 normal_offset = texel * ((cosine < 0.0f) ? -NORMAL_OFFSET * sine : NORMAL_OFFSET * sine);
+    const float8 light_offset = texel * LIGHT_OFFSET;
+    x += fx * normal_offset + lx * light_offset;
+    y += fy * normal_offset + ly * light_offset;
+    z += fz * normal_offset + lz * light_offset;
+    const float8 w = row8(light + SHADOW_W, x, y, z);
+    const float8 inverse = 1.0f / ((w > 0.0f) ? w : (float8)1.0f);
+    const float8 column = row8(light + SHADOW_X, x, y, z) * inverse, row = row8(light + SHADOW_Y, x, y, z) * inverse;
+    const float8 depth = row8(light + SHADOW_DEPTH, x, y, z) * inverse;
+    const float8 ramp = texel * (light[DEPTH_BASE] + light[DEPTH_PER_SQUARE] * depth * depth);
+    const float8 steepness = 1.0f / ((ramp > 1e-12f) ? ramp : (float8)1e-12f);
+    const float far = size - 2;
+    const int8 inside = wanted && w > 0.0f && column >= 2.0f && column <= far && row >= 2.0f && row <= far;
+    if (!any(inside))
+        return 1.0f;
+
+    const float8 column_low = floor(column - 0.5f), row_low = floor(row - 0.5f);
+    int starts[8], looked[8];
+    float weights_x[8], weights_y[8], lit[8], depths[8], slopes[8];
+    vstore8(column - 0.5f - column_low, 0, weights_x);
+    vstore8(row - 0.5f - row_low, 0, weights_y);
+    vstore8(depth * steepness + 1.0f, 0, depths);
+    vstore8(steepness, 0, slopes);
+    vstore8(inside, 0, looked);
+    vstore8(inside ? (convert_int8(row_low) - 1) * size + convert_int8(column_low) - 1 : (int8)0, 0, starts);
+    for (int lane = 0; lane < 8; lane++) {
+        lit[lane] = 1.0f;
+        if (!looked[lane])
+            continue;
+        const float4 across = (float4)(1.0f - weights_x[lane], 1.0f, 1.0f, weights_x[lane]);
+        const float4 down = (float4)(1.0f - weights_y[lane], 1.0f, 1.0f, weights_y[lane]);
+        __global const float *taps = map + starts[lane];
+        float4 sum = 0.0f;
+        for (int i = 0; i < 4; i++) {
+            float4 open = depths[lane] - vload4(0, taps + i * size) * slopes[lane];
+            open = (open > 0.0f) ? ((open < 1.0f) ? open : (float4)1.0f) : (float4)0.0f;
+            sum += open * (i == 0 ? down.x : i == 3 ? down.w : 1.0f);
+        }
+        sum *= across;
+        lit[lane] = (sum.x + sum.y + sum.z + sum.w) * (1.0f / 9.0f);
+    }
+    return vload8(0, lit);
+}
+#endif

@@ -1,0 +1,28 @@
+"""The sky behind a picture: rays of its pixels, and the twin of the kernel that paints them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kernels.shade.colour import encode, sky_radiance
+
+
+def pixel_rays(view: np.ndarray, projection: np.ndarray, width: int, height: int) -> np.ndarray:
+    """float64 (9): the direction through the centre of pixel (0, 0), and its steps per column and per row.
+
+    view, projection: float64 (4, 4), a perspective with the conventions of the packer interface.
+    """
+    to_world = view[:3, :3].T
+    x = (np.array([1 / width - 1, 2 / width]) + [projection[0, 2], 0]) / projection[0, 0]
+    y = (np.array([1 - 1 / height, -2 / height]) + [projection[1, 2], 0]) / projection[1, 1]
+    rays = np.array([[x[0], y[0], -1.0], [x[1], 0, 0], [0, y[1], 0]]) @ to_world.T
+    return rays.ravel()
+
+
+def paint_sky_twin(view: np.ndarray, projection: np.ndarray, width: int, height: int, environment: np.ndarray):
+    """uint8 (height, width, 4): the sky as a camera sees it. environment: float (10), see tables.environment_row."""
+    origin, right, down = pixel_rays(view, projection, width, height).reshape(3, 3)
+    rows, columns = np.mgrid[:height, :width]
+    rays = origin + columns[..., None] * right + rows[..., None] * down
+    up = rays[..., 1] / np.linalg.norm(rays, axis=-1)
+    return encode(sky_radiance(environment, up) * environment[9])

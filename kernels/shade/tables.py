@@ -1,0 +1,171 @@
+"""The tables that the shading function reads: vertices, materials, lights and environment as rows of floats."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+MATERIAL_FLOATS = 16
+LIGHT_FLOATS = 48
+KINDS = {"directional": 0, "point": 1, "spot": 2}
+FADE_START = 0.8  # of a spot's cone: there it starts to fade
+
+
+class MaterialLike(Protocol):
+    """The fields of a metallic-roughness material that shading reads; linear colours, texture indices or -1."""
+
+    base_colour: tuple[float, float, float, float]
+    base_texture: int
+    normal_texture: int
+    normal_scale: float
+    emissive: tuple[float, float, float]
+    emissive_texture: int
+    roughness: float
+    metallic: float
+    double_sided: bool
+
+
+class LightLike(Protocol):
+    """The fields of a light that shading reads; directions are where the light goes, `cone` in degrees."""
+
+    kind: str
+    colour: tuple[float, float, float]
+    position: tuple[float, float, float]
+    direction: tuple[float, float, float]
+    cone: float
+
+
+class SkyLike(Protocol):
+    """Linear RGB radiance from straight up, the horizon and below."""
+
+    zenith: tuple[float, float, float]
+    horizon: tuple[float, float, float]
+    ground: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Surface:
+    """What shading needs to know of a scene's triangles, host arrays.
+
+    normals float32 (V, 3); uvs float32 (V, 2); material_ids int32 (T); colours float32 (V, 4), linear, or None where
+    all are white; tangents float32 (V, 4), the bitangent's sign in w, or None where no normal map is used.
+    """
+
+    normals: np.ndarray
+    uvs: np.ndarray
+    material_ids: np.ndarray
+    materials: Sequence[MaterialLike]
+    colours: np.ndarray | None = None
+    tangents: np.ndarray | None = None
+
+
+@dataclass(frozen=True)
+class Lighting:
+    """Lights, sky and exposure; metres_per_unit turns distances to local lights into metres."""
+
+    lights: Sequence[LightLike]
+    sky: SkyLike
+    exposure: float = 1.0
+    metres_per_unit: float = 1.0
+
+
+@dataclass(frozen=True)
+class Tables:
+    """The rows that kernel and twin both read, float32 unless said otherwise; layouts in this module.
+
+    vertices (V, 8): position, normal, uv. extras (V, 8): tangent, colour. indices int32 (T, 3). materials (M, 16).
+    lights (L, 48). environment (10). defines: what is compiled in (see shade.cl).
+    """
+
+    vertices: np.ndarray
+    extras: np.ndarray
+    indices: np.ndarray
+    materials: np.ndarray
+    lights: np.ndarray
+    environment: np.ndarray
+    defines: dict[str, int] = field(default_factory=dict)
+
+
+def vertex_rows(positions: np.ndarray, surface: Surface) -> np.ndarray:
+    """float32 (V, 8): position, normal, texture coordinates."""
+    return np.concatenate([positions, surface.normals, surface.uvs], axis=1, dtype=np.float32)
+
+
+def extra_rows(surface: Surface) -> np.ndarray:
+    """float32 (V, 8): tangent and colour, defaults where only one of them is used; (0, 8) without either."""
+    if surface.colours is None and surface.tangents is None:
+        return np.zeros((0, 8), np.float32)
+    rows = np.ones((len(surface.normals), 8), np.float32)
+    if surface.tangents is not None:
+        rows[:, :4] = surface.tangents
+    if surface.colours is not None:
+        rows[:, 4:] = surface.colours
+    return rows
+
+
+def material_rows(materials: Sequence[MaterialLike]) -> np.ndarray:
+    """float32 (M, 16): base colour, base texture, roughness, metallic, double-sided, 0, emissive colour and texture,
+    normal texture and scale, 0, 0. Texture numbers are entries of the texture table, 0 being white."""
+    rows = np.zeros((len(materials), MATERIAL_FLOATS), np.float32)
+    for row, m in zip(rows, materials, strict=True):
+        row[:8] = *m.base_colour[:3], m.base_texture + 1, m.roughness, m.metallic, m.double_sided, 0
+        row[8:14] = *m.emissive, m.emissive_texture + 1, m.normal_texture + 1, m.normal_scale
+    return rows
+
+
+def light_rows(lights: Sequence[LightLike], metres_per_unit: float) -> np.ndarray:
+    """float32 (L, 48): kind at 0, position at 4, direction at 8, falloff at 11, cone at 12, colour at 16; the shadow's
+    part from 20 on is zero (layout in shadow_lookup.cl)."""
+    rows = np.zeros((len(lights), LIGHT_FLOATS), np.float32)
+    for row, light in zip(rows, lights, strict=True):
+        direction = np.asarray(light.direction, np.float64)
+        outer, inner = (np.cos(np.radians(light.cone * share)) for share in (1.0, FADE_START))
+        row[0] = KINDS[light.kind]
+        row[4:7] = light.position
+        row[8:11] = direction / max(np.linalg.norm(direction), 1e-30)
+        row[11] = metres_per_unit**2
+        row[12:14] = outer, 1 / (inner - outer)
+        row[16:19] = light.colour
+    return rows
+
+
+def environment_row(sky: SkyLike, exposure: float) -> np.ndarray:
+    """float32 (10): zenith, horizon, ground, exposure."""
+    return np.array([*sky.zenith, *sky.horizon, *sky.ground, exposure], np.float32)
+
+
+def needed(surface: Surface, lighting: Lighting, wraps: bool, shadows: bool) -> dict[str, int]:
+    """What must be compiled into the shading function, as its defines."""
+    materials = surface.materials
+    return {
+        "TEXTURES": int(any(max(m.base_texture, m.normal_texture, m.emissive_texture) >= 0 for m in materials)),
+        "WRAP_MODES": int(wraps),
+        "NORMAL_MAPS": int(surface.tangents is not None and any(m.normal_texture >= 0 for m in materials)),
+        "VERTEX_COLOURS": int(surface.colours is not None),
+        "SPECULAR": int(any(m.metallic > 0 or m.roughness < 1 for m in materials)),
+        "EMISSIVE": int(any(max(m.emissive) > 0 for m in materials)),
+        "DOUBLE_SIDED": int(any(m.double_sided for m in materials)),
+        "LOCAL_LIGHTS": int(any(light.kind != "directional" for light in lighting.lights)),
+        "SHADOWS": int(shadows),
+        "LIGHTS": len(lighting.lights),
+    }
+
+
+def make_tables(
+    positions: np.ndarray, indices: np.ndarray, surface: Surface, lighting: Lighting, wraps: bool, shadows: np.ndarray
+) -> Tables:
+    """All rows of a scene; `shadows` float32 (L, 28) is the shadow part of each light's record."""
+    lights = light_rows(lighting.lights, lighting.metres_per_unit)
+    lights[:, 20:] = shadows
+    return Tables(
+        vertex_rows(positions, surface),
+        extra_rows(surface),
+        np.ascontiguousarray(indices, np.int32),
+        material_rows(surface.materials),
+        lights,
+        environment_row(lighting.sky, lighting.exposure),
+        needed(surface, lighting, wraps, bool(np.any(shadows[:, 17] > 0))),
+    )

@@ -1,0 +1,90 @@
+"""Textures with their mip chains in one device buffer."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from kernels.device import DeviceError
+from kernels.texture.mipmap import linear_texels, mip_chain
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
+FULL = 65535  # texels are uint16 in linear light: 8 bits of sRGB need 12 bits or more there
+
+
+class TextureImage(Protocol):
+    """What a texture has: uint8 (H, W, 4) texels, row 0 at v = 0, and how coordinates outside 0..1 wrap."""
+
+    texels: np.ndarray
+    srgb: bool
+    wrap_s: str
+    wrap_t: str
+
+
+@dataclass(frozen=True)
+class TextureBuffers:
+    """Mip-mapped textures on the device; entry 0 is a white texel, so texture i of the scene is entry i + 1.
+
+    textures: int32 (N + 1, 4) of first level, last level - first level, wrap_s + 4 * wrap_t, longest side.
+    levels: int32 (L, 4) of first texel, width, height, 0.
+    texels: uint16 (M, 4), linear light, 65535 = 1.
+    wraps: whether any texture clamps or mirrors.
+    host_*: the same on the host, for the twin.
+    """
+
+    textures: Array
+    levels: Array
+    texels: Array
+    wraps: bool
+    host_textures: np.ndarray
+    host_levels: np.ndarray
+    host_texels: np.ndarray
+
+    @classmethod
+    def upload(cls, device: Device, textures: Sequence[TextureImage], masked: Collection[int] = ()) -> TextureBuffers:
+        """Build the mip chains and copy them to the device.
+
+        masked: textures whose alpha cuts holes: there colours average over what is seen only, so that the colour
+        under the holes does not bleed out in the distance. Raises DeviceError if they do not fit one buffer.
+        """
+        table, levels, texels = [(0, 0, 0, 1)], [(0, 1, 1, 0)], [np.full((1, 4), FULL, np.uint16)]
+        offset = 1
+        for index, texture in enumerate(textures):
+            first = len(levels)
+            for level in _levels(texture, index in masked):
+                height, width = level.shape[:2]
+                levels.append((offset, width, height, 0))
+                texels.append(level.reshape(-1, 4))
+                offset += width * height
+            wrap = WRAP[texture.wrap_s] + 4 * WRAP[texture.wrap_t]
+            table.append((first, len(levels) - first - 1, wrap, max(texture.texels.shape[:2])))
+        if offset * 8 > device.device.max_mem_alloc_size:
+            raise DeviceError(
+                f"The textures need {offset * 8 >> 20} MB in one buffer, more than {device.name} gives: reduce their size."
+            )
+        host = [np.array(table, np.int32), np.array(levels, np.int32), np.concatenate(texels)]
+        wraps = any(row[2] for row in table)
+        return cls(*(device.upload(array) for array in host), wraps, *host)
+
+
+def _levels(texture: TextureImage, masked: bool) -> list[np.ndarray]:
+    """The mip chain in uint16, linear light."""
+    linear = linear_texels(texture.texels, texture.srgb)
+    if not masked:
+        return [_quantised(level) for level in mip_chain(linear)]
+    # A trace of weight for invisible texels keeps a colour where nothing is visible at all.
+    weight = linear[..., 3:] + np.float32(1e-3)
+    chain = mip_chain(np.concatenate([linear[..., :3] * weight, linear[..., 3:], weight], axis=-1))
+    return [_quantised(np.concatenate([level[..., :3] / level[..., 4:], level[..., 3:4]], axis=-1)) for level in chain]
+
+
+def _quantised(level: np.ndarray) -> np.ndarray:
+    return (np.clip(level, 0, 1) * FULL + 0.5).astype(np.uint16)

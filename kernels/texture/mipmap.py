@@ -1,0 +1,48 @@
+"""Mip chains: each level is the area average of the one before, in linear light."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+
+def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
+    """Linear values, float64, of sRGB-encoded values in 0..1 (IEC 61966-2-1)."""
+    encoded = np.asarray(encoded, np.float64)
+    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+
+
+def linear_texels(texels: np.ndarray, srgb: bool) -> np.ndarray:
+    """float32 (H, W, 4) in 0..1: colour in linear light, alpha as it is, of uint8 (H, W, 4)."""
+    byte = np.arange(256) / 255
+    table = (srgb_to_linear(byte) if srgb else byte).astype(np.float32)
+    linear = table[texels]
+    linear[..., 3] = byte.astype(np.float32)[texels[..., 3]]
+    return linear
+
+
+def mip_chain(level: np.ndarray) -> Iterator[np.ndarray]:
+    """All levels, from the given (H, W, ...) down to 1x1; sides are halved and rounded down."""
+    yield level
+    while max(level.shape[:2]) > 1:
+        level = _halved(_halved(level, 0), 1)
+        yield level
+
+
+def _halved(level: np.ndarray, axis: int) -> np.ndarray:
+    """Area average onto half as many texels along one axis.
+
+    An odd side of 2m + 1 texels has output texels of (2m + 1) / m input texels each, so three inputs share in one.
+    """
+    count = level.shape[axis]
+    if count == 1:
+        return level
+    level = np.moveaxis(level, axis, 0)
+    half = count // 2
+    if count % 2 == 0:
+        out = (level[0::2] + level[1::2]) * level.dtype.type(0.5)
+    else:
+        i = np.arange(half, dtype=level.dtype).reshape(-1, *[1] * (level.ndim - 1))
+        out = ((half - i) * level[0:-1:2] + half * level[1::2] + (i + 1) * level[2::2]) / level.dtype.type(count)
+    return np.moveaxis(out, 0, axis)
