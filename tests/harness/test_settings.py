@@ -1,0 +1,67 @@
+"""Options of a run: what is refused, and that a saved run reads back the same."""
+
+import json
+
+import pytest
+
+from harness.settings import Settings, SettingsError, parse_cell, parse_crfs, parse_size, read_settings
+
+
+@pytest.mark.parametrize(
+    ("values", "option"),
+    [
+        ({"frames": 0}, "--frames"),
+        ({"width": 8}, "--size"),
+        ({"atlas_width": 10000}, "--atlas"),
+        ({"fov": 0.5}, "--fov"),
+        ({"fov": 90, "cell_fov": 80}, "field of view"),
+        ({"cell_radius": -1}, "radius"),
+        ({"latency": -5}, "--latency"),
+        ({"codec": "av1"}, "--codec"),
+        ({"crf": (60,)}, "--crf"),
+        ({"crf": ()}, "--crf"),
+        ({"unit": 0}, "--unit"),
+        ({"decimate": 1.5}, "--decimate"),
+        ({"repeat": 0}, "--repeat"),
+        ({"timeout": 0}, "--timeout"),
+        ({"fov": float("nan")}, "--fov"),
+    ],
+)
+def test_unusable_values_are_refused_by_the_option_s_name(values, option):
+    with pytest.raises(SettingsError, match=option):
+        Settings(**values)
+
+
+@pytest.mark.parametrize("text", ["960", "axb", "960x540x3", "1.5x2", "x", ""])
+def test_malformed_sizes_are_refused(text):
+    with pytest.raises(SettingsError, match="--size"):
+        parse_size(text, "--size")
+
+
+def test_cells_are_presets_or_pairs():
+    assert parse_cell("pvs2") == parse_cell("0.2,125")
+    with pytest.raises(SettingsError, match="pvs1"):
+        parse_cell("pvs9")
+
+
+def test_rates_are_a_list_and_the_displayed_one_is_always_encoded():
+    assert parse_crfs("5, 10") == (5, 10)
+    assert Settings(crf=(35, 5), display_crf=25).crfs == (5, 25, 35)
+    assert Settings(codec="none").crfs == ()
+    with pytest.raises(SettingsError):
+        parse_crfs("5;10")
+
+
+def test_a_saved_run_reads_back_the_same(tmp_path):
+    wanted = Settings(methods=("sas[bias_step=0.5]",), crf=(10,), unit=0.01)
+    file = tmp_path / "run.json"
+    file.write_text(json.dumps({"settings": wanted.to_json()}))
+    assert read_settings(file) == wanted
+
+
+@pytest.mark.parametrize("content", ["", "[]", "{}", '{"settings": {"colour": 1}}', '{"settings": {"frames": "many"}}'])
+def test_a_damaged_run_file_is_one_sentence(tmp_path, content):
+    file = tmp_path / "run.json"
+    file.write_text(content)
+    with pytest.raises(SettingsError):
+        read_settings(file)
