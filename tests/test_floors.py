@@ -1,0 +1,148 @@
+"""The design holds: imports go downwards, every kernel has its twin, every test asserts, functions are short."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FLOORS = {"kernels": 0, "scenes": 0, "reports": 0, "packers": 1, "harness": 2}
+LONGEST_FUNCTION = 60  # lines
+ASSERTING = {"raises", "warns", "fail"}  # of pytest
+
+
+def sources(*folders: str) -> list[Path]:
+    return sorted(path for folder in folders for path in (ROOT / folder).rglob("*.py"))
+
+
+def tree_of(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(), str(path))
+
+
+def name_of(path: Path) -> str:
+    return str(path.relative_to(ROOT))
+
+
+def imported_packages(tree: ast.AST) -> set[str]:
+    """Top-level packages of all imports, also those inside functions."""
+    modules = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
+    modules |= {node.module for node in ast.walk(tree) if isinstance(node, ast.ImportFrom) and node.module}
+    return {module.partition(".")[0] for module in modules}
+
+
+def is_annotation_only(node: ast.AST) -> bool:
+    return isinstance(node, ast.If) and ast.unparse(node.test) in ("TYPE_CHECKING", "typing.TYPE_CHECKING")
+
+
+def without_annotation_imports(tree: ast.Module) -> ast.Module:
+    return ast.Module([node for node in tree.body if not is_annotation_only(node)], [])
+
+
+@pytest.mark.parametrize("floor", FLOORS)
+def test_imports_go_downwards(floor: str):
+    below = {name for name, height in FLOORS.items() if height < FLOORS[floor]} | {floor}
+    upward = {
+        name_of(path): sorted(wrong)
+        for path in sources(floor)
+        if (wrong := imported_packages(tree_of(path)) & ({*FLOORS, "tests"} - below))
+    }
+    assert upward == {}
+
+
+def test_no_circle_of_imports():
+    modules = {name_of(path)[:-3].replace("/", ".").removesuffix(".__init__"): path for path in sources(*FLOORS)}
+    edges = {
+        name: {target for target in imported_modules(tree_of(path)) if target in modules and target != name}
+        for name, path in modules.items()
+    }
+    while leaves := {name for name, targets in edges.items() if not targets}:
+        edges = {name: targets - leaves for name, targets in edges.items() if name not in leaves}
+    assert edges == {}, "each of these imports another one of them"
+
+
+def imported_modules(tree: ast.Module) -> set[str]:
+    """Modules imported when the module itself is, in full."""
+    found = set()
+    for node in without_annotation_imports(tree).body:
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
+    return found
+
+
+def test_every_kernel_has_a_twin_beside_it():
+    """A `.cl` file with kernels has a `.py` of the same name whose twin's name says so."""
+    lacking = []
+    for path in sorted((ROOT / "kernels").rglob("*.cl")):
+        if not re.search(r"^\s*(__)?kernel\s", path.read_text(), re.MULTILINE):
+            continue  # only included by others
+        beside = path.with_suffix(".py")
+        nodes = ast.walk(tree_of(beside)) if beside.is_file() else []
+        functions = [node.name for node in nodes if isinstance(node, ast.FunctionDef)]
+        if not any("twin" in name for name in functions):
+            lacking.append(name_of(path))
+    assert lacking == []
+
+
+def test_every_included_file_is_used():
+    files = {str(path.relative_to(ROOT / "kernels")): path.read_text() for path in (ROOT / "kernels").rglob("*.cl")}
+    included = {name for text in files.values() for name in re.findall(r'^\s*#include\s+"([^"]+)"', text, re.MULTILINE)}
+    with_kernels = {name for name, text in files.items() if re.search(r"^\s*(__)?kernel\s", text, re.MULTILINE)}
+    assert included <= set(files)
+    assert set(files) - with_kernels - included == set()
+
+
+def test_every_test_asserts():
+    silent = []
+    for path in sources("tests"):
+        functions = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.FunctionDef)]
+        helpers = {node.name for node in functions if asserts(node, set())}
+        silent += [
+            f"{name_of(path)}: {node.name}"
+            for node in functions
+            if node.name.startswith("test_") and not asserts(node, helpers)
+        ]
+    assert silent == []
+
+
+def asserts(function: ast.FunctionDef, helpers: set[str]) -> bool:
+    """Whether a function asserts, expects an error, or calls something that does (`assert_...`, a helper)."""
+    for node in ast.walk(function):
+        if isinstance(node, ast.Assert):
+            return True
+        if isinstance(node, ast.Call):
+            called = ast.unparse(node.func).rpartition(".")[2]
+            if called in ASSERTING | helpers or called.startswith(("assert_", "_assert")):
+                return True
+    return False
+
+
+def test_functions_fit_on_a_screen():
+    long = {
+        f"{name_of(path)}: {node.name}": node.end_lineno - node.lineno + 1
+        for path in sources(*FLOORS, "tests")
+        for node in ast.walk(tree_of(path))
+        if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and body_lines(node) > LONGEST_FUNCTION
+    }
+    assert long == {}
+
+
+def body_lines(function: ast.FunctionDef | ast.AsyncFunctionDef) -> int:
+    """Lines from the first statement after the docstring to the end: signatures and descriptions may be long."""
+    body = function.body[1:] if ast.get_docstring(function, clean=False) is not None else function.body
+    return function.end_lineno - body[0].lineno + 1 if body else 0
+
+
+def test_heavy_packages_are_imported_where_they_are_needed():
+    """Not at the top of a module, so that the command line answers at once."""
+    heavy = {"pyopencl", "trimesh", "pymeshlab", "OpenImageIO", "colour", "av", "plotly", "scipy", "lz4", "skimage"}
+    early = {
+        name_of(path): sorted(found)
+        for path in sources(*FLOORS)
+        if (found := {module.partition(".")[0] for module in imported_modules(tree_of(path))} & heavy)
+    }
+    assert early == {}

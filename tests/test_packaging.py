@@ -1,0 +1,90 @@
+"""What is installed is whole, and the command line answers at once."""
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("kernels", "scenes", "packers", "harness", "reports")
+FILES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md")
+HEAVY = ("pyopencl", "trimesh", "pymeshlab", "OpenImageIO", "colour", "av", "plotly", "scipy", "lz4", "sqlite3")
+
+
+def run_python(code: str, folder: Path) -> str:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False, env=environment
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+@pytest.fixture(scope="module")
+def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
+    """A wheel built from a copy of the sources, so that no earlier build can add to it."""
+    copy = tmp_path_factory.mktemp("sources")
+    for package in PACKAGES:
+        shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in FILES:
+        shutil.copy(ROOT / name, copy / name)
+    run_python("from setuptools import build_meta; build_meta.build_wheel('dist')", copy)
+    (path,) = (copy / "dist").glob("*.whl")
+    return zipfile.ZipFile(path)
+
+
+def test_the_wheel_ships_every_file_of_the_packages(wheel: zipfile.ZipFile):
+    sources = {
+        str(path.relative_to(ROOT))
+        for package in PACKAGES
+        for path in (ROOT / package).rglob("*")
+        if path.is_file() and "__pycache__" not in path.parts and path.name not in (".DS_Store",)
+    }
+    assert any(name.endswith(".cl") for name in sources)
+    assert sources - set(wheel.namelist()) == set()
+
+
+def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.ZipFile):
+    names = wheel.namelist()
+    assert any(name.endswith("licenses/LICENSE") for name in names)
+    (entries,) = (wheel.read(name).decode() for name in names if name.endswith("entry_points.txt"))
+    assert "bench = harness.cli:main" in entries
+    assert "[shading_atlas_packers]" in entries
+    assert [name for name in names if name.startswith("tests/")] == []
+
+
+def test_the_version_is_the_same_everywhere(wheel: zipfile.ZipFile):
+    (metadata,) = (wheel.read(name).decode() for name in wheel.namelist() if name.endswith("/METADATA"))
+    version = re.search(r"^Version: (.+)$", metadata, re.MULTILINE)[1]
+    assert re.search(rf"^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
+    assert re.search(rf"^## {re.escape(version)}$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
+    assert f'VERSION = "{version}"' in (ROOT / "kernels" / "cache.py").read_text()
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["compare", "--help"]])
+def test_help_imports_nothing_heavy(arguments: list[str], tmp_path: Path):
+    code = f"""
+import sys
+sys.argv = ["bench", *{arguments!r}]
+from harness.cli import main
+try:
+    main()
+except SystemExit as end:
+    assert not end.code, end.code
+print("HEAVY", sorted(set({HEAVY!r}) & set(sys.modules)))
+"""
+    output = run_python(code, tmp_path)
+    assert "Usage" in output
+    assert output.splitlines()[-1] == "HEAVY []"
+
+
+def test_the_readme_states_the_commands_that_ci_runs():
+    """`.ci/run` takes its commands from the README's marked blocks, so the two cannot drift apart."""
+    done = subprocess.run([ROOT / ".ci" / "run", "--show"], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert 'pip install -e ".[test]" && pytest' in done.stdout.splitlines()
