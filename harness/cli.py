@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+if TYPE_CHECKING:
+    from harness.settings import Settings
 
 app = typer.Typer(
     name="bench",
@@ -24,96 +27,91 @@ def _option(panel: str, help_text: str, *names: str, metavar: str | None = None)
     return typer.Option(*names, help=help_text, metavar=metavar, rich_help_panel=panel)
 
 
+Text, Number, Whole, Switch = str | None, float | None, int | None, bool | None
+Method = Annotated[
+    list[str] | None,
+    _option(
+        WORK,
+        "all, a name, 'name\\[param=value,...]', 'module:Class' or 'file.py:Class'; repeatable. Default: all",
+        metavar="METHOD",
+    ),
+]
+SceneName = Annotated[Text, _option(WORK, "A built-in scene or a file. Default: hall", metavar="NAME|FILE")]
+Detail = Annotated[Whole, _option(WORK, "Triangles of a built-in scene", metavar="N")]
+Unit = Annotated[Number, _option(WORK, "Metres per unit of a file. Default: 1", metavar="M")]
+Repair = Annotated[
+    Switch, _option(WORK, "Remove duplicate and degenerate faces and non-manifold edges first", "--repair")
+]
+Decimate = Annotated[Number, _option(WORK, "Keep this share of the triangles", metavar="RATIO")]
+PathName = Annotated[
+    Text, _option(WORK, "walk, orbit, turntable, animation, or a file. Default: walk", metavar="NAME|FILE")
+]
+Motion = Annotated[Text, _option(WORK, "A recording of head motion. Default: synthetic", metavar="FILE")]
+Frames = Annotated[Whole, _option(WORK, "Frames of the path. Default: 12", metavar="N")]
+Size = Annotated[Text, _option(CLIENT, "The client's picture. Default: 960x540", metavar="WxH")]
+Fov = Annotated[Number, _option(CLIENT, "Horizontal field of view. Default: 60", metavar="DEG")]
+CellSize = Annotated[
+    Text,
+    _option(
+        CLIENT,
+        "View cell: radius in metres and field of view in degrees, or pvs1, pvs2, pvs3. Default: 0.08,80",
+        metavar="RADIUS,FOV",
+    ),
+]
+Density = Annotated[Number, _option(CLIENT, "Density of the PVS views over the client's. Default: 2", metavar="X")]
+Latency = Annotated[Number, _option(CLIENT, "From server pose to display. Default: 50", metavar="MS")]
+Atlas = Annotated[Text, _option(CODING, "Texels of the atlas. Default: 2048x2048", metavar="WxH")]
+Codec = Annotated[Text, _option(CODING, "h264, jpeg or none. Default: h264", metavar="CODEC")]
+Crf = Annotated[Text, _option(CODING, "Rates to encode at. Default: 5,10,25,35", metavar="LIST")]
+DisplayCrf = Annotated[Whole, _option(CODING, "The rate the client sees. Default: 25", metavar="N")]
+DeviceName = Annotated[Text, _option(RUNNING, "Part of an OpenCL device's name", metavar="NAME")]
+Seed = Annotated[Whole, _option(RUNNING, "Of scene, head motion and methods. Default: 0", metavar="N")]
+Repeat = Annotated[Whole, _option(RUNNING, "Timings of every frame. Default: 1", metavar="N")]
+Timeout = Annotated[Number, _option(RUNNING, "For one packing. Default: 60", metavar="SECONDS")]
+Out = Annotated[Path | None, _option(RUNNING, "Folder of the results. Default: a new one in runs/", metavar="DIR")]
+Dump = Annotated[Switch, _option(RUNNING, "Also write every atlas, its owners and the pictures", "--dump")]
+DryRun = Annotated[bool, _option(RUNNING, "Only say what would run, and for how long", "--dry-run")]
+Config = Annotated[Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")]
+
+
 @app.command()
 def run(
-    method: Annotated[
-        list[str] | None,
-        _option(
-            WORK,
-            "all, a name, 'name\\[param=value,...]', 'module:Class' or 'file.py:Class'; repeatable. Default: all",
-            metavar="METHOD",
-        ),
-    ] = None,
-    scene: Annotated[
-        str | None, _option(WORK, "A built-in scene or a file. Default: hall", metavar="NAME|FILE")
-    ] = None,
-    detail: Annotated[int | None, _option(WORK, "Triangles of a built-in scene", metavar="N")] = None,
-    unit: Annotated[float | None, _option(WORK, "Metres per unit of a file. Default: 1", metavar="M")] = None,
-    repair: Annotated[
-        bool | None, _option(WORK, "Remove duplicate and degenerate faces and non-manifold edges first", "--repair")
-    ] = None,
-    decimate: Annotated[float | None, _option(WORK, "Keep this share of the triangles", metavar="RATIO")] = None,
-    path: Annotated[
-        str | None, _option(WORK, "walk, orbit, turntable, animation, or a file. Default: walk", metavar="NAME|FILE")
-    ] = None,
-    head_motion: Annotated[
-        str | None, _option(WORK, "A recording of head motion. Default: synthetic", metavar="FILE")
-    ] = None,
-    frames: Annotated[int | None, _option(WORK, "Frames of the path. Default: 12", metavar="N")] = None,
-    size: Annotated[str | None, _option(CLIENT, "The client's picture. Default: 960x540", metavar="WxH")] = None,
-    fov: Annotated[float | None, _option(CLIENT, "Horizontal field of view. Default: 60", metavar="DEG")] = None,
-    cell: Annotated[
-        str | None,
-        _option(
-            CLIENT,
-            "View cell: radius in metres and field of view in degrees, or pvs1, pvs2, pvs3. Default: 0.08,80",
-            metavar="RADIUS,FOV",
-        ),
-    ] = None,
-    pvs_density: Annotated[
-        float | None, _option(CLIENT, "Density of the PVS views over the client's. Default: 2", metavar="X")
-    ] = None,
-    latency: Annotated[float | None, _option(CLIENT, "From server pose to display. Default: 50", metavar="MS")] = None,
-    atlas: Annotated[str | None, _option(CODING, "Texels of the atlas. Default: 2048x2048", metavar="WxH")] = None,
-    codec: Annotated[str | None, _option(CODING, "h264, jpeg or none. Default: h264", metavar="CODEC")] = None,
-    crf: Annotated[str | None, _option(CODING, "Rates to encode at. Default: 5,10,25,35", metavar="LIST")] = None,
-    display_crf: Annotated[int | None, _option(CODING, "The rate the client sees. Default: 25", metavar="N")] = None,
-    device: Annotated[str | None, _option(RUNNING, "Part of an OpenCL device's name", metavar="NAME")] = None,
-    seed: Annotated[int | None, _option(RUNNING, "Of scene, head motion and methods. Default: 0", metavar="N")] = None,
-    repeat: Annotated[int | None, _option(RUNNING, "Timings of every frame. Default: 1", metavar="N")] = None,
-    timeout: Annotated[float | None, _option(RUNNING, "For one packing. Default: 60", metavar="SECONDS")] = None,
-    out: Annotated[
-        Path | None, _option(RUNNING, "Folder of the results. Default: a new one in runs/", metavar="DIR")
-    ] = None,
-    dump: Annotated[
-        bool | None, _option(RUNNING, "Also write every atlas, its owners and the pictures", "--dump")
-    ] = None,
-    dry_run: Annotated[bool, _option(RUNNING, "Only say what would run, and for how long", "--dry-run")] = False,
-    config: Annotated[
-        Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")
-    ] = None,
+    context: typer.Context,
+    method: Method = None,
+    scene: SceneName = None,
+    detail: Detail = None,
+    unit: Unit = None,
+    repair: Repair = None,
+    decimate: Decimate = None,
+    path: PathName = None,
+    head_motion: Motion = None,
+    frames: Frames = None,
+    size: Size = None,
+    fov: Fov = None,
+    cell: CellSize = None,
+    pvs_density: Density = None,
+    latency: Latency = None,
+    atlas: Atlas = None,
+    codec: Codec = None,
+    crf: Crf = None,
+    display_crf: DisplayCrf = None,
+    device: DeviceName = None,
+    seed: Seed = None,
+    repeat: Repeat = None,
+    timeout: Timeout = None,
+    out: Out = None,
+    dump: Dump = None,
+    dry_run: DryRun = False,
+    config: Config = None,
 ) -> None:
     """Run methods on a scene and write CSV and HTML.
 
     Exit codes: 0 every row is ok or skipped with a reason, 1 some rows failed, 2 unusable arguments or input.
     """
-    from harness import settings as s
-
-    def build() -> s.Settings:
-        given: dict[str, Any] = {
-            "scene": scene, "detail": detail, "unit": unit, "repair": repair, "decimate": decimate, "path": path,
-            "head_motion": head_motion, "frames": frames, "fov": fov, "pvs_density": pvs_density, "latency": latency,
-            "codec": codec, "display_crf": display_crf, "device": device, "seed": seed, "repeat": repeat,
-            "timeout": timeout, "dump": dump,
-        }  # fmt: skip
-        if method:
-            given["methods"] = tuple(method)
-        if size:
-            given["width"], given["height"] = s.parse_size(size, "--size")
-        if atlas:
-            given["atlas_width"], given["atlas_height"] = s.parse_size(atlas, "--atlas")
-        if cell:
-            parsed = s.parse_cell(cell)
-            given["cell_radius"], given["cell_fov"] = parsed.radius, parsed.fov
-        if crf:
-            given["crf"] = s.parse_crfs(crf)
-        base = s.read_settings(config).to_json() if config else {}
-        return s.Settings.from_json(base | {k: v for k, v in given.items() if v is not None}, str(config or "run"))
-
     from harness.console import guarded
 
     with guarded():
-        wanted = build()
+        wanted = _settings_of(context.params)
         if dry_run:
             from harness.plan import show_plan
 
@@ -122,6 +120,29 @@ def run(
         from harness.run import run as run_all
 
         raise typer.Exit(0 if run_all(wanted, out) else SOME_FAILED)
+
+
+def _settings_of(options: dict[str, Any]) -> Settings:
+    """The settings that the options of `bench run` mean, over those of `--config`, over the defaults."""
+    from harness import settings as s
+
+    given = {name: value for name, value in options.items() if value is not None}
+    if "method" in given:
+        given["methods"] = tuple(given.pop("method"))
+    if "size" in given:
+        given["width"], given["height"] = s.parse_size(given.pop("size"), "--size")
+    if "atlas" in given:
+        given["atlas_width"], given["atlas_height"] = s.parse_size(given.pop("atlas"), "--atlas")
+    if "cell" in given:
+        cell = s.parse_cell(given.pop("cell"))
+        given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
+    if "crf" in given:
+        given["crf"] = s.parse_crfs(given["crf"])
+    for not_a_setting in ("out", "dry_run", "config"):
+        given.pop(not_a_setting, None)
+    config = options["config"]
+    base = s.read_settings(config).to_json() if config else {}
+    return s.Settings.from_json(base | given, str(config or "run"))
 
 
 @app.command("list")
