@@ -1,0 +1,139 @@
+"""The shading samples of allocated blocks: which texels, on which triangle, where on it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.common.scan import exclusive_scan
+from kernels.samples import Samples
+from kernels.sas.layout import POINTS, ROLE_WEIGHTS, corner_points, unpack_location
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+    from kernels.triangles import Triangles
+
+STAGE = "gather/emit"
+RUNS = 512  # on a CPU: patches differ in size by 65536, so more runs than cores by far
+
+
+def emit_samples(
+    device: Device,
+    patches: Array,
+    masks: Array,
+    count: int,
+    words: Array,
+    members: Array,
+    codes: Array,
+    weights: Array,
+    triangles: Triangles,
+    atlas_width: int,
+    complete: bool,
+    runs: int | None = None,
+) -> Samples:
+    """The samples of the blocks of `count` patches, in the order of patches, rows and columns.
+
+    patches: int32 (count). masks: uint8 (count), bit k for member k in the set. words: uint32 (P), locations. members:
+    int32 (P, 3). codes: uint8 (T), roles and rotations. weights: float32 (5, 3, 3), `layout.ROLE_WEIGHTS`.
+    Of each block the texels that bilinear lookups inside the triangles in the set touch, row by row from the first to
+    the last such column; all of it where `complete`. A texel belongs to the patch's triangle that it lies in, or that
+    continues there. Its barycentrics follow from the half-texel inset: corners lie at the centres of the corner texels;
+    along a side of one texel the middle stands for all. The footprint is the longer of the two ways on the surface
+    between neighbouring texels.
+    """
+    kernels = device.build("sas/emit.cl")
+    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
+    runs = -(-count // run)
+    listed = (count, run, runs, int(complete), patches, masks, members, words)
+    local = 1 if device.is_cpu else None
+    counts = device.empty(runs, np.int32)
+    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
+    offsets, total = exclusive_scan(device, counts, runs, STAGE)
+    s = Samples.allocate(device, total)
+    known = (codes, weights, triangles.indices, triangles.positions, atlas_width, counts, offsets)
+    arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
+    device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
+    return s
+
+
+def emit_block_twin(
+    word: int, mask: int, members: np.ndarray, codes: np.ndarray, corners: np.ndarray, atlas_width: int, complete: bool
+) -> dict[str, np.ndarray]:
+    """The samples of one block: triangle, bary1, bary2, footprint and texel, in order.
+
+    members: int64 (1 to 3) triangles; codes: uint8 and corners: float64 (3, 3), one of each per member.
+    """
+    x0, y0, w, h = (int(value[0]) for value in unpack_location(np.array([word])))
+    w, h = 1 << w, 1 << h
+    column, row = (grid.reshape(-1) for grid in np.meshgrid(np.arange(w), np.arange(h)))
+    if not complete:
+        kept = _touched(w, h, mask, codes)
+        column, row = column[kept], row[kept]
+    u = column / (w - 1) if w > 1 else np.full(len(column), 0.5)
+    v = row / (h - 1) if h > 1 else np.full(len(row), 0.5)
+    if len(members) == 1:  # the middle of the triangle, not of its rectangle
+        half_u, half_v = (1 - v) / 2, (1 - u) / 2
+        if w == h == 1:
+            u, v = np.full(1, 1 / 3), np.full(1, 1 / 3)
+        elif w == 1:
+            u = half_u
+        elif h == 1:
+            v = half_v
+    owner = _owner(u, v, len(members), mask, complete)
+    weights = [ROLE_WEIGHTS[code // 3][(np.arange(3) - code % 3) % 3] for code in codes.astype(int)]
+    basis = np.stack([np.ones_like(u), u, v])
+    bary = np.stack([weight @ basis for weight in weights])[owner, :, np.arange(len(u))]
+    sides = [(weight[:, 1:].T @ corner) for weight, corner in zip(weights, corners, strict=True)]
+    sizes = [np.linalg.norm(side, axis=1) / [max(w - 1, 1), max(h - 1, 1)] for side in sides]
+    return {
+        "triangle": members[owner],
+        "bary1": bary[:, 1],
+        "bary2": bary[:, 2],
+        "footprint": np.array([size.max() for size in sizes])[owner],
+        "texel": (y0 + row) * atlas_width + x0 + column,
+    }
+
+
+def _owner(u: np.ndarray, v: np.ndarray, members: int, mask: int, complete: bool) -> np.ndarray:
+    """Slot of the triangle that owns each position; on a shared edge the first, if it is in the set."""
+    margin = 1e-9 if complete or mask & 1 else -1e-9
+    owner = np.zeros(len(u), np.int64)
+    if members == 2:
+        owner[u + v - 1 > margin] = 1
+    if members == 3:
+        owner[2 * u - v - 1 > margin] = 1
+        owner[1 - 2 * u - v > margin] = 2
+    return owner
+
+
+def _touched(w: int, h: int, mask: int, codes: np.ndarray) -> np.ndarray:
+    """bool (h * w): columns of each row between the first and last that lookups inside the triangles in `mask` touch.
+
+    A lookup touches the texels less than one away in both directions; a triangle comes that near a texel if, cut by the
+    two rows around it, it has a width that comes that near.
+    """
+    touched = np.zeros((h, w), bool)
+    for slot, code in enumerate(codes):
+        if not mask >> slot & 1:
+            continue
+        corners = POINTS[corner_points(np.array([code]))[0]] * [w - 1, h - 1]
+        for row in range(h):
+            low, high = _extent(corners, row - 1, row + 1)
+            column = np.arange(w)
+            touched[row] |= (column > low - 1 + 1e-9) & (column < high + 1 - 1e-9)
+    filled = np.maximum.accumulate(touched, axis=1) & np.maximum.accumulate(touched[:, ::-1], axis=1)[:, ::-1]
+    return filled.reshape(-1)
+
+
+def _extent(corners: np.ndarray, above: float, below: float) -> tuple[float, float]:
+    """Lowest and highest x of a triangle (3, 2) between two rows."""
+    found = [x for x, y in corners if above <= y <= below]
+    for k in range(3):
+        (x0, y0), (x1, y1) = corners[k], corners[(k + 1) % 3]
+        for y in (above, below):
+            if y0 != y1 and min(y0, y1) <= y <= max(y0, y1):
+                found.append(x0 + (x1 - x0) * (y - y0) / (y1 - y0))
+    return (min(found), max(found)) if found else (np.inf, -np.inf)

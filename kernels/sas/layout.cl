@@ -1,0 +1,25 @@
+// A block's place in one word, and the classes of blocks; layout.py describes both.
+
+typedef struct {
+    int x, y;  // texel of the upper left corner
+    int w, h;  // log2 of the sides
+} Block;
+
+inline int trailing_zeros(int value) { return (int)popcount((uint)((value & -value) - 1)); }
+
+inline uint pack_location(Block block) {
+    return (uint)(2 * block.x + (1 << block.w)) | (uint)(2 * block.y + (1 << block.h)) << 16;
+}
+
+inline Block unpack_location(uint word) {
+    const int cx = (int)(word & 0xFFFF), cy = (int)(word >> 16);
+    Block block;
+    block.w = trailing_zeros(cx);
+    block.h = trailing_zeros(cy);
+    block.x = (cx - (1 << block.w)) / 2;
+    block.y = (cy - (1 << block.h)) / 2;
+    return block;
+}
+
+// Blocks of one size form a class; `top` is log2 of a superblock's side, the largest level.
+inline int size_class(int w, int h, int top) { return h * (top + 1) + w; }

@@ -1,0 +1,95 @@
+"""The client of every method whose triangles map affinely into one atlas."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import numpy as np
+
+from kernels.atlas.lookup import look_up
+from kernels.raster.rasteriser import Rasteriser
+from kernels.raster.resolve import resolve
+from kernels.triangles import Triangles
+from packers.geometry import GeometryDecoder, GeometryEncoder
+from packers.interface import Client, Decoded, Image, ServerScene, View
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+
+class AtlasClient(Client):
+    """Draws the received triangles with bilinear lookups in the received atlas.
+
+    A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read` and says in
+    `corner_texels` where the corners of the current triangles lie in the atlas. From the scene it uses what a client is
+    shipped with: the device, the sky behind everything and the alpha masks.
+    """
+
+    attributes: ClassVar[Mapping[str, Any]] = {}
+
+    def __init__(self, scene: ServerScene) -> None:
+        self.device = scene.device
+        self.sky = scene.shader.sky
+        self.geometry = GeometryDecoder(self.attributes)
+        self._texels: np.ndarray | None = None
+
+    def read(self, blobs: Mapping[str, bytes]) -> None:
+        """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
+
+    @abstractmethod
+    def corner_texels(self) -> Array:
+        """float32 (n, 3, 2) on the device: column and row of each triangle's corners, where texel (0, 0) has its centre
+        at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place."""
+
+    def receive(self, payload: Decoded) -> None:
+        """Take a frame's triangles, metadata and atlas."""
+        if self.geometry.decode(payload.geometry) or not hasattr(self, "rasteriser"):
+            count = len(self.geometry.pvs)
+            positions = self.geometry.current("positions").reshape(-1, 3)
+            indices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
+            self.triangles = Triangles.upload(self.device, positions, indices, self.geometry.current("flags"))
+            self.rasteriser = Rasteriser(self.device, self.triangles)
+            self.ids = self.device.upload(self.geometry.pvs)
+        (plane,) = payload.planes.values()
+        self.plane = self.device.upload(plane)
+        self.read(payload.blobs)
+        self._texels = None
+
+    def draw(self, view: View) -> Image:
+        """The view: sky, and over it every pixel of a triangle that has a place."""
+        device, camera = self.device, (view.view, view.projection)
+        visibility = self.rasteriser.draw(*camera, view.width, view.height, stage="client/raster")
+        samples = resolve(device, self.triangles, visibility, *camera, stage="client/resolve")
+        rgb = device.empty((view.height, view.width, 4), np.uint8)
+        self.sky(*camera, rgb, stage="client/sky")
+        drawn = device.empty((view.height, view.width), np.int32)
+        device.fill(drawn, -1, "client/lookup")
+        look_up(device, samples, self.corner_texels(), self.ids, self.plane, rgb, drawn, "client/lookup")
+        return Image(rgb, drawn)
+
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
+        pvs = self.geometry.pvs
+        if self._texels is None:
+            self._texels = self.corner_texels().get()[: len(pvs)].astype(np.float64)
+        place = np.full((len(triangles), 2), np.nan)
+        if not len(pvs):
+            return place
+        at = np.minimum(np.searchsorted(pvs, triangles), len(pvs) - 1)
+        known = pvs[at] == triangles
+        corners, weights = self._texels[at[known]], bary[known].astype(np.float64)
+        place[known] = (
+            corners[:, 0]
+            + weights[:, :1] * (corners[:, 1] - corners[:, 0])
+            + weights[:, 1:] * (corners[:, 2] - corners[:, 0])
+        )
+        return place
+
+
+def geometry_encoder(scene: ServerScene, attributes: Mapping[str, np.ndarray]) -> GeometryEncoder:
+    """The encoder whose messages an AtlasClient with the same attributes understands."""
+    triangles, host = scene.triangles, scene.host
+    arrays = (triangles.host_positions, triangles.host_indices, triangles.host_flags, host.uvs, host.material_ids)
+    return GeometryEncoder(*arrays, attributes)

@@ -1,0 +1,5 @@
+"""Shading Atlas Streaming."""
+
+from packers.sas.packer import ShadingAtlasStreaming
+
+__all__ = ["ShadingAtlasStreaming"]

@@ -1,0 +1,156 @@
+"""Shading Atlas Streaming: patches of 1-3 triangles in power-of-two blocks that stay where they are.
+
+See README.md in this folder for what is as published and what is ours.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.sas.allocate import Allocator, Grid
+from kernels.sas.bias import needed_superblocks
+from kernels.sas.emit import emit_samples
+from kernels.sas.footprint import STEPS, measure_sides
+from kernels.sas.layout import ROLE_WEIGHTS
+from kernels.sas.visible import visible_patches
+from packers.atlas_client import geometry_encoder
+from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene
+from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
+from packers.sas.patches import cached_patches
+
+if TYPE_CHECKING:
+    from kernels.samples import Samples
+
+FEWEST_SUPERBLOCKS = 128  # of an atlas, when their side is chosen for it: the paper's settings give 128 to 256
+UNPLACED = "the atlas is full with every block at one texel"
+
+
+class ShadingAtlasStreaming(Packer):
+    """Packs patches into blocks; see the module."""
+
+    name = "sas"
+    paper = Paper("Shading Atlas Streaming", 2018, "10.1145/3272127.3275087")
+    parameters = {  # noqa: RUF012
+        "superblock": Parameter(
+            0,
+            (0, 128, 256),
+            "side of the squares that hold blocks of one size, and of the largest block; 0 chooses: 256 for atlases of "
+            "8 million texels and more, 128 below, less where an atlas would hold fewer than 128 of them",
+            "texels",
+            "128 and 256: SAS as quoted in FastAtlas, appendix B; smaller atlases: ours",
+        ),
+        "fit": Parameter(
+            0.75,
+            (0.5, 0.75, 0.9),
+            "share of the superblocks that one frame's request may take; the rest is room until the next reset",
+            "1",
+            "ours",
+        ),
+        "reuse": Parameter(
+            False,
+            (False, True),
+            "whether the blocks of hidden or resized patches serve others before the atlas is full",
+            "",
+            "false: SAS as quoted in SnakeBinning, section 2",
+        ),
+        "complete": Parameter(
+            False,
+            (False, True),
+            "whether every texel of a block is shaded, not only those that lookups touch",
+            "",
+            "true: SAS as quoted in Tessellated Shading Streaming, section 5.3; false: ours",
+        ),
+    }
+
+    def prepare(self, scene: ServerScene) -> None:
+        """Find the patches and upload them."""
+        self.patches = cached_patches(scene.host)
+        upload = scene.device.upload
+        self.of_triangle, self.codes = upload(self.patches.of_triangle), upload(self.patches.codes)
+        self.members, self.points = upload(self.patches.members), upload(self.patches.points)
+        self.weights = upload(ROLE_WEIGHTS.astype(np.float32))
+        self.marks = scene.device.zeros(max(1, scene.triangles.count), np.int32)
+        self.mark = 0
+        attributes = dict(zip(ATTRIBUTES, (self.patches.of_triangle, self.patches.codes), strict=True))
+        self.geometry = geometry_encoder(scene, attributes)
+        self.sent = np.zeros(self.patches.count, np.uint32)
+        self.allocator: Allocator | None = None
+
+    def pack(self, frame: Frame) -> Payload:
+        """Blocks for the patches in the frame's set, and their shading."""
+        device = frame.scene.device
+        if self.allocator is None:
+            grid = choose_grid(frame.atlas_width, frame.atlas_height, self.superblock)
+            self.allocator = Allocator(device, grid, self.patches.count, self.reuse)
+        self.mark += 1
+        known = (self.of_triangle, self.members, self.marks, self.mark)
+        patches, masks, count = visible_patches(device, frame.pvs_device, len(frame.pvs), *known)
+        server, positions = frame.server, frame.scene.triangles.positions
+        seen = (positions, server.eye, server.pixels_per_tangent)
+        sizes, histogram = measure_sides(device, patches, count, self.points, *seen)
+        bias = self._search_bias(needed_superblocks(device, histogram, self.allocator.grid.top))
+        self.allocator.allocate(patches, count, sizes, bias, self.members, self.marks, self.mark)
+        words = self.allocator.read(patches, count)
+        listed = (patches, masks, count, self.allocator.words, self.members, self.codes, self.weights)
+        samples = emit_samples(device, *listed, frame.scene.triangles, frame.atlas_width, self.complete)
+        atlas = device.empty((frame.atlas_height, frame.atlas_width, 4), np.uint8)
+        device.fill(atlas.view(np.uint32), 0, "gather/clear")
+        frame.scene.shader.shade(samples, eye=server.eye, target=atlas, stage="gather/shade")
+        return self._payload(frame, patches.get()[:count], words, samples, atlas, bias)
+
+    def _search_bias(self, needed: np.ndarray) -> int:
+        """The smallest bias, in eighths, whose request fits; the largest if none does."""
+        fits = np.flatnonzero(needed <= int(self.fit * self.allocator.grid.total))
+        return int(fits[0]) if len(fits) else len(needed) - 1
+
+    def _payload(
+        self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, atlas, bias: int
+    ) -> Payload:
+        locations = encode_words(words, self.sent[patches])
+        self.sent[patches] = words
+        lost = patches[words == 0]
+        of_pvs = self.patches.of_triangle[frame.pvs]
+        unplaced = {int(t): UNPLACED for t in frame.pvs[np.isin(of_pvs, lost)]} if len(lost) else {}
+        allocator, grid = self.allocator, self.allocator.grid
+        in_use = allocator.superblocks_in_use()
+        sizes = np.bincount(self.patches.sizes[patches], minlength=4)
+        blocks = allocator.blocks_by_class()
+        statistics = {f"patches_of_{k}": int(sizes[k]) for k in (1, 2, 3)} | {
+            "bias": bias / STEPS,
+            "resets": allocator.resets,
+            "superblocks": in_use,
+            "blocks": int(blocks.sum()),
+            "size_classes": int((blocks > 0).sum()),
+            "reserved_texels": in_use << 2 * grid.top,
+            "used_texels": samples.count,
+            "location_bytes": len(locations),
+        }
+        return Payload(
+            planes={"atlas": atlas},
+            blobs={"locations": locations},
+            geometry=self.geometry.encode(frame.pvs),
+            sample_count=samples.count,
+            samples=samples,
+            unplaced=unplaced,
+            statistics=statistics,
+        )
+
+    def client(self, scene: ServerScene) -> ShadingAtlasClient:
+        """A client without any triangle yet."""
+        return ShadingAtlasClient(scene)
+
+
+def choose_grid(width: int, height: int, superblock: int) -> Grid:
+    """The superblocks of an atlas; a side of 0 is chosen for it. What their rows and columns leave over is not used.
+
+    Raises ValueError for a side that is not a power of two from 1 to 256.
+    """
+    if superblock == 0:
+        superblock = 256 if width * height >= 8_000_000 else 128
+        while superblock > 1 and (width // superblock) * (height // superblock) < FEWEST_SUPERBLOCKS:
+            superblock //= 2
+    if superblock not in (1, 2, 4, 8, 16, 32, 64, 128, 256):
+        raise ValueError(f"The superblock side {superblock} is not a power of two from 1 to 256 (0 chooses one).")
+    return Grid(superblock.bit_length() - 1, width // superblock, height // superblock)

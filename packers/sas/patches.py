@@ -1,0 +1,288 @@
+"""Patches of one to three triangles, found once per scene.
+
+SAS groups the triangles of a mesh offline into patches of one to three, each mapped to a rectangle of the atlas; how it
+chooses them is not published. Here a greedy matching on the dual graph first joins pairs, then lets single triangles
+join a pair as a third. A patch's score is the atlas area it saves: the rectangles its parts would need alone, over the
+rectangle it needs, times the cosine of the fold between them. That one number holds the three things that matter:
+coplanarity (the cosine), squareness (a sheared patch needs a rectangle larger than its surface) and aspect (opposite
+sides of different length need the longer one). Patches form where it is above 1.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.cache import cache_folder, write_atomically
+from kernels.sas.layout import CENTRE, LEFT, RIGHT, ROLE_POINTS, ROLE_SLOT, SECOND, pack_role
+
+if TYPE_CHECKING:
+    from scenes.model import Scene
+
+CHUNK = 1 << 18  # rows per step of the score computations, so that a large scene needs little memory
+
+
+@dataclass(frozen=True)
+class Patches:
+    """Patches in the order of their lowest triangle.
+
+    of_triangle: int32 (T), the patch of each triangle. codes: uint8 (T), its role and rotation (see layout).
+    members: int32 (P, 3), triangles by their slot, -1 where the patch has fewer.
+    points: int32 (P, 5), the vertex on each of layout.POINTS, -1 where there is none.
+    """
+
+    of_triangle: np.ndarray
+    codes: np.ndarray
+    members: np.ndarray
+    points: np.ndarray
+
+    @property
+    def count(self) -> int:
+        return len(self.members)
+
+    @property
+    def sizes(self) -> np.ndarray:
+        """Triangles in each patch, int64 (P)."""
+        return (self.members >= 0).sum(axis=1)
+
+
+def cached_patches(scene: Scene) -> Patches:
+    """The scene's patches, from the cache if they were found before."""
+    method = hashlib.sha256(_method().encode()).hexdigest()[:12]
+    path = cache_folder("patches") / f"{scene.content_hash}-{method}.npz"
+    try:
+        with np.load(path) as stored:
+            of_triangle, codes = stored["of_triangle"], stored["codes"]
+        if len(of_triangle) == len(scene.indices) == len(codes):
+            return _with_members(scene.indices, of_triangle, codes)
+    except (OSError, ValueError, KeyError, EOFError):
+        pass  # absent or unreadable: found again below
+    found = find_patches(scene.positions, scene.indices)
+    if scene.content_hash:
+        write_atomically(path, lambda file: np.savez(file, of_triangle=found.of_triangle, codes=found.codes))
+    return found
+
+
+def _method() -> str:
+    """The text of this module: a cached result of another text is not used."""
+    from pathlib import Path
+
+    return Path(__file__).read_text()
+
+
+def find_patches(positions: np.ndarray, indices: np.ndarray) -> Patches:
+    """Group triangles into patches.
+
+    positions: float32 (V, 3). indices: int32 (T, 3). Deterministic; no triangle is left out: what fits nowhere
+    (degenerate triangles among them) is a patch of its own. Vertices with the same position count as one.
+    """
+    shape = Shapes(positions, indices)
+    twin = _twin_half_edges(_weld(positions), indices)
+    count = len(indices)
+    partner_edge = np.full(count, -1, np.int64)  # half-edge across which a triangle is paired
+    edges = np.flatnonzero(twin > np.arange(3 * count))
+    gains = _in_chunks(shape.pair_gain, edges, twin[edges])
+    edges = edges[gains > 1]
+    chosen = edges[_match(edges // 3, twin[edges] // 3, gains[gains > 1], count)]
+    partner_edge[chosen // 3] = chosen
+    partner_edge[twin[chosen] // 3] = twin[chosen]
+
+    codes = pack_role(np.zeros(count, np.int64), shape.longest_opposite)
+    leader = np.arange(count)
+    _place_pairs(codes, leader, chosen, twin)
+    _place_thirds(shape, codes, leader, partner_edge, twin)
+    lowest = np.full(count, count)
+    np.minimum.at(lowest, leader, np.arange(count))
+    of_triangle = np.unique(lowest[leader], return_inverse=True)[1].reshape(-1).astype(np.int32)
+    return _with_members(indices, of_triangle, codes)
+
+
+def _place_pairs(codes: np.ndarray, leader: np.ndarray, chosen: np.ndarray, twin: np.ndarray) -> None:
+    """Give the two triangles at each chosen half-edge the roles of a pair: right angles opposite to the diagonal."""
+    other = twin[chosen]
+    codes[chosen // 3] = pack_role(np.zeros(len(chosen), np.int64), (chosen % 3 + 2) % 3)
+    codes[other // 3] = pack_role(np.full(len(other), SECOND), (other % 3 + 2) % 3)
+    leader[other // 3] = chosen // 3
+
+
+def _place_thirds(
+    shape: Shapes, codes: np.ndarray, leader: np.ndarray, partner_edge: np.ndarray, twin: np.ndarray
+) -> None:
+    """Let single triangles join a neighbouring pair: its triangle between the two becomes the centre of a fan."""
+    paired = partner_edge >= 0
+    edges = np.flatnonzero(np.repeat(paired, 3) & (twin >= 0))
+    edges = edges[~paired[twin[edges] // 3]]
+    centre, single = edges // 3, twin[edges] // 3
+    # The two shared half-edges leave one corner in common, the apex: the one from it belongs to the right triangle.
+    inner = partner_edge[centre]
+    single_is_right = edges % 3 == (inner % 3 + 1) % 3
+    right, left = np.where(single_is_right, edges, inner), np.where(single_is_right, inner, edges)
+    gains = _in_chunks(lambda a, b, s: shape.fan_gain(a, b, s, twin), right, left, single)
+    better = gains > 1
+    chosen = np.flatnonzero(better)
+    pair = leader[centre]
+    chosen = chosen[_match(pair[chosen], single[chosen], gains[chosen], len(codes))]
+    right, left, centre, single = right[chosen], left[chosen], centre[chosen], single[chosen]
+    codes[centre] = pack_role(np.full(len(centre), CENTRE), right % 3)
+    codes[twin[right] // 3] = pack_role(np.full(len(centre), RIGHT), (twin[right] + 1) % 3)
+    codes[twin[left] // 3] = pack_role(np.full(len(centre), LEFT), twin[left] % 3)
+    leader[single] = leader[centre]
+
+
+def _match(first: np.ndarray, second: np.ndarray, gains: np.ndarray, nodes: int) -> np.ndarray:
+    """Greedy matching: edges first[k] - second[k] in falling order of gain, each node in at most one; their indices.
+
+    Each round takes every edge that is the best one at both of its ends, which gives the same result as going through
+    the edges one by one. Gains are rounded and ties broken by a hash, because a regular mesh, or one whose gains rise
+    steadily, would otherwise need a round for every edge along it.
+    """
+    coarse = np.minimum(gains * 64, 2**20).astype(np.uint64)
+    key = ~((coarse << np.uint64(32)) | _hash32(np.arange(len(gains), dtype=np.uint64)))
+    alive = np.argsort(key, kind="stable")
+    best = np.empty(nodes, np.int64)
+    taken = np.zeros(nodes, bool)
+    matched = []
+    while len(alive):
+        a, b = first[alive], second[alive]
+        order = np.arange(len(alive))
+        ends = np.stack([a, b], axis=1).reshape(-1)
+        best[ends[::-1]] = np.repeat(order, 2)[::-1]  # of repeated indices the last, here the best, stays
+        mutual = (best[a] == order) & (best[b] == order)
+        matched.append(alive[mutual])
+        taken[a[mutual]] = taken[b[mutual]] = True
+        alive = alive[~(taken[a] | taken[b])]
+    return np.concatenate(matched) if matched else np.empty(0, np.int64)
+
+
+def _hash32(values: np.ndarray) -> np.ndarray:
+    """A mix of 64-bit integers to 32 bits, as uint64 (multiply and shift, modulo 2^64)."""
+    values = (values + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
+    return ((values ^ (values >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)) >> np.uint64(32)
+
+
+def _weld(positions: np.ndarray) -> np.ndarray:
+    """For each vertex the number of its position: equal for equal positions, bit for bit, and only then."""
+    bits = np.ascontiguousarray(positions + np.float32(0), np.float32).view(np.uint32).astype(np.uint64)  # no -0
+    mixed = _hash32(bits[:, 0] | bits[:, 1] << np.uint64(32)) << np.uint64(32)
+    mixed |= _hash32(bits[:, 2] ^ mixed)
+    order = np.argsort(mixed, kind="stable")
+    ordered = bits[order]
+    # Where two positions share a hash they lie mixed in the sequence and may stay apart, which costs a patch at worst.
+    new = np.ones(len(order), bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    numbers = np.empty(len(order), np.int64)
+    numbers[order] = np.cumsum(new) - 1
+    return numbers
+
+
+def _twin_half_edges(welded: np.ndarray, indices: np.ndarray) -> np.ndarray:
+    """For each half-edge 3 * t + k, from corner k to k + 1, the opposite half-edge of another triangle, or -1.
+
+    Where more than two triangles meet in an edge, those next to each other in triangle order are joined.
+    """
+    start = welded[indices].reshape(-1)
+    end = welded[np.roll(indices, -1, axis=1)].reshape(-1)
+    key = (np.minimum(start, end).astype(np.uint64) << np.uint64(32)) | np.maximum(start, end).astype(np.uint64)
+    order = np.argsort(key, kind="stable")
+    key = key[order]
+    forward = (start < end)[order]
+    joined = (key[1:] == key[:-1]) & (forward[1:] != forward[:-1]) & (start != end)[order[1:]]
+    joined &= order[1:] // 3 != order[:-1] // 3
+    # A run of joints takes every other one, so that no half-edge has two twins.
+    position = np.arange(len(joined))
+    since = position - np.maximum.accumulate(np.where(joined, 0, position + 1))
+    joined &= since % 2 == 0
+    twin = np.full(len(start), -1, np.int64)
+    twin[order[:-1][joined]] = order[1:][joined]
+    twin[order[1:][joined]] = order[:-1][joined]
+    return twin
+
+
+def _in_chunks(compute, *columns: np.ndarray) -> np.ndarray:
+    """compute(*columns), a chunk of rows at a time."""
+    parts = [compute(*(c[k : k + CHUNK] for c in columns)) for k in range(0, len(columns[0]), CHUNK)]
+    return np.concatenate(parts) if parts else np.empty(0)
+
+
+class Shapes:
+    """Lengths and normals of triangles, and what joining some of them would gain."""
+
+    def __init__(self, positions: np.ndarray, indices: np.ndarray) -> None:
+        self.positions = positions
+        self.indices = indices
+        count = len(indices)
+        self.normal = np.zeros((count, 3), np.float32)
+        self.rectangle = np.zeros(count)
+        self.longest_opposite = np.zeros(count, np.int64)
+        for k in range(0, count, CHUNK):
+            self._measure(slice(k, k + CHUNK))
+
+    def _measure(self, rows: slice) -> None:
+        p = self.positions[self.indices[rows]].astype(np.float64)
+        sides = np.roll(p, -1, axis=1) - p  # side k from corner k to k + 1
+        lengths = np.linalg.norm(sides, axis=2)
+        longest = lengths.argmax(axis=1)
+        normal = np.cross(sides[:, 0], sides[:, 1])
+        size = np.linalg.norm(normal, axis=1, keepdims=True)
+        self.normal[rows] = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+        self.longest_opposite[rows] = (longest + 2) % 3
+        row = np.arange(len(p))
+        self.rectangle[rows] = lengths[row, (longest + 1) % 3] * lengths[row, (longest + 2) % 3]
+
+    def corner(self, half_edge: np.ndarray, step: int) -> np.ndarray:
+        """Position, float64 (n, 3), of the corner `step` after the half-edge's first."""
+        return self.positions[self.indices[half_edge // 3, (half_edge % 3 + step) % 3]].astype(np.float64)
+
+    def pair_gain(self, edge: np.ndarray, twin: np.ndarray) -> np.ndarray:
+        """Atlas area that joining the triangles at `edge` saves: alone over together, times the fold's cosine."""
+        p, e0, e1, q = self.corner(edge, 2), self.corner(edge, 0), self.corner(edge, 1), self.corner(twin, 2)
+        area = self._pair_area(p, e0, e1, q)
+        a, b = edge // 3, twin // 3
+        alone = self.rectangle[a] + self.rectangle[b]
+        return _ratio(alone, area) * self._fold(a, b)
+
+    def fan_gain(self, right: np.ndarray, left: np.ndarray, single: np.ndarray, twin: np.ndarray) -> np.ndarray:
+        """The same for a single triangle that joins a pair; `right` and `left` are half-edges of the centre."""
+        apex, x, y = self.corner(right, 0), self.corner(right, 1), self.corner(right, 2)
+        right_outer, left_outer = self.corner(twin[right], 2), self.corner(twin[left], 2)
+        width = np.maximum(_length(x, y), _length(apex, right_outer) + _length(apex, left_outer))
+        height = np.maximum(_length(right_outer, x), _length(left_outer, y))
+        height = np.maximum(height, _length(apex, (x + y) / 2))
+        centre, right_triangle, left_triangle = right // 3, twin[right] // 3, twin[left] // 3
+        single_is_right = right_triangle == single
+        inner = np.where(single_is_right, left, right)
+        p, e0, e1 = self.corner(inner, 2), self.corner(inner, 0), self.corner(inner, 1)
+        alone = self._pair_area(p, e0, e1, self.corner(twin[inner], 2)) + self.rectangle[single]
+        fold = np.minimum(self._fold(centre, right_triangle), self._fold(centre, left_triangle))
+        return _ratio(alone, width * height) * fold
+
+    def _pair_area(self, p: np.ndarray, e0: np.ndarray, e1: np.ndarray, q: np.ndarray) -> np.ndarray:
+        return np.maximum(_length(p, e0), _length(e1, q)) * np.maximum(_length(p, e1), _length(e0, q))
+
+    def _fold(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return (self.normal[a] * self.normal[b]).sum(axis=1)
+
+
+def _length(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(a - b, axis=1)
+
+
+def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a / b, 0 where b is 0."""
+    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
+
+
+def _with_members(indices: np.ndarray, of_triangle: np.ndarray, codes: np.ndarray) -> Patches:
+    """The tables by patch that follow from each triangle's patch, role and rotation."""
+    count = int(of_triangle.max()) + 1 if len(of_triangle) else 0
+    members = np.full((count, 3), -1, np.int32)
+    points = np.full((count, 5), -1, np.int32)
+    role, rotation = (codes // 3).astype(np.int64), (codes % 3).astype(np.int64)
+    triangles = np.arange(len(indices))
+    members[of_triangle, ROLE_SLOT[role]] = triangles
+    for corner in range(3):
+        points[of_triangle, ROLE_POINTS[role, corner]] = indices[triangles, (rotation + corner) % 3]
+    return Patches(of_triangle, codes, members, points)
