@@ -8,8 +8,10 @@ import numpy as np
 
 from kernels.raster.rasteriser import Rasteriser
 from kernels.shade.shader import Shader
+from kernels.shade.shadow import ShadowMaps
 from kernels.shade.tables import Lighting, Surface
 from kernels.texture.buffers import TextureBuffers
+from kernels.texture.mask import AlphaMask
 from kernels.triangles import Triangles
 from packers.interface import ServerScene
 
@@ -19,13 +21,31 @@ if TYPE_CHECKING:
 
 
 def upload_scene(device: Device, scene: Scene) -> ServerScene:
-    """Copy `scene` to the device: triangles, textures with mip chains, shadow maps; outside every timer."""
+    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps; outside all timers."""
     triangles = upload_triangles(device, scene)
+    mask = AlphaMask.upload(device, scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
     masked = {m.base_texture for m in scene.materials if m.alpha_mode == "mask"}
     textures = TextureBuffers.upload(device, scene.textures, masked)
-    rasteriser = Rasteriser(device, triangles)
-    shader = Shader(device, triangles, surface_of(scene), lighting_of(scene), textures)
-    return ServerScene(scene, device, triangles, rasteriser, shader)
+    rasteriser = Rasteriser(device, triangles, mask)
+    shadows = _shadow_maps(device, scene, triangles, mask)
+    shader = Shader(device, triangles, surface_of(scene), lighting_of(scene), textures, shadows)
+    return ServerScene(scene, device, triangles, rasteriser, shader, mask)
+
+
+def _shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None) -> ShadowMaps:
+    """Shadow maps of everything that is not see-through: light passes blended surfaces and transmissive ones."""
+    if not any(light.shadows and light.kind != "point" for light in scene.lights):
+        return ShadowMaps.none(device, len(scene.lights))
+    opaque = np.array([m.alpha_mode != "blend" and m.transmission == 0 for m in scene.materials], bool)
+    casting = np.flatnonzero(opaque[scene.material_ids])
+    casters = triangles
+    if len(casting) < triangles.count:
+        flags = triangles.host_flags[casting]
+        casters = Triangles.upload(device, scene.positions, scene.indices[casting], flags)
+        mask = mask.of_triangles(device, casting) if mask else None
+    cameras = [camera.position for camera in scene.cameras]
+    focus = np.mean(cameras, axis=0) if cameras else np.median(scene.positions, axis=0)
+    return ShadowMaps.render(device, casters, mask, scene.lights, focus, scene.metres_per_unit)
 
 
 def upload_triangles(device: Device, scene: Scene) -> Triangles:

@@ -21,9 +21,8 @@ def face_rows(device: Device, vertices: Array, indices: Array, material_ids: np.
     count = len(material_ids)
     faces = device.empty((count, 2), np.int32)
     materials = device.upload(np.ascontiguousarray(material_ids, np.int32))
-    device.launch(
-        "shade/faces", device.build("shade/faces.cl").uv_scales, count, count, vertices, indices, materials, faces
-    )
+    kernel = device.build("shade/faces.cl").uv_scales
+    device.launch("shade/faces", kernel, count, count, vertices, indices, materials, faces)
     return faces
 
 
@@ -31,10 +30,9 @@ def uv_scale_twin(vertices: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """float64 (T): the UV scales."""
     corners = np.asarray(vertices, np.float64)[indices]
     sides = corners[:, 1:] - corners[:, :1]
-    # Orthonormal coordinates in the triangle's plane make d UV / d P a 2x2 matrix.
     scales = np.zeros(len(indices))
     for i, side in enumerate(sides):
-        frame, in_plane = np.linalg.qr(side[:, :3].T)
         if np.linalg.norm(np.cross(side[0, :3], side[1, :3])) > 0:
+            in_plane = np.linalg.qr(side[:, :3].T, mode="r")  # the sides in orthonormal coordinates of their plane
             scales[i] = np.linalg.svd(side[:, 6:].T @ np.linalg.inv(in_plane), compute_uv=False)[0]
     return scales

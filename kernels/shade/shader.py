@@ -91,7 +91,7 @@ class Shader:
         )
 
     def sky(self, view: np.ndarray, projection: np.ndarray, target: Array, stage: str = "shade/sky") -> None:
-        """Paint the sky over all of `target`, uint8 (H, W, 4), as a camera float64 (4, 4), (4, 4) sees it; alpha 255."""
+        """Paint the sky over all of `target`, uint8 (H, W, 4), as a camera (float64 4x4 each) sees it; alpha 255."""
         height, width = target.shape[:2]
         rays = self.device.upload(pixel_rays(view, projection, width, height).astype(np.float32))
         kernel = self.device.build("shade/sky.cl").paint_sky

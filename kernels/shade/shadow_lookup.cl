@@ -3,6 +3,7 @@
 // Layout of a light's shadow in its record: rows of the map's transform (from scene space to map texels x and y, depth
 // and w), where the map starts, its side in texels (0: none), and the side of one map texel in scene units, which is
 // TEXEL_BASE + TEXEL_PER_W * w. Depth per scene unit along the light is DEPTH_BASE + DEPTH_PER_SQUARE * depth^2.
+#define AXIS 8
 #define SHADOW_X 20
 #define SHADOW_Y 24
 #define SHADOW_DEPTH 28
@@ -14,7 +15,9 @@
 #define DEPTH_BASE 40
 #define DEPTH_PER_SQUARE 41
 
-// The filter reaches two texels, diagonally 2 sqrt 2: pushed that far along the normal, a plane cannot shadow itself.
+// The filter reaches two texels, diagonally 2 sqrt 2. A plane whose normal is at an angle a to the map's axis cannot
+// shadow itself if it is pushed out by that times sin a: 1 / w is affine on the map, with the normal's part across the
+// axis as its slope.
 #define NORMAL_OFFSET 2.83f
 // Towards the light, for curvature and what depth loses to rounding; in texels.
 #define LIGHT_OFFSET 0.75f
@@ -34,9 +37,10 @@ inline float8 shadow8(__global const float *light, __global const float *shadow_
     const int size = (int)light[SHADOW_SIZE];
     __global const float *map = shadow_maps + as_int(light[SHADOW_START]);
     const float8 texel = light[TEXEL_BASE] + light[TEXEL_PER_W] * row8(light + SHADOW_W, x, y, z);
-    const float8 cosine = fx * lx + fy * ly + fz * lz;
+    const float8 cosine = fx * light[AXIS] + fy * light[AXIS + 1] + fz * light[AXIS + 2];
     const float8 sine = sqrt((cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (float8)0.0f);
-    const float8 normal_offset = texel * ((cosine < 0.0f) ? -NORMAL_OFFSET * sine : NORMAL_OFFSET * sine);
+    const float8 facing = fx * lx + fy * ly + fz * lz;
+    const float8 normal_offset = texel * ((facing < 0.0f) ? -NORMAL_OFFSET * sine : NORMAL_OFFSET * sine);
     const float8 light_offset = texel * LIGHT_OFFSET;
     x += fx * normal_offset + lx * light_offset;
     y += fy * normal_offset + ly * light_offset;

@@ -13,10 +13,10 @@ def pixel_rays(view: np.ndarray, projection: np.ndarray, width: int, height: int
     view, projection: float64 (4, 4), a perspective with the conventions of the packer interface.
     """
     to_world = view[:3, :3].T
-    x = (np.array([1 / width - 1, 2 / width]) + [projection[0, 2], 0]) / projection[0, 0]
-    y = (np.array([1 - 1 / height, -2 / height]) + [projection[1, 2], 0]) / projection[1, 1]
-    rays = np.array([[x[0], y[0], -1.0], [x[1], 0, 0], [0, y[1], 0]]) @ to_world.T
-    return rays.ravel()
+    x, y = 1 / width - 1 + projection[0, 2], 1 - 1 / height + projection[1, 2]
+    right, up = 1 / projection[0, 0], 1 / projection[1, 1]
+    rays = np.array([[x * right, y * up, -1.0], [2 / width * right, 0, 0], [0, -2 / height * up, 0]])
+    return (rays @ to_world.T).ravel()
 
 
 def paint_sky_twin(view: np.ndarray, projection: np.ndarray, width: int, height: int, environment: np.ndarray):

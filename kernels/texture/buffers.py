@@ -68,7 +68,7 @@ class TextureBuffers:
             table.append((first, len(levels) - first - 1, wrap, max(texture.texels.shape[:2])))
         if offset * 8 > device.device.max_mem_alloc_size:
             raise DeviceError(
-                f"The textures need {offset * 8 >> 20} MB in one buffer, more than {device.name} gives: reduce their size."
+                f"The textures need {offset * 8 >> 20} MB in one buffer, more than {device.name} gives: shrink them."
             )
         host = [np.array(table, np.int32), np.array(levels, np.int32), np.concatenate(texels)]
         wraps = any(row[2] for row in table)

@@ -1,0 +1,159 @@
+"""Alpha masks: where masked triangles have holes."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from kernels.texture.buffers import WRAP, TextureImage
+from kernels.texture.mipmap import mip_chain
+from kernels.texture.sample import neighbours
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+SMALLEST = 8  # texels on the shorter side: smaller levels cannot hold a share of holes
+
+
+class MaskedMaterial(Protocol):
+    """What a mask reads of a material; a masked one is there where base alpha times texture alpha >= cutoff."""
+
+    base_colour: tuple[float, float, float, float]
+    base_texture: int
+    alpha_mode: str
+    alpha_cutoff: float
+
+
+@dataclass(frozen=True)
+class AlphaMask:
+    """Alpha masks of a list of triangles, for the alpha test of the rasteriser (mask.cl); also shipped to clients.
+
+    slots: int32 (T), row of `corners` of a masked triangle, -1 for others.
+    corners: float32 (K, 8): u, v of corner 0, u, v from there to corner 1 and to corner 2, the bits of the chain's
+        number, and log2 of the square root of the triangle's area in texels.
+    chains: int32 (C, 2): first row of `levels`, and how many follow it.
+    levels: int32 (L, 8): first texel, width, height, bits of the threshold (0..255), wrap_s, wrap_t, 0, 0. Each level's
+        threshold keeps the share of texels that pass at the finest one, so that foliage keeps its density.
+    alphas: uint8, the texels of all levels.
+    """
+
+    slots: Array
+    corners: Array
+    chains: Array
+    levels: Array
+    alphas: Array
+    host: dict[str, np.ndarray]
+
+    @classmethod
+    def upload(
+        cls,
+        device: Device,
+        indices: np.ndarray,
+        uvs: np.ndarray,
+        material_ids: np.ndarray,
+        materials: Sequence[MaskedMaterial],
+        textures: Sequence[TextureImage],
+    ) -> AlphaMask | None:
+        """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T); None where no triangle is masked."""
+        masked = np.array([m.alpha_mode == "mask" for m in materials], bool)
+        ids = np.flatnonzero(masked[material_ids])
+        if len(ids) == 0:
+            return None
+        used = np.unique(material_ids[ids])
+        chains, levels, alphas, sizes = _chains([materials[i] for i in used], textures)
+        chain = np.searchsorted(used, material_ids[ids])
+        slots = np.full(len(indices), -1, np.int32)
+        slots[ids] = np.arange(len(ids))
+        host = {
+            "slots": slots,
+            "corners": _corners(uvs[indices[ids]], chain, sizes[chain]),
+            "chains": chains,
+            "levels": levels,
+            "alphas": alphas,
+        }
+        return cls(**{name: device.upload(array) for name, array in host.items()}, host=host)
+
+    @property
+    def arguments(self) -> tuple[Any, ...]:
+        """What a kernel takes for MASK_PARAMETERS."""
+        return self.slots, self.corners, self.chains, self.levels, self.alphas
+
+    def of_triangles(self, device: Device, triangles: np.ndarray) -> AlphaMask:
+        """The masks of another list of triangles, given by their numbers in this one: int (n)."""
+        slots = np.ascontiguousarray(self.host["slots"][triangles])
+        return replace(self, slots=device.upload(slots), host={**self.host, "slots": slots})
+
+
+def _corners(uvs: np.ndarray, chain: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Rows of `corners` for triangles with uvs (K, 3, 2), their chains' numbers and finest sizes (K, 2)."""
+    rows = np.zeros((len(uvs), 8), np.float32)
+    sides = uvs[:, 1:].astype(np.float64) - uvs[:, :1]
+    rows[:, 0:2] = uvs[:, 0]
+    rows[:, 2:6] = sides.reshape(-1, 4)
+    rows[:, 6] = chain.astype(np.int32).view(np.float32)
+    area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2 * sizes.prod(axis=1)
+    rows[:, 7] = 0.5 * np.log2(np.maximum(area, 1e-12))
+    return rows
+
+
+def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage]) -> tuple[np.ndarray, ...]:
+    """Chains, levels and alphas of the materials' masks, and the finest size (width, height) of each, int (C, 2)."""
+    chains, levels, alphas, sizes = [], [], [], []
+    offset = 0
+    for material in materials:
+        texture = textures[material.base_texture] if material.base_texture >= 0 else None
+        alpha = texture.texels[..., 3].astype(np.float32) if texture else np.full((1, 1), 255, np.float32)
+        modes = (WRAP[texture.wrap_s], WRAP[texture.wrap_t]) if texture else (0, 0)
+        # A material whose own alpha is 0 shows nothing at any cutoff above 0: its threshold is out of reach.
+        cutoff = 255 * material.alpha_cutoff / max(material.base_colour[3], 1e-6)
+        passing = np.mean(alpha >= cutoff)
+        chain = [level for i, level in enumerate(mip_chain(alpha)) if i == 0 or min(level.shape) >= SMALLEST]
+        chains.append((len(levels), len(chain) - 1))
+        sizes.append((alpha.shape[1], alpha.shape[0]))
+        for i, level in enumerate(chain):
+            quantised = np.round(level).astype(np.uint8)
+            threshold = np.float32(cutoff if i == 0 else _threshold(quantised, passing, cutoff))
+            levels.append((offset, *level.shape[::-1], int(threshold.view(np.int32)), *modes, 0, 0))
+            alphas.append(quantised.ravel())
+            offset += level.size
+    return (np.array(chains, np.int32), np.array(levels, np.int32), np.concatenate(alphas), np.array(sizes, np.int64))
+
+
+def _threshold(level: np.ndarray, passing: float, cutoff: float) -> float:
+    """The threshold that the given share of a level's texels reaches, as nearly as its values allow."""
+    if passing in (0.0, 1.0):
+        return cutoff if passing == 0 else 0.0
+    ordered = np.sort(level, axis=None)[::-1].astype(np.float64)
+    place = min(max(round(passing * level.size), 1), level.size - 1)
+    return float((ordered[place - 1] + ordered[place]) / 2)
+
+
+def margin_twin(
+    mask: AlphaMask, triangles: np.ndarray, b1: np.ndarray, b2: np.ndarray, pixels: np.ndarray
+) -> np.ndarray:
+    """How far above the threshold (in 0..255, negative: a hole) alpha is at points of masked triangles, float64 (n).
+
+    triangles: int (n); b1, b2: weights of corners 1 and 2; pixels: the triangles' areas on screen.
+    """
+    host = mask.host
+    corners = host["corners"][host["slots"][triangles]]
+    chains = host["chains"][corners[:, 6].view(np.int32)]
+    level = np.floor(corners[:, 7] - 0.5 * np.log2(np.maximum(pixels, 1e-6)) + 0.5)
+    rows = host["levels"][chains[:, 0] + np.clip(level, 0, chains[:, 1]).astype(int)]
+    corners = corners.astype(np.float64)
+    u = corners[:, 0] + b1 * corners[:, 2] + b2 * corners[:, 4]
+    v = corners[:, 1] + b1 * corners[:, 3] + b2 * corners[:, 5]
+    x0, x1, fx = neighbours(u, rows[:, 1], rows[:, 4])
+    y0, y1, fy = neighbours(v, rows[:, 2], rows[:, 5])
+
+    def alpha(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return host["alphas"][rows[:, 0] + y * rows[:, 1] + x].astype(np.float64)
+
+    upper = alpha(x0, y0) * (1 - fx) + alpha(x1, y0) * fx
+    lower = alpha(x0, y1) * (1 - fx) + alpha(x1, y1) * fx
+    return upper * (1 - fy) + lower * fy - rows[:, 3].copy().view(np.float32)

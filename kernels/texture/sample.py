@@ -1,0 +1,56 @@
+"""Twins of the texture lookups of sample.cl, in float64."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from kernels.texture.buffers import TextureBuffers
+
+
+def neighbours(u: np.ndarray, size: np.ndarray, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The two texels that a bilinear lookup at `u` blends along an axis of `size` texels, and the second's weight.
+
+    mode: 0 repeat, 1 clamp, 2 mirror. Coordinates that are not finite count as 0.
+    """
+    u = np.where(np.isfinite(u), u, 0)
+    folded = 1 - np.abs(1 - np.mod(u, 2))
+    u = np.select([mode == 0, mode == 1], [np.mod(u, 1), np.clip(u, 0, 1)], folded)
+    x = u * size - 0.5
+    low = np.floor(x).astype(np.int64)
+    first = np.where(mode == 0, np.mod(low, size), np.clip(low, 0, size - 1))
+    second = np.where(mode == 0, np.mod(low + 1, size), np.clip(low + 1, 0, size - 1))
+    return first, second, x - low
+
+
+def bilinear(textures: TextureBuffers, level: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: np.ndarray) -> np.ndarray:
+    """Linear RGBA (n, 4) of rows `level` (n) of the level table at u, v (n); wrap (n) as in the texture table."""
+    offset, width, height = textures.host_levels[level, :3].T.astype(np.int64)
+    x0, x1, fx = neighbours(u, width, wrap & 3)
+    y0, y1, fy = neighbours(v, height, wrap >> 2)
+    texels = textures.host_texels / 65535
+
+    def at(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        return texels[offset + y * width + x]
+
+    fx, fy = fx[:, None], fy[:, None]
+    return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy
+
+
+def trilinear(
+    textures: TextureBuffers, texture: np.ndarray, u: np.ndarray, v: np.ndarray, footprint: np.ndarray
+) -> np.ndarray:
+    """Linear RGBA (n, 4) of entries `texture` (n) of the texture table.
+
+    footprint (n): the sample's side in texture space, 1 = the whole texture; level = log2(footprint * longest side).
+    """
+    first, last, wrap, size = textures.host_textures[texture].T
+    across = np.where(np.isnan(footprint), 0, footprint) * size
+    level = np.clip(np.log2(np.maximum(across, 1)), 0, last)
+    fine = np.floor(level).astype(np.int64)
+    blend = (level - fine)[:, None]
+    near = bilinear(textures, first + fine, u, v, wrap)
+    far = bilinear(textures, first + np.minimum(fine + 1, last), u, v, wrap)
+    return near * (1 - blend) + far * blend
