@@ -51,7 +51,7 @@ class Picture:
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """One frame's bytes on the wire, what the client sees (uint8 (H, W, 3), None unless asked) and host milliseconds."""
+    """One frame's bytes on the wire, what the client sees (uint8 (H, W, 3), None unless asked), host milliseconds."""
 
     bytes: int
     decoded: np.ndarray | None
@@ -70,11 +70,11 @@ class _Coder(Protocol):
 class VideoStream:
     """One encoder and, if `decode`, the client's decoder behind it.
 
-    codec: 'h264' (x264 veryfast, zerolatency, one thread, constant rate factor `crf` from 0, best, to 51), 'jpeg' (every
-        frame on its own, `quality` 1..100) or 'none' (3 bytes per texel, without loss).
+    codec: 'h264' (x264 veryfast, zerolatency, one thread, constant rate factor `crf` from 0, best, to 51), 'jpeg'
+        (every frame on its own, `quality` 1..100) or 'none' (3 bytes per texel, without loss).
     width, height: of every frame, up to 8192. H.264 needs sides that are multiples of 4: others are padded.
-    The bytes of a frame depend only on the frames since the start or the last `reset`, so a run that was interrupted gets
-    the same bytes by encoding its earlier frames again. Raises CodecError for what a codec cannot take.
+    The bytes of a frame depend only on the frames since the start or the last `reset`, so an interrupted run gets the
+    same bytes by encoding its earlier frames again. Raises CodecError for what a codec cannot take.
     """
 
     def __init__(
@@ -161,7 +161,6 @@ def rgb_to_yuv(rgb: np.ndarray) -> np.ndarray:
     Chroma is the mean of 2x2 texels, so that nothing is mixed across the even borders of an atlas's blocks.
     """
     av, form = _av()
-    height, width = rgb.shape[:2]
     frame = form.VideoReformatter().reformat(
         av.VideoFrame.from_numpy_buffer(rgb, "rgb24"),
         format="yuv420p",
@@ -238,29 +237,29 @@ class _Jpeg:
         self.quality = quality
 
     def encode(self, picture: Picture) -> bytes:
-        import OpenImageIO as oiio
+        import OpenImageIO
 
         height, width = picture.rgb.shape[:2]
-        spec = oiio.ImageSpec(width, height, 3, "uint8")
+        spec = OpenImageIO.ImageSpec(width, height, 3, "uint8")
         spec.attribute("Compression", f"jpeg:{self.quality}")
         spec.attribute("jpeg:subsampling", "4:2:0")
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "frame.jpg"
-            output = oiio.ImageOutput.create(str(file))
+            output = OpenImageIO.ImageOutput.create(str(file))
             if output is None or not (output.open(str(file), spec) and output.write_image(picture.rgb)):
-                raise CodecError(f"OpenImageIO cannot write a JPEG of {width}x{height}: {oiio.geterror()}")
+                raise CodecError(f"OpenImageIO cannot write a JPEG of {width}x{height}: {OpenImageIO.geterror()}")
             output.close()
             return file.read_bytes()
 
     def decode(self, data: bytes, picture: Picture) -> np.ndarray:
-        import OpenImageIO as oiio
+        import OpenImageIO
 
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "frame.jpg"
             file.write_bytes(data)
-            source = oiio.ImageInput.open(str(file))
+            source = OpenImageIO.ImageInput.open(str(file))
             if source is None:
-                raise CodecError(f"OpenImageIO cannot read back its own JPEG: {oiio.geterror()}")
+                raise CodecError(f"OpenImageIO cannot read back its own JPEG: {OpenImageIO.geterror()}")
             pixels = source.read_image(format="uint8")
             source.close()
             return pixels

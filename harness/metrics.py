@@ -1,0 +1,121 @@
+"""Quality and cost columns: what each means, its unit and better direction, and the picture metrics of a frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from kernels.metrics.ciede2000 import Ciede2000
+from kernels.metrics.flip import Flip, magma
+from kernels.metrics.iwssim import SMALLEST_SIDE as IWSSIM_SIDE
+from kernels.metrics.iwssim import IwSsim
+from kernels.metrics.mse import SquaredError, psnr
+from kernels.metrics.ssim import SMALLEST_SIDE as SSIM_SIDE
+from kernels.metrics.ssim import Ssim
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+
+@dataclass(frozen=True)
+class Metric:
+    """One quality or cost column: its name in frames.csv, unit, better direction, meaning; "" for a pure number."""
+
+    name: str
+    unit: str
+    better: Literal["lower", "higher"]
+    meaning: str
+
+
+METRICS: tuple[Metric, ...] = (
+    Metric("flip", "", "lower", "mean FLIP error of the novel view at 67.02 pixels per degree, 0..1"),
+    Metric("dssim", "", "lower", "(1 - SSIM) / 2 on BT.601 luma, 11x11 Gaussian window, 0..1"),
+    Metric("iwssim", "", "higher", "information content weighted SSIM on BT.601 luma, 5 scales, up to 1"),
+    Metric("psnr", "dB", "higher", "peak signal-to-noise ratio over R, G, B; empty where the pictures are identical"),
+    Metric("delta_e", "CIEDE2000", "lower", "mean colour difference; about 1 is just noticeable"),
+    Metric("stretch_l2", "pixels/texel", "lower", "root mean square stretch over the visible pixels; 1 is one to one"),
+    Metric("stretch_linf", "pixels/texel", "lower", "largest stretch of a visible pixel; above 1 is undersampled"),
+    Metric("coherence", "share", "higher", "texels with the same owner as in the last frame"),
+    Metric("coherence_bytes", "share", "higher", "payload bytes unchanged since the last frame"),
+    Metric("fill", "share", "higher", "owned texels of the atlas"),
+    Metric("samples", "samples", "lower", "shading samples computed for the frame"),
+    Metric("missing_px", "share", "lower", "novel-view pixels whose triangle is not in the potentially visible set"),
+    Metric("holes_px", "share", "lower", "novel-view pixels the client leaves empty and the reference does not"),
+    Metric("compression_ratio", "share", "lower", "video bytes / (3 bytes * atlas texels)"),
+    Metric("bytes_video", "bytes", "lower", "video packets of the frame"),
+    Metric("bytes_metadata", "bytes", "lower", "metadata of the frame after LZ4"),
+    Metric("bytes_geometry", "bytes", "lower", "potentially visible triangles of the frame after LZ4"),
+    Metric("bytes_total", "bytes", "lower", "everything sent for the frame"),
+    Metric("structs_ms", "ms", "lower", "device time of the structures: what goes where"),
+    Metric("gather_ms", "ms", "lower", "device time of gathering: computing the samples"),
+    Metric("server_ms", "ms", "lower", "structs_ms + gather_ms"),
+    Metric("client_ms", "ms", "lower", "device time of drawing the novel view on the client"),
+)
+PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
+
+
+class Metrics:
+    """The picture metrics of frames against their reference; what depends on the reference is computed once.
+
+    reasons: for a metric that the last picture's size does not allow, name to why.
+    """
+
+    def __init__(self, device: Device) -> None:
+        self.device = device
+        self.reasons: dict[str, str] = {}
+        self._size: tuple[int, int] | None = None
+
+    def _allocate(self, width: int, height: int) -> None:
+        device = self.device
+        self._size = (width, height)
+        self._flip, self._delta_e = Flip(device, width, height), Ciede2000(device, width, height)
+        self._error = SquaredError(device, width, height)
+        side = min(width, height)
+        self._ssim = Ssim(device, width, height) if side >= SSIM_SIDE else None
+        self._iwssim = IwSsim(device, width, height) if side >= IWSSIM_SIDE else None
+        smallest = {"dssim": SSIM_SIDE, "iwssim": IWSSIM_SIDE}
+        self.reasons = {
+            name: f"{name} needs {least} pixels a side, and the picture has {width}x{height}"
+            for name, least in smallest.items()
+            if side < least
+        }
+
+    def _windowed(self) -> list[Flip | Ciede2000 | Ssim | IwSsim]:
+        parts = [self._flip, self._delta_e, self._ssim, self._iwssim]
+        return [part for part in parts if part is not None]
+
+    def reference(self, image: Array) -> None:
+        """Take the reference, a device array uint8 (h, w, 4), sRGB; it must not change until the next reference."""
+        height, width = image.shape[:2]
+        if self._size != (width, height):
+            self._allocate(width, height)
+        self._reference = image
+        for part in self._windowed():
+            part.reference(image)
+
+    def compare(self, test: Array) -> dict[str, float | None]:
+        """The picture metrics of `test`, uint8 (h, w, 4), by name; None where there is no finite value or no room.
+
+        Raises ValueError if there is no reference or it has another size.
+        """
+        height, width = test.shape[:2]
+        if self._size != (width, height):
+            raise ValueError(f"A picture of {width}x{height} cannot be compared with the reference of {self._size}.")
+        for part in self._windowed():
+            part.compare(test)
+        self._error.compare(test, self._reference)
+        return {
+            "flip": self._flip.mean(),
+            "dssim": None if self._ssim is None else (1 - self._ssim.mean()) / 2,
+            "iwssim": None if self._iwssim is None else self._iwssim.score(),
+            "psnr": psnr(self._error.mean()),
+            "delta_e": self._delta_e.mean(),
+        }
+
+    def flip_map(self) -> np.ndarray:
+        """The FLIP errors of the last compared picture in FLIP's colours, uint8 (h, w, 3)."""
+        return magma(self._flip.error_map())

@@ -1,0 +1,210 @@
+"""FLIP for low dynamic range: the error seen when flipping between two pictures (Andersson et al. 2020)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.metrics.colour import RGB_TO_RELATIVE, lab_from_relative, linear_values
+from kernels.metrics.planes import MARGIN, Layout, total
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+PIXELS_PER_DEGREE = 67.02  # 0.7 m from a display 0.7 m and 3840 pixels wide
+COLOUR_EXPONENT = 0.7
+COLOUR_BEND = (0.4, 0.95)  # at this share of the largest difference the error is this
+FEATURE_WIDTH = 0.082  # degrees
+# Contrast sensitivity per channel: the sum of two Gaussians (a1, b1), (a2, b2) in degrees.
+SENSITIVITY = {
+    "luminance": (1.0, 0.0047),
+    "red_green": (1.0, 0.0053),
+    "yellow_1": (34.1, 0.04),
+    "yellow_2": (13.5, 0.025),
+}
+
+
+@dataclass(frozen=True)
+class Filters:
+    """The 1D filters of FLIP at a resolution; each array holds the taps from -radius to radius, float64.
+
+    yellow_share: of the first Gaussian in the blue-yellow filter. The filters of luminance and red-green are cut where
+    they fall below 1e-7 of their centre.
+    """
+
+    luminance: np.ndarray
+    red_green: np.ndarray
+    yellow_1: np.ndarray
+    yellow_2: np.ndarray
+    yellow_share: float
+    smooth: np.ndarray
+    edge: np.ndarray
+    point: np.ndarray
+
+    @classmethod
+    def at(cls, pixels_per_degree: float) -> Filters:
+        """The filters for a resolution, in pixels per degree of visual angle."""
+        radius = int(np.ceil(3 * np.sqrt(0.04 / (2 * np.pi**2)) * pixels_per_degree))
+        sharp = min(radius, int(np.ceil(np.sqrt(np.log(1e7) * 0.0053) / np.pi * pixels_per_degree)))
+
+        def gaussian(b: float, reach: int) -> tuple[np.ndarray, float]:
+            values = np.exp(-(np.pi**2) / b * (np.arange(-reach, reach + 1) / pixels_per_degree) ** 2)
+            return values / values.sum(), values.sum()
+
+        (a1, b1), (a2, b2) = SENSITIVITY["yellow_1"], SENSITIVITY["yellow_2"]
+        (yellow_1, sum_1), (yellow_2, sum_2) = gaussian(b1, radius), gaussian(b2, radius)
+        weight_1, weight_2 = a1 * np.sqrt(np.pi / b1) * sum_1**2, a2 * np.sqrt(np.pi / b2) * sum_2**2
+        deviation = 0.5 * FEATURE_WIDTH * pixels_per_degree
+        x = np.arange(-np.ceil(3 * deviation), np.ceil(3 * deviation) + 1)
+        smooth = np.exp(-(x**2) / (2 * deviation**2))
+        return cls(
+            gaussian(SENSITIVITY["luminance"][1], sharp)[0],
+            gaussian(SENSITIVITY["red_green"][1], sharp)[0],
+            yellow_1,
+            yellow_2,
+            float(weight_1 / (weight_1 + weight_2)),
+            smooth / smooth.sum(),
+            _halves_sum_to_one(-x * smooth),
+            _halves_sum_to_one((x**2 / deviation**2 - 1) * smooth),
+        )
+
+    @property
+    def taps(self) -> np.ndarray:
+        """The halves k = 0..radius of all filters, one after the other, float32; `edge` is odd: its right half."""
+        whole = (self.luminance, self.red_green, self.yellow_1, self.yellow_2, self.smooth, self.edge, self.point)
+        return np.concatenate([f[len(f) // 2 :] for f in whole]).astype(np.float32)
+
+
+def _halves_sum_to_one(values: np.ndarray) -> np.ndarray:
+    """Scale the positive values to a sum of 1 and the negative ones to -1."""
+    positive = values > 0
+    return np.where(positive, values / values[positive].sum(), values / -values[~positive].sum())
+
+
+def _hunt_lab(relative_xyz: np.ndarray) -> np.ndarray:
+    lab = lab_from_relative(relative_xyz)
+    return np.concatenate([lab[..., :1], 0.01 * lab[..., :1] * lab[..., 1:]], axis=-1)
+
+
+def largest_colour_difference() -> float:
+    """The difference of green and blue, the largest on an sRGB display, to the power .7."""
+    green, blue = _hunt_lab(RGB_TO_RELATIVE.T[1]), _hunt_lab(RGB_TO_RELATIVE.T[2])
+    return float((abs(green[0] - blue[0]) + np.hypot(*(green - blue)[1:])) ** COLOUR_EXPONENT)
+
+
+class Flip:
+    """FLIP of pictures of one size against a reference.
+
+    Pictures are uint8 (h, w, 4) device arrays, sRGB. Raises ValueError where the filters would be wider than the
+    planes' margins (beyond 118 pixels per degree).
+    """
+
+    def __init__(self, device: Device, width: int, height: int, pixels_per_degree: float = PIXELS_PER_DEGREE) -> None:
+        filters = Filters.at(pixels_per_degree)
+        blur = len(filters.yellow_1) // 2
+        if blur > MARGIN:
+            raise ValueError(f"FLIP at {pixels_per_degree:g} pixels per degree needs wider filters than there is room.")
+        self.device, self.layout = device, Layout(width, height)
+        radii = {"SHARP": len(filters.luminance) // 2, "BLUR": blur, "FEATURE": len(filters.smooth) // 2}
+        self.kernels = device.build("metrics/flip.cl", **{f"{name}_RADIUS": radius for name, radius in radii.items()})
+        self.taps, self.share = device.upload(filters.taps), filters.yellow_share
+        self.linear = device.upload(linear_values().astype(np.float32))
+        self.to_xyz = device.upload(RGB_TO_RELATIVE.astype(np.float32))
+        self.to_rgb = device.upload(np.linalg.inv(RGB_TO_RELATIVE).astype(np.float32))
+        self.largest = largest_colour_difference()
+        self.planes, self.rows = self.layout.empty(device, 3), self.layout.empty(device, 7)
+        self.reference_features, self.test_features = self.layout.empty(device, 5), self.layout.empty(device, 5)
+        self.map = self.layout.empty(device)
+        self.partial = device.empty(self.layout.items, np.float32)
+
+    def _features(self, image: Array, features: Array) -> None:
+        at, kernels, launch = self.layout, self.kernels, self.device.launch
+        size = (at.width, at.height, at.stride)
+        pieces = at.height * (at.stride // 16)
+        launch("metrics/flip/opponents", kernels.opponents, pieces, *size, image, self.linear, self.to_xyz, self.planes)
+        launch("metrics/flip/rows", kernels.filter_rows, at.items, *size, self.planes, self.taps, self.rows)
+        colour = (self.share, self.to_rgb, self.to_xyz)
+        columns = kernels.filter_columns
+        launch("metrics/flip/columns", columns, at.items, *size, self.rows, self.taps, *colour, features)
+
+    def reference(self, image: Array) -> None:
+        """Take the picture that all others are compared with."""
+        self._features(image, self.reference_features)
+
+    def compare(self, test: Array) -> None:
+        """Start comparing `test`; `mean` and `error_map` give what came out."""
+        self._features(test, self.test_features)
+        at = self.layout
+        features = (self.test_features, self.reference_features)
+        self.device.launch(
+            "metrics/flip/difference",
+            self.kernels.difference,
+            at.items,
+            *(at.width, at.height, at.stride, *features, self.largest, self.map, self.partial),
+        )
+
+    def mean(self) -> float:
+        """The mean over the last compared picture, 0 (no difference) to 1."""
+        return total(self.partial) / (self.layout.width * self.layout.height)
+
+    def error_map(self) -> np.ndarray:
+        """The error of each pixel of the last compared picture, float32 (h, w), 0..1."""
+        return self.layout.image(self.map)[0]
+
+
+def _separable(image: np.ndarray, along_x: np.ndarray, along_y: np.ndarray) -> np.ndarray:
+    """Correlate (h, w) with two 1D filters; the border pixels are repeated."""
+    for axis, taps in ((1, along_x), (0, along_y)):
+        radius = len(taps) // 2
+        pads = [(0, 0), (0, 0)]
+        pads[axis] = (radius, radius)
+        windows = np.lib.stride_tricks.sliding_window_view(np.pad(image, pads, "edge"), len(taps), axis)
+        image = windows @ taps
+    return image
+
+
+def _features_twin(image: np.ndarray, filters: Filters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    xyz = linear_values()[image[..., :3]] @ RGB_TO_RELATIVE.T
+    x, y, z = np.moveaxis(xyz, -1, 0)
+    share = filters.yellow_share
+    luminance = _separable(y, filters.luminance, filters.luminance)
+    red_green = _separable(x - y, filters.red_green, filters.red_green)
+    yellow = share * _separable(y - z, filters.yellow_1, filters.yellow_1)
+    yellow += (1 - share) * _separable(y - z, filters.yellow_2, filters.yellow_2)
+    seen = np.stack([luminance + red_green, luminance, luminance - yellow], axis=-1)
+    rgb = np.clip(seen @ np.linalg.inv(RGB_TO_RELATIVE).T, 0, 1)
+    magnitudes = [
+        np.hypot(_separable(y, taps, filters.smooth), _separable(y, filters.smooth, taps))
+        for taps in (filters.edge, filters.point)
+    ]
+    return _hunt_lab(rgb @ RGB_TO_RELATIVE.T), *magnitudes
+
+
+def flip_twin(test: np.ndarray, reference: np.ndarray, pixels_per_degree: float = PIXELS_PER_DEGREE) -> np.ndarray:
+    """The FLIP error of each pixel, float64 (h, w), of two uint8 (h, w, 3 or 4) pictures."""
+    filters = Filters.at(pixels_per_degree)
+    lab_t, edge_t, point_t = _features_twin(test, filters)
+    lab_r, edge_r, point_r = _features_twin(reference, filters)
+    d = lab_t - lab_r
+    colour = (np.abs(d[..., 0]) + np.hypot(d[..., 1], d[..., 2])) ** COLOUR_EXPONENT
+    largest = largest_colour_difference()
+    bend, value = COLOUR_BEND[0] * largest, COLOUR_BEND[1]
+    high = value + (colour - bend) / (largest - bend) * (1 - value)
+    colour_error = np.minimum(np.where(colour < bend, colour * value / bend, high), 1)
+    feature = np.maximum(np.abs(edge_t - edge_r), np.abs(point_t - point_r)) / np.sqrt(2)
+    return colour_error ** (1 - np.minimum(np.sqrt(feature), 1))
+
+
+def magma(values: np.ndarray) -> np.ndarray:
+    """FLIP's colours, black over violet and orange to pale yellow: uint8 (..., 3) of values 0..1."""
+    import plotly.colors
+
+    colours = plotly.colors.get_colorscale("Magma")
+    stops = np.array([plotly.colors.hex_to_rgb(colour) for _, colour in colours], np.float64)
+    at = np.array([position for position, _ in colours])
+    table = np.stack([np.interp(np.arange(256) / 255, at, stops[:, k]) for k in range(3)], axis=-1)
+    return np.rint(table).astype(np.uint8)[np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)]

@@ -1,0 +1,55 @@
+"""The layout the metrics share: float planes with margins, worked on in pieces of 16 pixels; sums of partial sums."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+PIECE = 16
+MARGIN = 16
+
+
+@dataclass(frozen=True)
+class Layout:
+    """A plane is float32 (height, stride): a margin of 16 pixels, the row, room up to a multiple of 32, a margin.
+
+    Of 32, so that two whole pieces lie under each piece of a plane of half the size.
+    """
+
+    width: int
+    height: int
+
+    @property
+    def pieces(self) -> int:
+        """Pieces of 16 pixels in a row."""
+        return -(-self.width // PIECE)
+
+    @property
+    def items(self) -> int:
+        """Work-items of a kernel that handles one piece each."""
+        return self.height * self.pieces
+
+    @property
+    def stride(self) -> int:
+        """Elements from one row to the next."""
+        return -(-self.width // (2 * PIECE)) * 2 * PIECE + 2 * MARGIN
+
+    def empty(self, device: Device, planes: int = 1) -> Array:
+        """Uninitialised planes, float32 (planes, height, stride)."""
+        return device.empty((planes, self.height, self.stride), np.float32)
+
+    def image(self, planes: Array) -> np.ndarray:
+        """The pixels without margins, float32 (planes, height, width) on the host."""
+        return planes.get()[:, :, MARGIN : MARGIN + self.width]
+
+
+def total(partial: Array) -> float:
+    """The sum of partial sums, in float64 and in their order."""
+    return float(np.sum(partial.get(), dtype=np.float64))

@@ -1,0 +1,82 @@
+// 16-wide elementary functions, because PoCL's own run lane by lane, and the layout of planes that the metrics share.
+//
+// A plane is float (height, stride): 16 pixels of margin, the row, room up to a multiple of 32, 16 pixels of margin.
+// Work-items are pieces of 16 pixels of a row.
+
+#define PIECE 16
+#define MARGIN 16
+
+inline int plane_offset(const int stride, const int row, const int column)
+{
+    return row * stride + MARGIN + column;
+}
+
+inline float16 lane_numbers(void)
+{
+    return (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+}
+
+// `value` in the lanes whose column is in first..end-1, 0 elsewhere (also where the value is not a number).
+inline float16 inside_only(const float16 value, const int column, const int first, const int end)
+{
+    const float16 x = lane_numbers() + (float)column;
+    return (x >= (float)first) && (x < (float)end) ? value : (float16)(0.0f);
+}
+
+inline float sum_of_lanes(const float16 v)
+{
+    const float8 eight = v.lo + v.hi;
+    const float4 four = eight.lo + eight.hi;
+    return (four.x + four.y) + (four.z + four.w);
+}
+
+inline float16 larger(const float16 a, const float16 b)
+{
+    return a > b ? a : b;
+}
+
+inline float16 smaller(const float16 a, const float16 b)
+{
+    return a < b ? a : b;
+}
+
+// Cube root of x >= 1e-6: a third of the exponent as the first guess, then Halley's iteration twice (error 2e-7).
+inline float16 cube_root(const float16 x)
+{
+    float16 y = as_float16(convert_int16(convert_float16(as_int16(x)) * (1.0f / 3.0f)) + 709921077);
+    for (int i = 0; i < 2; i++) {
+        const float16 cube = y * y * y;
+        y *= (cube + 2.0f * x) / (2.0f * cube + x);
+    }
+    return y;
+}
+
+// Base 2 logarithm of positive normal x: exponent, plus the series of 2 artanh(t) of the mantissa (error 2e-7).
+inline float16 logarithm2(const float16 x)
+{
+    const int16 bits = as_int16(x) - 0x3f3504f3;  // the mantissa comes out between sqrt(1/2) and sqrt(2)
+    const float16 exponent = convert_float16(bits >> 23);
+    const float16 mantissa = as_float16((bits & 0x007fffff) + 0x3f3504f3);
+    const float16 t = (mantissa - 1.0f) / (mantissa + 1.0f);
+    const float16 s = t * t;
+    const float16 series = 1.0f + s * (1.0f / 3 + s * (1.0f / 5 + s * (1.0f / 7 + s * (1.0f / 9))));
+    return exponent + 2.8853900818f * t * series;
+}
+
+// 2 to the power x, for x in -126..126 (relative error 2e-7).
+inline float16 power_of_2(const float16 x)
+{
+    const float16 clamped = smaller(larger(x, (float16)(-126.0f)), (float16)(126.0f));
+    const float16 shifted = clamped + 12582912.0f;  // 1.5 * 2^23: rounds to a whole number
+    const float16 f = (clamped - (shifted - 12582912.0f)) * 0.69314718056f;
+    const float16 series =
+        1.0f + f * (1.0f + f * (1.0f / 2 + f * (1.0f / 6 + f * (1.0f / 24 + f * (1.0f / 120 + f * (1.0f / 720))))));
+    return series * as_float16((as_int16(shifted) << 23) + 0x3f800000);
+}
+
+// x to the power y for x >= 0; 0 stays 0.
+inline float16 power(const float16 x, const float16 y)
+{
+    const float16 least = 1e-30f;
+    return x > least ? power_of_2(y * logarithm2(larger(x, least))) : (float16)(0.0f);
+}
