@@ -32,6 +32,7 @@ class AtlasClient(Client):
     def __init__(self, scene: ServerScene) -> None:
         self.device = scene.device
         self.sky = scene.shader.sky
+        self.mask = scene.mask
         self.geometry = GeometryDecoder(self.attributes)
         self._texels: np.ndarray | None = None
 
@@ -50,10 +51,11 @@ class AtlasClient(Client):
             positions = self.geometry.current("positions").reshape(-1, 3)
             indices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
             self.triangles = Triangles.upload(self.device, positions, indices, self.geometry.current("flags"))
-            self.rasteriser = Rasteriser(self.device, self.triangles)
+            mask = self.mask.of_triangles(self.device, self.geometry.pvs) if self.mask else None
+            self.rasteriser = Rasteriser(self.device, self.triangles, mask)
             self.ids = self.device.upload(self.geometry.pvs)
         (plane,) = payload.planes.values()
-        self.plane = self.device.upload(plane)
+        self.plane = self.device.upload(np.dstack([plane, np.full(plane.shape[:2], 255, np.uint8)]))
         self.read(payload.blobs)
         self._texels = None
 
@@ -74,17 +76,16 @@ class AtlasClient(Client):
         pvs = self.geometry.pvs
         if self._texels is None:
             self._texels = self.corner_texels().get()[: len(pvs)].astype(np.float64)
-        place = np.full((len(triangles), 2), np.nan)
         if not len(pvs):
-            return place
+            return np.full((len(triangles), 2), np.nan)
         at = np.minimum(np.searchsorted(pvs, triangles), len(pvs) - 1)
-        known = pvs[at] == triangles
-        corners, weights = self._texels[at[known]], bary[known].astype(np.float64)
-        place[known] = (
+        corners, weights = self._texels[at], bary.astype(np.float64)
+        place = (
             corners[:, 0]
             + weights[:, :1] * (corners[:, 1] - corners[:, 0])
             + weights[:, 1:] * (corners[:, 2] - corners[:, 0])
         )
+        place[pvs[at] != triangles] = np.nan
         return place
 
 

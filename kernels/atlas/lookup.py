@@ -20,7 +20,7 @@ def look_up(
     """Colour the pixels of `samples`.
 
     corners: float32 (n, 3, 2), column and row in the atlas of each triangle's corners; NaN for a triangle without a
-    place, whose pixels are left alone. ids: int32 (n), what `drawn` calls the triangles. plane: uint8 (H, W, 3).
+    place, whose pixels are left alone. ids: int32 (n), what `drawn` calls the triangles. plane: uint8 (H, W, 4).
     rgb: uint8 (h, w, 4), drawn: int32 (h, w); both written where there is a sample. Bytes are interpolated as they are
     (sRGB, not linear light), as texture units do without an sRGB format: the decoded video is such a texture.
     """

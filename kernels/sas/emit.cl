@@ -1,4 +1,5 @@
 #include "common/types.cl"
+#include "common/wide.cl"
 #include "sas/layout.cl"
 
 // The texels of blocks, as shading samples. u, v: position in the patch's unit square, with (0, 0) at the centre of the
@@ -6,14 +7,14 @@
 
 // Columns [first, last) of row `row` that bilinear lookups inside the block's triangles of `mask` touch, for a block of
 // `members` triangles and w x h texels. A lookup at x, y touches the columns and rows less than one texel away.
-inline int2 touched_columns(int members, int mask, int w, int h, int row) {
-    const int width = w - 1, height = max(h - 1, 1);
-    const int above = max(row - 1, 0), below = min(row + 1, height);
+INLINE int2 touched_columns(int members, int mask, int w, int h, int row) {
+    const int width = w - 1, height = GREATER(h - 1, 1);
+    const int above = GREATER(row - 1, 0), below = LESSER(row + 1, height);
     if (members < 3) {
         const int past = (width * (height - above) + height - 1) / height;  // of the triangle at (0, 0)
         const int before = (width * (height - below) ) / height;            // of the one at (1, 1)
         const int first = (mask & 1) ? 0 : before;
-        return (int2)(first, (mask & 2) ? w : min(past, width) + 1);
+        return (int2)(first, (mask & 2) ? w : LESSER(past, width) + 1);
     }
     int first = width, last = 0;
     if (mask & 1) {
@@ -21,14 +22,14 @@ inline int2 touched_columns(int members, int mask, int w, int h, int row) {
         last = (width * (height + below) + 2 * height - 1) / (2 * height);
     }
     if (mask & 2) {
-        first = min(first, width * (height + above) / (2 * height));
+        first = LESSER(first, width * (height + above) / (2 * height));
         last = width;
     }
     if (mask & 4) {
         first = 0;
-        last = max(last, (width * (height - above) + 2 * height - 1) / (2 * height));
+        last = GREATER(last, (width * (height - above) + 2 * height - 1) / (2 * height));
     }
-    return (int2)(first, min(last, width) + 1);
+    return (int2)(first, LESSER(last, width) + 1);
 }
 
 inline int members_of(int3 member) { return member.z >= 0 ? 3 : member.y >= 0 ? 2 : 1; }
@@ -133,9 +134,10 @@ typedef struct {
     float8 bary1, bary2, footprint;
 } Samples8;
 
-inline Samples8 sample_row(int column, const Row *row, const Part *part, int members) {
+INLINE Samples8 sample_row(int column, const Row *row, const Part *part, int members) {
     const int8 i = column + (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const float8 u = row->u0 + row->du * convert_float8(i), v = row->v0 + row->dv * convert_float8(i);
+    const float8 x = (float)column + (float8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const float8 u = row->u0 + row->du * x, v = row->v0 + row->dv * x;
     Samples8 s;
     s.texel = row->texel + i;
     s.triangle = (int8)(part[0].triangle);
@@ -154,9 +156,7 @@ inline Samples8 sample_row(int column, const Row *row, const Part *part, int mem
 }
 
 inline void store_lanes(int8 value, __global int *array, int count) {
-    int lanes[8];
-    vstore8(value, 0, lanes);
-    for (int k = 0; k < count; k++) array[k] = lanes[k];
+    for (int k = 0; k < count; k++) array[k] = ((int *)&value)[k];
 }
 
 // codes: role and rotation per triangle. weights: (role, corner, 3) as in layout.py. The rest as in count_samples.
@@ -190,11 +190,11 @@ __kernel void emit_samples(int count, int run, int runs, int complete, __global 
                 const Samples8 s = sample_row(columns.x + k, &row, part, size);
                 const int to = at + k;
                 if (to + 8 <= last) {  // lanes beyond the row are written again by the next rows of this run
-                    vstore8(s.triangle, 0, triangle + to);
-                    vstore8(s.bary1, 0, bary1 + to);
-                    vstore8(s.bary2, 0, bary2 + to);
-                    vstore8(s.footprint, 0, footprint + to);
-                    vstore8(s.texel, 0, texel + to);
+                    *(__global loose_int8 *)(triangle + to) = s.triangle;
+                    *(__global loose_float8 *)(bary1 + to) = s.bary1;
+                    *(__global loose_float8 *)(bary2 + to) = s.bary2;
+                    *(__global loose_float8 *)(footprint + to) = s.footprint;
+                    *(__global loose_int8 *)(texel + to) = s.texel;
                 } else {
                     const int left = min(8, samples - k);
                     store_lanes(s.triangle, triangle + to, left);
