@@ -85,7 +85,7 @@ def show_catalogue() -> None:
     console.print(table)
     console.print()
     table = make_table("metrics", "name", "unit", "better", "meaning")
-    for metric in METRICS.values():
+    for metric in METRICS:
         table.add_row(metric.name, metric.unit, metric.better, metric.meaning)
     console.print(table)
 
