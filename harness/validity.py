@@ -23,8 +23,8 @@ surface       A lookup finds its own surface. Where all texels touched are the t
 
 Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
 its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
-that the novel view sees. A budget bounds the grids and the samples of `once` per frame: triangles take turns, by frame
-index, so that every one is examined within a few frames.
+that the novel view sees. A budget bounds the grids, the samples of `once` and the points of the novel view per frame:
+triangles, and every so many points, take turns by frame index, so that every one is examined within a few frames.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DISTANCE = 1.0  # texels between a sample and where its surface point is looked 
 STRAYS = 1 / 3
 LOCATION = 0.25  # texels; exact maps give 0, a client that forgets the half-texel offset gives 0.5
 REACH = 3.0
-BUDGET = 300_000  # points of grids, and samples of `once`, per frame
+BUDGET = 200_000  # points of grids, samples of `once`, points of the novel view, per frame
 CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
@@ -271,7 +271,7 @@ def _check_barycentrics(owners: Owners, table: _Table) -> list[Violation]:
 
 
 def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> Iterator[Violation]:
-    turns = 1 if budget is None else max(1, -(-len(owners.triangle) // budget))
+    turns = _turns(len(owners.triangle), budget)
     chosen = np.flatnonzero(owners.triangle % turns == frame.index % turns)
     triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
     within = (bary.min(axis=1) >= -1e-4) & (bary.sum(axis=1) <= 1 + 1e-4)
@@ -306,8 +306,10 @@ def _points(
         yield triangles, bary, client.locate(triangles, bary)
     if visible is None:
         return
-    for start in range(0, len(visible[0]), CHUNK):
-        triangles, bary = (array[start : start + CHUNK] for array in visible)
+    turns = _turns(len(visible[0]), budget)
+    seen = [array[frame.index % turns :: turns] for array in visible]
+    for start in range(0, len(seen[0]), CHUNK):
+        triangles, bary = (array[start : start + CHUNK] for array in seen)
         located = client.locate(triangles, bary)
         known = np.isfinite(located[:, 0]) & (table.row[triangles] >= 0)
         yield triangles[known], bary[known], located[known]
@@ -446,6 +448,11 @@ def _locate(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarr
             return None
         located[part] = found
     return located
+
+
+def _turns(count: int, budget: int | None) -> int:
+    """In how many frames `count` things have their turn."""
+    return 1 if budget is None else max(1, -(-count // budget))
 
 
 def _first(values: np.ndarray) -> tuple[int, ...]:
