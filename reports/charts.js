@@ -1,0 +1,46 @@
+// Draws the charts in the colours of the page, light or dark, and fills the list of contents.
+(() => {
+  "use strict";
+  const figures = JSON.parse(document.getElementById("figures").textContent);
+  const charts = [...document.querySelectorAll(".chart")];
+  const dark = matchMedia("(prefers-color-scheme: dark)");
+  const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+  function themed(layout) {
+    const axis = {gridcolor: colour("--line"), linecolor: colour("--line"), tickcolor: colour("--line")};
+    const narrow = innerWidth < 600;
+    return {
+      ...layout,
+      paper_bgcolor: "transparent", plot_bgcolor: "transparent",
+      font: {family: getComputedStyle(document.body).fontFamily, size: narrow ? 11 : 13, color: colour("--ink")},
+      hoverlabel: {bgcolor: colour("--card"), bordercolor: colour("--line"), font: {color: colour("--ink")}, namelength: -1},
+      margin: narrow ? {...layout.margin, l: 44, r: 8} : layout.margin,
+      xaxis: {...layout.xaxis, ...axis}, yaxis: {...layout.yaxis, ...axis},
+    };
+  }
+
+  function draw(place) {
+    const chooser = document.querySelector(`[data-chooses="${place.dataset.figure}"]`);
+    const entry = figures[place.dataset.figure];
+    const figure = chooser ? entry[chooser.value] : entry;
+    if (!figure) {
+      place.textContent = "No values for this chart.";
+      return;
+    }
+    const options = {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]};
+    Plotly.react(place, figure.data, themed(figure.layout), options);
+  }
+
+  const drawAll = () => charts.forEach(draw);
+  drawAll();
+  dark.addEventListener("change", drawAll);
+  for (const chooser of document.querySelectorAll("[data-chooses]")) chooser.addEventListener("change", drawAll);
+
+  const contents = document.getElementById("contents");
+  for (const section of document.querySelectorAll("main section")) {
+    const link = document.createElement("a");
+    link.href = `#${section.id}`;
+    link.textContent = section.querySelector("h2").textContent;
+    contents.append(link);
+  }
+})();

@@ -1,0 +1,284 @@
+"""The report of a run: one HTML file that needs nothing else, no network and no server."""
+
+from __future__ import annotations
+
+import json
+from html import escape
+from importlib.resources import files
+from itertools import groupby
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from reports import charts
+from reports.csv_files import replace_file, summarise
+from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
+from reports.store import Store
+from reports.tables import headline_tables, number, ranges, table
+
+PARTS = ("page.css", "charts.js", "viewer.js")
+
+Row = dict[str, Any]
+
+
+def write_report(folder: Path) -> Path:
+    """Write `folder`/report.html from the store and the pictures beside it, and return its path.
+
+    Raises StoreError if the folder has no results.
+    """
+    folder = Path(folder)
+    with Store(folder, must_exist=True) as store:
+        rows, stages, statistics = store.rows(), store.stages(), store.statistics()
+        notes = {name: store.notes.under(name) for name in ("environment", "warning", "skipped", "scene")}
+        settings = (store.plan() or {}).get("settings", {})
+    pictures = find_pictures(folder)
+    labels = charts.method_labels(list({(row["method"], row["variant"]) for row in rows}))
+    embedded = embed(pictures, chosen_frames(pictures, rows), labels)
+    summaries = summarise(rows)
+    sections = [
+        _warnings(notes["warning"], rows),
+        _results(rows, summaries, labels),
+        _viewer(embedded),
+        _charts(rows, summaries, stages, labels),
+        _statistics(statistics, labels),
+        _failures(rows, labels),
+        _skipped(notes["skipped"]),
+        _details(notes, settings, labels),
+    ]
+    page = files("reports").joinpath("page.html").read_text(encoding="utf-8")
+    slots = {
+        "title": escape(_title(rows)),
+        "header": _header(rows, notes["environment"]),
+        "body": "\n".join(sections),
+        "figures": _json(_figures(rows, summaries, stages, labels)),
+        "pictures": _json(embedded),
+        "plotly": _plotly(),
+    } | {part: files("reports").joinpath(part).read_text(encoding="utf-8") for part in PARTS}
+    before, *rest = page.split("{{")
+    filled = [before]
+    for piece in rest:
+        name, _, after = piece.partition("}}")
+        filled += [slots[name], after]
+    replace_file(folder / "report.html", "".join(filled))
+    return folder / "report.html"
+
+
+def chosen_frames(pictures: Pictures, rows: list[Row]) -> list[int]:
+    """Frames to show, most wanted first: the first, the one with the largest FLIP, the last, then any others."""
+    frames = pictures.frames()
+    errors = {row["frame"]: row["flip"] for row in sorted(rows, key=lambda row: row["flip"] or 0)}
+    wanted = [*frames[:1], max(frames, key=lambda frame: errors.get(frame) or 0, default=None), *frames[-1:], *frames]
+    return list(dict.fromkeys(frame for frame in wanted if frame is not None))[:MOST_FRAMES]
+
+
+def _title(rows: list[Row]) -> str:
+    return f"{rows[0]['scene']}, {rows[0]['path']}" if rows else "No frame finished"
+
+
+def _header(rows: list[Row], environment: dict[str, str]) -> str:
+    """The title, and the facts that say what was measured and where."""
+    if not rows:
+        return "<h1>No frame is finished yet</h1>"
+    row = rows[0]
+    facts = {
+        "Frames": str(len({row["frame"] for row in rows})),
+        "Client": _joined(row, "{width} x {height} px, {fov:g}°"),
+        "View cell": _joined(row, "{cell_radius:g} m, {cell_fov:g}°"),
+        "Latency": _joined(row, "{latency:g} ms"),
+        "Atlas": _joined(next((r for r in rows if r["atlas_width"]), row), "{atlas_width} x {atlas_height} texels"),
+        "Seed": _joined(row, "{seed}"),
+        "Scene": _joined(row, "{scene_hash:.12}"),
+        "Path": _joined(row, "{path_hash:.12}"),
+    } | {name.capitalize(): text for name, text in environment.items()}
+    facts.setdefault("Device", row["device"] or "")
+    items = "".join(
+        f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in facts.items() if text
+    )
+    return (
+        f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>"
+        f'<dl class="facts">{items}</dl>'
+    )
+
+
+def _joined(row: Row, text: str) -> str:
+    """`text` filled from the row, or nothing where a value is absent."""
+    try:
+        return text.format_map(row)
+    except TypeError:  # None has no such format
+        return ""
+
+
+def _section(name: str, title: str, *content: str) -> str:
+    return f'<section id="{name}"><h2>{escape(title)}</h2>{"".join(content)}</section>'
+
+
+def _caption(text: str) -> str:
+    return f'<p class="caption">{escape(text)}</p>'
+
+
+def _warnings(warnings: dict[str, str], rows: list[Row]) -> str:
+    """A banner for what a reader must know before believing a number."""
+    texts = list(warnings.values())
+    bad = {(row["method"], row["variant"], row["frame"]) for row in rows if row["status"] not in ("ok", "skipped")}
+    if bad:
+        texts.append(f"{len(bad)} of the frames are not ok: see Failures. Medians leave them out.")
+    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
+
+
+def _results(rows: list[Row], summaries: list[Row], labels: charts.Labels) -> str:
+    if not rows:
+        return ""
+    return _section(
+        "results",
+        "Results",
+        *(_caption(caption) + html for caption, html in headline_tables(rows, summaries, labels)),
+        _caption("Error over server time: the best methods are at the lower left. Rings are without video coding."),
+        '<div class="chart" data-figure="error"></div>',
+    )
+
+
+def _viewer(embedded: dict) -> str:
+    if not embedded["frames"]:
+        return ""
+    exact = (
+        "Pictures are exact; only atlases are reduced and compressed."
+        if embedded["exact"]
+        else "Pictures are compressed to keep this file small; the originals are in the folder pictures."
+    )
+    return _section(
+        "pictures",
+        "Pictures",
+        _caption(f"What the client shows against the reference; in FLIP maps brighter is worse. {exact}"),
+        '<div id="viewer"></div>',
+    )
+
+
+def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: charts.Labels) -> str:
+    if not rows:
+        return ""
+    measures = "".join(f"<option>{name}</option>" for name in charts.per_frame(rows, labels))
+    parts = [
+        _section(
+            "stages",
+            "Time per stage",
+            _caption(
+                "Median device time of each stage, stacked: shorter is better. Click a name to show or hide it; "
+                "the potentially visible set (pvs) is the same for all methods and hidden at first."
+            ),
+            '<div class="chart" data-figure="stages"></div>',
+        )
+        if stages
+        else "",
+        _section(
+            "frames",
+            "Quality per frame",
+            _caption(
+                "One value per frame along the path; the arrow says which direction is better. Gaps are failures."
+            ),
+            f'<label class="chooser">Measure <select data-chooses="frames">{measures}</select></label>',
+            '<div class="chart" data-figure="frames"></div>',
+        ),
+        _section(
+            "rates",
+            "Bytes per CRF",
+            _caption(
+                "Median size of the encoded planes of a frame at each rate, on a logarithmic axis: lower is better."
+            ),
+            '<div class="chart" data-figure="rates"></div>',
+        ),
+    ]
+    return "".join(parts)
+
+
+def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: charts.Labels) -> dict[str, Any]:
+    return {
+        "error": charts.error_over_time(summaries, labels),
+        "stages": charts.stage_times(stages, labels),
+        "frames": charts.per_frame(rows, labels),
+        "rates": charts.bytes_per_rate(summaries, labels),
+    }
+
+
+def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
+    """Median and range over the frames of what each method reports of itself."""
+    if not statistics:
+        return ""
+    found: dict[tuple[charts.Key, str], list[float]] = {}
+    for row in statistics:
+        if row["value"] is not None:
+            found.setdefault(((row["method"], row["variant"]), row["name"]), []).append(row["value"])
+    lines = [
+        [labels[key], name, number(median(values)), number(min(values)), number(max(values)), str(len(values))]
+        for (key, name), values in sorted(found.items())
+    ]
+    return _section(
+        "statistics",
+        "Statistics of the methods",
+        _caption("What each method reports of itself, over the frames; neither direction is better as such."),
+        table(["method", "statistic", "median", "lowest", "highest", "frames"], lines, texts=2),
+    )
+
+
+def _failures(rows: list[Row], labels: charts.Labels) -> str:
+    def what(row: Row) -> tuple[str, str, str]:
+        return labels[row["method"], row["variant"]], row["status"], row["reason"] or ""
+
+    bad = sorted((row for row in rows if row["status"] != "ok"), key=what)
+    lines = [
+        [label, status, ranges({row["frame"] for row in group}), reason]
+        for (label, status, reason), group in ((key, list(found)) for key, found in groupby(bad, what))
+    ]
+    if not lines:
+        return _section("failures", "Failures", '<p class="fine">Every frame of every method is ok.</p>')
+    return _section(
+        "failures",
+        "Failures",
+        _caption("Frames that are not ok, and why; they enter no median."),
+        table(["method", "status", "frames", "reason"], lines, texts=4),
+    )
+
+
+def _skipped(skipped: dict[str, str]) -> str:
+    """Stages that did not run because the scene does not need them; keys are METHOD/STAGE."""
+    if not skipped:
+        return ""
+    lines = [[*key.partition("/")[::2], reason] for key, reason in skipped.items()]
+    return _section(
+        "skipped",
+        "Skipped",
+        _caption("Stages that the scene does not need; they cost nothing and change no number."),
+        table(["method", "stage", "reason"], lines, texts=3),
+    )
+
+
+def _details(notes: dict[str, dict[str, str]], settings: dict[str, Any], labels: charts.Labels) -> str:
+    """The settings, the parameters of every variant, and what was found in the scene, folded away."""
+    lists = {
+        "Scene": notes["scene"],
+        "Parameters": {label: variant or "none" for (_, variant), label in labels.items()},
+        "Settings": {name: json.dumps(value, ensure_ascii=False) for name, value in settings.items()},
+    }
+    folded = [
+        f"<details><summary>{title}</summary>{table(['name', 'value'], [list(item) for item in values.items()], 2)}"
+        "</details>"
+        for title, values in lists.items()
+        if values
+    ]
+    return _section(
+        "details",
+        "How it was run",
+        _caption("All settings, parameters and notes. Every number is in the CSV files beside this report."),
+        *folded,
+    )
+
+
+def _json(value: Any) -> str:
+    """JSON that may stand inside a script element."""
+    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+
+
+def _plotly() -> str:
+    from plotly.offline import get_plotlyjs
+
+    return get_plotlyjs()

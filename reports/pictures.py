@@ -1,0 +1,133 @@
+"""Pictures of a run: where they lie in its folder, and how they get into the report.
+
+`pictures/reference/frame_0000.png` is the reference of a frame; `pictures/FOLDER/frame_0000_NAME.png` are those of one
+method and variant, NAME being client, flip, atlas or anything else. `pictures/pictures.json` says whose FOLDER is.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import tempfile
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from reports.csv_files import replace_file
+
+EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
+ATLAS_SIDE = 1024
+QUALITY = 92  # of JPEG, for what is not embedded as it is
+MOST_FRAMES = 3
+FIRST = ("client", "flip", "atlas")
+
+_NAME = re.compile(r"frame_(\d+)_(\w+)\.png")
+_REFERENCE = re.compile(r"frame_(\d+)\.png")
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Files by frame. methods: by (method, variant), then frame, then name of the picture."""
+
+    references: dict[int, Path]
+    methods: dict[tuple[str, str], dict[int, dict[str, Path]]]
+
+    def frames(self) -> list[int]:
+        """All frames that have a picture of some method."""
+        return sorted({frame for frames in self.methods.values() for frame in frames})
+
+
+def register_pictures(folder: Path, name: str, method: str, variant: str) -> Path:
+    """Make `folder`/pictures/`name` for the pictures of a method and variant, and return its path."""
+    place = folder / "pictures" / name
+    place.mkdir(parents=True, exist_ok=True)
+    known = _known(folder) | {name: {"method": method, "variant": variant}}
+    replace_file(folder / "pictures" / "pictures.json", json.dumps(known, indent=1, sort_keys=True) + "\n")
+    return place
+
+
+def find_pictures(folder: Path) -> Pictures:
+    """The pictures in `folder`/pictures; none where there is no such folder."""
+    references: dict[int, Path] = {}
+    for path in sorted((folder / "pictures" / "reference").glob("*.png")):
+        if match := _REFERENCE.fullmatch(path.name):
+            references[int(match[1])] = path
+    methods: dict[tuple[str, str], dict[int, dict[str, Path]]] = {}
+    for name, owner in _known(folder).items():
+        frames = methods.setdefault((owner["method"], owner["variant"]), {})
+        for path in sorted((folder / "pictures" / name).glob("*.png")):
+            if match := _NAME.fullmatch(path.name):
+                frames.setdefault(int(match[1]), {})[match[2]] = path
+    return Pictures(references, methods)
+
+
+def _known(folder: Path) -> dict[str, dict[str, str]]:
+    file = folder / "pictures" / "pictures.json"
+    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+
+
+def embed(pictures: Pictures, frames: Iterable[int], labels: dict[tuple[str, str], str]) -> dict:
+    """The pictures of the first of `frames` that fit, but at least of one, as data URLs, for the report's viewer.
+
+    Pictures are embedded as they are if those of all frames fit, else all as JPEG; atlases always as JPEG, reduced to
+    ATLAS_SIDE. Returns {"exact": bool, "frames": [{"frame", "reference", "methods": {label: {name: url}}}]}.
+    """
+    frames = list(frames)
+    exact = sum(path.stat().st_size for frame in frames for path in _exact_files(pictures, frame)) <= EMBED_BYTES
+    chosen: list[dict] = []
+    size = 0
+    for frame in frames:
+        entry, cost = _embed_frame(pictures, frame, labels, exact)
+        size += cost
+        if chosen and size > EMBED_BYTES:
+            break
+        chosen.append(entry)
+    return {"exact": exact, "frames": sorted(chosen, key=lambda entry: entry["frame"])}
+
+
+def _exact_files(pictures: Pictures, frame: int) -> list[Path]:
+    """The files of a frame that may be embedded as they are."""
+    references = [pictures.references[frame]] if frame in pictures.references else []
+    by_method = [by_frame.get(frame, {}) for by_frame in pictures.methods.values()]
+    return references + [path for files in by_method for name, path in files.items() if name != "atlas"]
+
+
+def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], str], exact: bool) -> tuple[dict, int]:
+    """One frame for the viewer, and how many bytes its pictures have."""
+    reference = pictures.references.get(frame)
+    entry: dict = {"frame": frame, "reference": reference and _data_url(reference, exact), "methods": {}}
+    for key, by_frame in pictures.methods.items():
+        files = by_frame.get(frame, {})
+        names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
+        if names and key in labels:
+            entry["methods"][labels[key]] = {
+                name: _data_url(files[name], exact and name != "atlas", ATLAS_SIDE if name == "atlas" else None)
+                for name in names
+            }
+    urls = [entry["reference"] or "", *(url for layers in entry["methods"].values() for url in layers.values())]
+    return entry, sum(len(url) * 3 // 4 for url in urls)
+
+
+def _data_url(path: Path, exact: bool, side: int | None = None) -> str:
+    data, kind = (path.read_bytes(), "png") if exact else (_jpeg(path, side), "jpeg")
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _jpeg(path: Path, side: int | None) -> bytes:
+    """The picture as JPEG without subsampled colour, its longer side reduced to `side`."""
+    from OpenImageIO import ROI, UINT8, ImageBuf, ImageBufAlgo
+
+    picture = ImageBufAlgo.channels(ImageBuf(str(path)), (0, 1, 2))
+    spec = picture.spec()
+    longer = max(spec.width, spec.height)
+    if side and longer > side:
+        width, height = (max(1, round(length * side / longer)) for length in (spec.width, spec.height))
+        picture = ImageBufAlgo.resize(picture, "box", roi=ROI(0, width, 0, height, 0, 1, 0, 3))
+    picture.specmod().attribute("compression", f"jpeg:{QUALITY}")
+    picture.specmod().attribute("jpeg:subsampling", "4:4:4")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.jpg"
+        if not picture.write(str(file), UINT8):
+            raise OSError(f"{path} cannot be embedded in the report: {picture.geterror()}.")
+        return file.read_bytes()
