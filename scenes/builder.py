@@ -1,0 +1,410 @@
+"""Building blocks of the procedural scenes: meshes of boxes, tubes and turned parts, and their assembly into a scene.
+
+Lengths are metres, y is up. UVs are metres too, until `Palette.assemble` divides them by the size of a texture's tile,
+so that every surface of a material shows the same texel density. Everything is vectorised over parts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from scenes.features import content_digest, find_features
+from scenes.model import Material, Scene, Texture
+from scenes.normals import tangents
+
+# Face order of `boxes`: the outward axis and side of each face.
+FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
+ALL_FACES = "-x+x-y+y-z+z"
+WITHOUT_BOTTOM = "-x+x+y-z+z"
+SIDES_ALONG_Z = "-x+x-y+y"
+
+WHITE = (1.0, 1.0, 1.0)
+
+
+@dataclass
+class Mesh:
+    """Triangles of one or many parts; the order of the triangles is the order in the scene.
+
+    positions, normals: float32 (V, 3). uvs: float32 (V, 2). colours: float32 (V, 3), linear, multiply the material's.
+    indices: int32 (T, 3), counter-clockwise from the front. materials: int32 (T).
+    """
+
+    positions: np.ndarray
+    normals: np.ndarray
+    uvs: np.ndarray
+    colours: np.ndarray
+    indices: np.ndarray
+    materials: np.ndarray
+
+    @property
+    def triangle_count(self) -> int:
+        return len(self.indices)
+
+
+def mesh(positions, normals, uvs, indices, material: int, colour=WHITE) -> Mesh:
+    """A mesh of one material and one colour from array-likes."""
+    positions = np.asarray(positions, np.float32).reshape(-1, 3)
+    indices = np.asarray(indices, np.int32).reshape(-1, 3)
+    colours = np.broadcast_to(np.asarray(colour, np.float32), positions.shape).copy()
+    return Mesh(
+        positions,
+        np.asarray(normals, np.float32).reshape(-1, 3),
+        np.asarray(uvs, np.float32).reshape(-1, 2),
+        colours,
+        indices,
+        np.full(len(indices), material, np.int32),
+    )
+
+
+def merge(meshes: Sequence[Mesh]) -> Mesh:
+    """All meshes in order as one."""
+    starts = np.cumsum([0] + [len(m.positions) for m in meshes[:-1]])
+    return Mesh(
+        *(np.concatenate([getattr(m, name) for m in meshes]) for name in ("positions", "normals", "uvs", "colours")),
+        np.concatenate([m.indices + np.int32(start) for m, start in zip(meshes, starts, strict=True)]),
+        np.concatenate([m.materials for m in meshes]),
+    )
+
+
+def translation(points) -> np.ndarray:
+    """Matrices (N, 4, 4) that move to points (N, 3)."""
+    points = np.asarray(points, np.float64).reshape(-1, 3)
+    matrices = np.tile(np.eye(4), (len(points), 1, 1))
+    matrices[:, :3, 3] = points
+    return matrices
+
+
+def placement(points, yaw=0.0, scale=1.0, tilt=0.0) -> np.ndarray:
+    """Matrices (N, 4, 4): scale, tilt about x, turn about y by `yaw`, move to points (N, 3). Angles in degrees.
+
+    scale: a number, (N,) or (N, 3).
+    """
+    matrices = translation(points)
+    count = len(matrices)
+    yaw, tilt = (np.radians(np.broadcast_to(np.asarray(angle, np.float64), count)) for angle in (yaw, tilt))
+    scale = np.asarray(scale, np.float64)
+    scale = np.broadcast_to(scale[:, None] if scale.ndim == 1 and len(scale) == count else scale, (count, 3))
+    turn, lean = np.zeros((2, count, 3, 3))
+    turn[:, 0, 0], turn[:, 0, 2], turn[:, 2, 0], turn[:, 2, 2] = np.cos(yaw), np.sin(yaw), -np.sin(yaw), np.cos(yaw)
+    turn[:, 1, 1] = lean[:, 0, 0] = 1
+    lean[:, 1, 1], lean[:, 1, 2], lean[:, 2, 1], lean[:, 2, 2] = np.cos(tilt), -np.sin(tilt), np.sin(tilt), np.cos(tilt)
+    matrices[:, :3, :3] = turn @ lean * scale[:, None, :]
+    return matrices
+
+
+def repeat(part: Mesh, matrices: np.ndarray, tints: np.ndarray | None = None) -> Mesh:
+    """Copies of a part under matrices (N, 4, 4), one after the other; tints (N, 3) multiply their colours."""
+    matrices = np.asarray(matrices, np.float64).reshape(-1, 4, 4)
+    count, vertices = len(matrices), len(part.positions)
+    linear = matrices[:, :3, :3].astype(np.float32)
+    positions = part.positions @ linear.transpose(0, 2, 1) + matrices[:, None, :3, 3].astype(np.float32)
+    normals = part.normals @ np.linalg.inv(linear) if count else np.zeros((0, vertices, 3), np.float32)
+    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-20)
+    colours = np.tile(part.colours, (count, 1)).reshape(count, vertices, 3)
+    if tints is not None:
+        colours = colours * np.asarray(tints, np.float32)[:, None, :]
+    indices = part.indices[None] + (np.arange(count, dtype=np.int32) * vertices)[:, None, None]
+    return Mesh(
+        positions.reshape(-1, 3),
+        normals.reshape(-1, 3),
+        np.tile(part.uvs, (count, 1)),
+        colours.reshape(-1, 3),
+        indices.reshape(-1, 3),
+        np.tile(part.materials, count),
+    )
+
+
+def moved(part: Mesh, point, yaw: float = 0.0, scale=1.0, tilt: float = 0.0) -> Mesh:
+    """One copy of a part, placed as by `placement`."""
+    return repeat(part, placement([point], yaw, np.broadcast_to(scale, (1, 3)), tilt))
+
+
+def _unit_box(faces: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Corners (F, 4, 3) of the unit box's faces, their normals (F, 3) and the axes (F, 2) that u and v run along."""
+    corners, normals, axes = [], [], []
+    for face in FACES:
+        if face not in faces:
+            continue
+        axis, side = "xyz".index(face[1]), 0.5 if face[0] == "+" else -0.5
+        right, up = {0: (2, 1), 1: (0, 2), 2: (0, 1)}[axis]
+        normal, u, v = np.zeros((3, 3))
+        normal[axis], u[right], v[up] = 2 * side, 1, 1
+        if np.dot(np.cross(u, v), normal) < 0:
+            u = -u
+        corners.append([normal / 2 + (u * a + v * b) / 2 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
+        normals.append(normal)
+        axes.append((right, up))
+    return np.array(corners), np.array(normals), np.array(axes)
+
+
+def boxes(centres, sizes, material: int, turns=None, tints=None, faces: str = ALL_FACES) -> Mesh:
+    """Boxes with their own sizes: 2 triangles for each face in `faces` (names of `FACES` in one string).
+
+    centres, sizes: (N, 3). turns: rotation matrices (N, 3, 3) or None. tints: (N, 3), (3,) or None.
+    """
+    centres = np.asarray(centres, np.float64).reshape(-1, 3)
+    count = len(centres)
+    sizes = np.broadcast_to(np.asarray(sizes, np.float64), (count, 3))
+    corners, face_normals, axes = _unit_box(faces)
+    faces_count = len(corners)
+    local = corners.reshape(1, -1, 3) * sizes[:, None, :]
+    normals = np.broadcast_to(np.repeat(face_normals, 4, axis=0), local.shape)
+    if turns is not None:
+        local, normals = local @ turns.transpose(0, 2, 1), normals @ turns.transpose(0, 2, 1)
+    extent = sizes[:, axes]
+    unit = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float64)
+    uvs = unit[None, None] * extent[:, :, None, :]
+    tints = np.broadcast_to(np.asarray(WHITE if tints is None else tints, np.float32), (count, 3))
+    quads = np.arange(count * faces_count, dtype=np.int32)[:, None] * 4
+    return Mesh(
+        (local + centres[:, None, :]).reshape(-1, 3).astype(np.float32),
+        normals.reshape(-1, 3).astype(np.float32),
+        uvs.reshape(-1, 2).astype(np.float32),
+        np.repeat(tints, faces_count * 4, axis=0),
+        (quads + np.array([0, 1, 2, 0, 2, 3], np.int32)).reshape(-1, 3),
+        np.full(count * faces_count * 2, material, np.int32),
+    )
+
+
+def box(centre, size, material: int, tint=WHITE, yaw: float = 0.0, faces: str = ALL_FACES) -> Mesh:
+    """One box turned by `yaw` degrees about y."""
+    return boxes([centre], size, material, placement([(0, 0, 0)], yaw)[:, :3, :3], tint, faces)
+
+
+def aim(directions: np.ndarray) -> np.ndarray:
+    """Rotations (N, 3, 3) whose z axis is along the directions (N, 3) and whose y axis is as upright as can be."""
+    z = np.asarray(directions, np.float64)
+    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    up = np.where(np.abs(z[:, 1:2]) > 0.999, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
+    x = np.cross(up, z)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def struts(starts, ends, width, material: int, tints=None, height=None, faces: str = SIDES_ALONG_Z) -> Mesh:
+    """Square bars from starts (N, 3) to ends (N, 3); `width` across and `height` (default the same) along up."""
+    starts, ends = (np.asarray(p, np.float64).reshape(-1, 3) for p in (starts, ends))
+    along = ends - starts
+    lengths = np.linalg.norm(along, axis=1)
+    width = np.broadcast_to(np.asarray(width, np.float64), lengths.shape)
+    sizes = np.stack([width, width if height is None else np.full(len(lengths), height), lengths], axis=1)
+    return boxes((starts + ends) / 2, sizes, material, aim(along), tints, faces)
+
+
+def chain(points, width, material: int, tints=None, height=None) -> Mesh:
+    """Bars along a polyline of points (N, 3)."""
+    points = np.asarray(points, np.float64)
+    return struts(points[:-1], points[1:], width, material, tints, height)
+
+
+def sheet(corner, along_u, along_v, material: int, divisions: tuple[int, int] = (1, 1), tint=WHITE, uv0=(0, 0)) -> Mesh:
+    """A flat rectangle of divisions[0] x divisions[1] cells; its front is cross(along_u, along_v)."""
+    corner, along_u, along_v = (np.asarray(p, np.float64) for p in (corner, along_u, along_v))
+    nu, nv = divisions
+    u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
+    positions = corner + u[..., None] * along_u + v[..., None] * along_v
+    normal = np.cross(along_u, along_v)
+    lengths = np.linalg.norm(along_u), np.linalg.norm(along_v)
+    uvs = np.stack([uv0[0] + u * lengths[0], uv0[1] - v * lengths[1]], axis=-1)
+    normals = np.broadcast_to(normal / np.linalg.norm(normal), positions.shape)
+    return mesh(positions, normals, uvs, lattice_indices(nv + 1, nu + 1), material, tint)
+
+
+def lattice_indices(rows: int, columns: int) -> np.ndarray:
+    """Triangles (2 (rows-1) (columns-1), 3) of a grid of vertices numbered row by row, front towards +row x +column."""
+    start = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
+    return (start + np.array([0, 1, columns + 1, 0, columns + 1, columns])).reshape(-1, 3).astype(np.int32)
+
+
+def card(corners, material: int, uv=(0, 0, 1, 1), tint=WHITE) -> Mesh:
+    """A quad with explicit texture coordinates (u0, v0, u1, v1); corners from lower left, counter-clockwise.
+
+    The material's tile must be 1.
+    """
+    corners = np.asarray(corners, np.float64)
+    normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
+    u0, v0, u1, v1 = uv
+    uvs = [(u0, v1), (u1, v1), (u1, v0), (u0, v0)]
+    return mesh(corners, np.tile(normal / np.linalg.norm(normal), (4, 1)), uvs, [0, 1, 2, 0, 2, 3], material, tint)
+
+
+def lathe(profile, segments: int, material: int, tint=WHITE, crease: float = 40.0) -> Mesh:
+    """A profile (N, 2) of (radius, y) turned about the y axis, from bottom to top for outward fronts.
+
+    Bends of the profile sharper than `crease` degrees stay sharp; the rest is smooth.
+    """
+    profile = np.asarray(profile, np.float64)
+    edges = np.diff(profile, axis=0)
+    lengths = np.linalg.norm(edges, axis=1)
+    flat = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
+    lower, upper = flat.copy(), flat.copy()
+    smooth = np.sum(flat[:-1] * flat[1:], axis=1) > np.cos(np.radians(crease))
+    blend = flat[:-1] + flat[1:]
+    blend /= np.maximum(np.linalg.norm(blend, axis=1, keepdims=True), 1e-12)
+    upper[:-1][smooth] = blend[smooth]
+    lower[1:][smooth] = blend[smooth]
+    angle = np.linspace(0, 2 * np.pi, segments + 1)
+    ring = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    along = np.concatenate([[0], np.cumsum(lengths)])
+    reach = max(profile[:, 0].max(), 1e-9)
+    around = angle / (2 * np.pi) * max(1.0, np.round(2 * np.pi * reach / 0.5)) * 0.5 if reach > 0.2 else angle * reach
+    points = np.stack([profile[:-1], profile[1:]], axis=1)
+    normals = np.stack([lower, upper], axis=1)
+    positions = _turn(points, ring)
+    uvs = np.empty((*positions.shape[:3], 2))
+    uvs[..., 0] = around
+    uvs[..., 1] = -np.stack([along[:-1], along[1:]], axis=1)[:, :, None]
+    indices = lattice_indices(2, segments + 1)
+    indices = indices[None] + (np.arange(len(edges)) * 2 * (segments + 1))[:, None, None]
+    turned = mesh(positions, _turn(normals, ring), uvs, indices, material, tint)
+    return without_slivers(turned)
+
+
+def _turn(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
+    """Points (..., 2) of (radius, y) at all positions of a ring (S, 2): (..., S, 3)."""
+    out = np.empty((*points.shape[:-1], len(ring), 3))
+    out[..., 0] = points[..., None, 0] * ring[:, 0]
+    out[..., 1] = points[..., None, 1]
+    out[..., 2] = points[..., None, 0] * ring[:, 1]
+    return out
+
+
+def without_slivers(part: Mesh) -> Mesh:
+    """The part without triangles of (almost) no area, such as those at the poles of a turned part."""
+    a, b, c = (part.positions[part.indices[:, k]].astype(np.float64) for k in range(3))
+    keep = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-10
+    return replace(part, indices=part.indices[keep], materials=part.materials[keep])
+
+
+def cylinder(radius: float, height: float, segments: int, material: int, tint=WHITE, rings: int = 1) -> Mesh:
+    """A closed upright cylinder standing on y = 0; `rings` divides its side."""
+    side = [(radius, y) for y in np.linspace(0, height, rings + 1)]
+    return lathe([(0, 0), *side, (0, height)], segments, material, tint)
+
+
+def ball(radius: float, segments: int, material: int, tint=WHITE) -> Mesh:
+    """A sphere about the origin."""
+    angle = np.linspace(-np.pi / 2, np.pi / 2, max(3, segments // 2) + 1)
+    profile = np.stack([np.maximum(np.cos(angle), 0) * radius, np.sin(angle) * radius], axis=1)
+    profile[[0, -1], 0] = 0
+    return lathe(profile, segments, material, tint, crease=80)
+
+
+def tube(points, radius, sides: int, material: int, tint=WHITE, closed: bool = False) -> Mesh:
+    """A smooth tube along points (N, 3); radius is a number or (N,); open at its ends unless a closed loop."""
+    points = np.asarray(points, np.float64)
+    if closed:
+        points = np.concatenate([points, points[:1]])
+    count = len(points)
+    tangents = np.gradient(points, axis=0)
+    if closed:
+        tangents[[0, -1]] = points[1] - points[-2]
+    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
+    frames = _transported(tangents)
+    angle = np.linspace(0, 2 * np.pi, sides + 1)
+    normals = np.cos(angle)[:, None] * frames[:, 0, None] + np.sin(angle)[:, None] * frames[:, 1, None]
+    radius = np.broadcast_to(np.asarray(radius, np.float64), (count,))
+    positions = points[:, None] + normals * radius[:, None, None]
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    uvs = np.stack(np.broadcast_arrays(angle[None] * radius.max(), along[:, None]), axis=-1)
+    return mesh(positions, normals, uvs, lattice_indices(count, sides + 1)[:, [0, 1, 2]], material, tint)
+
+
+def _transported(tangents: np.ndarray) -> np.ndarray:
+    """Frames (N, 2, 3) across unit tangents (N, 3), turning as little as possible from one to the next."""
+    frames = np.empty((len(tangents), 2, 3))
+    side = aim(tangents[:1])[0, :, 0]
+    for k, tangent in enumerate(tangents):
+        side = side - tangent * (side @ tangent)
+        side = side / np.linalg.norm(side)
+        frames[k] = side, np.cross(tangent, side)
+    return frames
+
+
+def sagging(start, end, drop: float, count: int) -> np.ndarray:
+    """Points (count, 3) of a cable that hangs `drop` below the straight line in its middle."""
+    t = np.linspace(0, 1, count)[:, None]
+    points = np.asarray(start, np.float64) * (1 - t) + np.asarray(end, np.float64) * t
+    points[:, 1] -= drop * 4 * (t * (1 - t))[:, 0]
+    return points
+
+
+def rounded(corners, radius: float, steps: int) -> np.ndarray:
+    """A polyline (N, 3) whose corners are bent with about `radius`, each by `steps` points."""
+    corners = np.asarray(corners, np.float64)
+    out = [corners[0]]
+    t = np.linspace(0, 1, steps)[:, None]
+    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
+        a = corner + (before - corner) * min(0.45, radius / np.linalg.norm(before - corner))
+        b = corner + (after - corner) * min(0.45, radius / np.linalg.norm(after - corner))
+        out.extend((1 - t) ** 2 * a + 2 * t * (1 - t) * corner + t**2 * b)
+    out.append(corners[-1])
+    return np.array(out)
+
+
+@dataclass
+class Palette:
+    """The materials and textures of a scene in the making, and how many metres one tile of each texture covers."""
+
+    materials: list[Material] = field(default_factory=list)
+    textures: list[Texture] = field(default_factory=list)
+    tiles: list[float] = field(default_factory=list)
+
+    def texture(self, name: str, texels: np.ndarray, srgb: bool = True) -> int:
+        """Adds a texture, uint8 (H, W, 4); returns its index."""
+        self.textures.append(Texture(name, texels, srgb))
+        return len(self.textures) - 1
+
+    def material(self, name: str, tile: float = 1.0, **properties) -> int:
+        """Adds a material whose textures repeat every `tile` metres; returns its index."""
+        self.materials.append(Material(name, **properties))
+        self.tiles.append(tile)
+        return len(self.materials) - 1
+
+    def assemble(self, name: str, parts: Sequence[Mesh], **properties) -> Scene:
+        """The scene of all parts in order, with its tangents, features and content hash; properties are Scene's."""
+        whole = merge(parts)
+        vertex_material = np.zeros(len(whole.positions), np.int32)
+        vertex_material[whole.indices] = whole.materials[:, None]
+        uvs = whole.uvs / np.asarray(self.tiles, np.float32)[vertex_material][:, None]
+        colours = np.ones((len(uvs), 4), np.float32)
+        colours[:, :3] = whole.colours
+        scene = Scene(
+            name=name,
+            positions=whole.positions,
+            indices=whole.indices,
+            normals=whole.normals,
+            uvs=uvs,
+            colours=colours,
+            material_ids=whole.materials,
+            materials=self.materials,
+            textures=self.textures,
+            **properties,
+        )
+        mapped = np.array([m.normal_texture >= 0 for m in self.materials])
+        if mapped.any():
+            scene.tangents = _tangents(scene, mapped[scene.material_ids])
+        scene.features = find_features(scene)
+        scene.content_hash = content_digest(scene)
+        return scene
+
+
+def _tangents(scene: Scene, wanted: np.ndarray) -> np.ndarray:
+    """Tangents float32 (V, 4) of the vertices of the `wanted` triangles, bool (T); (1, 0, 0, 1) for the others."""
+    out = np.zeros((len(scene.positions), 4), np.float32)
+    out[:, [0, 3]] = 1
+    used, indices = np.unique(scene.indices[wanted], return_inverse=True)
+    arrays = (scene.positions[used], scene.normals[used], scene.uvs[used])
+    out[used] = tangents(*arrays, indices.reshape(-1, 3))
+    return out
+
+
+def slanted_count(part: Mesh) -> int:
+    """How many triangles have a longest edge of more than 3 heights."""
+    a, b, c = (part.positions[part.indices[:, k]] for k in range(3))
+    doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    longest = np.max([np.sum((q - p) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    return int(np.count_nonzero(longest > 3 * doubled))

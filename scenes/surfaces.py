@@ -1,0 +1,307 @@
+"""Procedural textures, drawn with NumPy from a seed: uint8 (H, W, 4), sRGB colours, alpha 255 unless they are cut out.
+
+All repeat seamlessly except signs, screens and cards. Each has detail down to single texels, so undersampling shows.
+"""
+
+from __future__ import annotations
+
+import functools
+import zlib
+
+import numpy as np
+
+# A 5 x 7 font, seven rows of five bits each, top row first.
+GLYPHS = {
+    "A": "0E11111F111111", "B": "1E11111E11111E", "C": "0E11101010110E", "D": "1E11111111111E", "E": "1F10101E10101F",
+    "F": "1F10101E101010", "G": "0E11101711110F", "H": "1111111F111111", "I": "0E04040404040E", "J": "0702020202120C",
+    "K": "11121418141211", "L": "1010101010101F", "M": "111B1515111111", "N": "11191513111111", "O": "0E11111111110E",
+    "P": "1E11111E101010", "Q": "0E11111115120D", "R": "1E11111E141211", "S": "0F10100E01011E", "T": "1F040404040404",
+    "U": "1111111111110E", "V": "11111111110A04", "W": "11111115151B11", "X": "11110A040A1111", "Y": "11110A04040404",
+    "Z": "1F01020408101F", "0": "0E11131519110E", "1": "040C040404040E", "2": "0E11010608101F", "3": "1E01010E01011E",
+    "4": "02060A121F0202", "5": "1F101E0101110E", "6": "0608101E11110E", "7": "1F010204080808", "8": "0E11110E11110E",
+    "9": "0E11110F01020C", "-": "0000001F000000", ".": "0000000000000C", ":": "000C0C000C0C00", "!": "04040404040004",
+}  # fmt: skip
+
+
+def generator(seed: int, name: str) -> np.random.Generator:
+    """Random numbers of one named thing: adding another thing changes nothing here."""
+    return np.random.default_rng([seed, zlib.crc32(name.encode())])
+
+
+def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tuple[float, float] = (1, 1)):
+    """Seamless noise float32 (size, size) in 0..1, mean 0.5: amplitudes fall as frequency ** -slope.
+
+    stretch: how much longer features are along u and v.
+    """
+    fu = np.fft.rfftfreq(size, 1 / size) * stretch[0]
+    fv = np.fft.fftfreq(size, 1 / size)[:, None] * stretch[1]
+    amplitude = 1 / (1 + np.sqrt(fu * fu + fv * fv)) ** slope
+    amplitude[0, 0] = 0
+    noise = np.fft.irfft2(amplitude * np.exp(2j * np.pi * rng.random(amplitude.shape, np.float32)), (size, size))
+    return np.clip(0.5 + noise * (0.2 / noise.std()), 0, 1).astype(np.float32)
+
+
+def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
+    """Texel centres (x, y) in 0..1, broadcastable to (size, size)."""
+    t = (np.arange(size, dtype=np.float32) + 0.5) / size
+    return t[None, :], t[:, None]
+
+
+def _mix(a, b, t) -> np.ndarray:
+    """Colours a and b, (..., 3) or (3,), mixed by t (H, W)."""
+    a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
+    return a + (b - a) * t[..., None]
+
+
+def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
+    """uint8 (H, W, 4) of colours (H, W, 3) and alpha (H, W) in 0..1."""
+    out = np.full((*colour.shape[:2], 4), 255, np.uint8)
+    out[..., :3] = np.clip(colour, 0, 1) * 255 + 0.5
+    if alpha is not None:
+        out[..., 3] = np.clip(alpha, 0, 1) * 255 + 0.5
+    return out
+
+
+def normal_map(height: np.ndarray, metres_per_texel: float) -> np.ndarray:
+    """A tangent-space normal map of a seamless height field (H, W) in metres; green points up in the image."""
+    du = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / (2 * metres_per_texel)
+    dv = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / (2 * metres_per_texel)
+    length = np.sqrt(du * du + dv * dv + 1)
+    return _texels(np.stack([-du / length, dv / length, 1 / length], axis=-1) * 0.5 + 0.5)
+
+
+def _wall(size: int, columns: int, rows: int, joint: float, shift: float):
+    """A running bond: the stone's random-number index (H, W), and how far inside it a texel is (0 joint .. 1).
+
+    joint: width of a joint in courses; shift: how far every other course is shifted, in stones.
+    """
+    x, y = _coordinates(size)
+    row = np.floor(y * rows).astype(np.int32)
+    along = x * columns + (row % 2) * np.float32(shift)
+    column = np.floor(along).astype(np.int32) % columns
+    aspect = rows / columns
+    edge_x = np.minimum(along % 1, 1 - along % 1) * aspect
+    edge_y = np.minimum(y * rows % 1, 1 - y * rows % 1)
+    inside = np.clip((np.minimum(edge_x, edge_y) - joint / 2) / 0.06, 0, 1)
+    return row * columns + column, inside
+
+
+def brick(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """A brick wall of 8 x 24 bricks (for a tile of 2 m) and its normal map."""
+    rng = generator(seed, "brick")
+    stone, inside = _wall(size, 8, 24, 0.14, 0.5)
+    grain = fractal(size, rng, 0.7)
+    tone = rng.random(8 * 24, np.float32)[stone]
+    colour = _mix((0.50, 0.22, 0.16), (0.70, 0.40, 0.28), tone) * (0.7 + 0.6 * grain)[..., None]
+    colour = _mix((0.62, 0.60, 0.56), colour, inside)
+    return _texels(colour), normal_map(inside * 0.006 + grain * inside * 0.003, 2 / size)
+
+
+def tiles(seed: int, count: int = 4, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """Square glazed tiles, some darker, and their normal map (for a tile of 1.2 m)."""
+    rng = generator(seed, "tiles")
+    stone, inside = _wall(size, count, count, 0.03, 0.0)
+    grain = fractal(size, rng, 1.0)
+    tone = rng.random(count * count, np.float32)[stone]
+    checker = ((stone // count + stone % count) % 2).astype(np.float32)
+    colour = _mix((0.60, 0.61, 0.60), (0.70, 0.70, 0.67), tone) * (0.82 + 0.3 * grain - 0.10 * checker)[..., None]
+    speckle = (rng.random((size, size), np.float32) > 0.985) * inside
+    colour = _mix((0.30, 0.30, 0.29), colour * (1 - 0.45 * speckle)[..., None], inside)
+    return _texels(colour), normal_map(inside * 0.0025, 1.2 / size)
+
+
+def concrete(seed: int, size: int = 512) -> np.ndarray:
+    """Grey concrete with pores and stains."""
+    rng = generator(seed, "concrete")
+    grain, stain = fractal(size, rng, 0.6), fractal(size, rng, 1.6)
+    pores = rng.random((size, size), np.float32) > 0.992
+    shade = 0.42 + 0.28 * grain + 0.25 * (stain - 0.5) - 0.15 * pores
+    return _texels(shade[..., None] * np.array([1.0, 0.98, 0.94], np.float32))
+
+
+def paint(seed: int, size: int = 512) -> np.ndarray:
+    """Near-white painted metal with scratches and grime, to be tinted."""
+    rng = generator(seed, "paint")
+    grain = fractal(size, rng, 0.9)
+    scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
+    fine = rng.random((size, size), np.float32)
+    return _texels((0.83 + 0.14 * grain - 0.35 * scratch - 0.06 * fine)[..., None].repeat(3, -1))
+
+
+def rivets(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """Metal plates, 2 x 2 in a tile of 2 m, with rows of rivets, and their normal map."""
+    rng = generator(seed, "rivets")
+    plate, inside = _wall(size, 2, 2, 0.01, 0.0)
+    x, y = _coordinates(size)
+    brushed = fractal(size, rng, 0.5, (0.05, 1))
+    px, py = x * 2 % 1, y * 2 % 1
+    on_rim = (np.minimum(np.minimum(px, 1 - px), np.minimum(py, 1 - py)) < 0.1).astype(np.float32)
+    rx, ry = (px * 10 % 1) - 0.5, (py * 10 % 1) - 0.5
+    head = np.clip(1 - (rx * rx + ry * ry) / 0.05, 0, 1) * on_rim
+    tone = rng.random(4, np.float32)[plate]
+    shade = (0.5 + 0.12 * tone + 0.25 * (brushed - 0.5)) * (0.45 + 0.55 * inside) + 0.12 * head
+    height = inside * 0.004 + np.sqrt(head) * 0.008
+    return _texels(shade[..., None] * np.array([0.96, 0.98, 1.0], np.float32)), normal_map(height, 2 / size)
+
+
+def tread(seed: int, size: int = 512) -> np.ndarray:
+    """Tread plate: short raised bars in alternating directions."""
+    rng = generator(seed, "tread")
+    x, y = _coordinates(size)
+    u, v = (x + y) * 12, (x - y) * 12
+    cell = (np.floor(u) + np.floor(v)).astype(np.int32) % 2
+    a, b = u % 1 - 0.5, v % 1 - 0.5
+    a, b = np.where(cell, a, b), np.where(cell, b, a)
+    bar = np.clip(1.3 - (a * a / 0.15 + b * b / 0.012), 0, 1)
+    shade = 0.34 + 0.12 * fractal(size, rng, 1.0) + 0.38 * bar
+    return _texels(shade[..., None].repeat(3, -1))
+
+
+def stripes(seed: int, size: int = 256) -> np.ndarray:
+    """Yellow and black diagonal hazard stripes."""
+    x, y = _coordinates(size)
+    yellow = (((x + y) * 4) % 1 < 0.5).astype(np.float32)
+    grain = fractal(size, generator(seed, "stripes"), 0.9)
+    return _texels(_mix((0.08, 0.08, 0.08), (0.92, 0.74, 0.08), yellow) * (0.75 + 0.4 * grain)[..., None])
+
+
+def ruler(size: int = 512) -> np.ndarray:
+    """A calibration board: checkers of three sizes, rings and a ruler along the lower edge."""
+    x, y = _coordinates(size)
+    checks = np.where(x < 0.5, 8, 32)
+    checks = np.where(y < 0.5, checks, np.where(x < 0.5, 64, 16))
+    board = (np.floor(x * checks) + np.floor(y * checks)) % 2
+    ring = np.hypot(x - 0.75, y - 0.75)
+    board = np.where(ring < 0.2, np.floor(ring * 100) % 2, board)
+    mark = np.floor(x * 100).astype(np.int32)
+    length = np.where(mark % 10 == 0, 0.07, np.where(mark % 5 == 0, 0.05, 0.03))
+    scale = np.where((x * 100 % 1 < 0.35) & (1 - y < length), 0, 1)
+    return _texels(np.where(y > 0.92, scale, board)[..., None].repeat(3, -1) * 0.85 + 0.06)
+
+
+@functools.cache
+def _glyph(character: str) -> np.ndarray:
+    """Bits (7, 6) of a character, with an empty column after it."""
+    rows = bytes.fromhex(GLYPHS.get(character, "00" * 7))
+    return np.array([[row >> (4 - k) & 1 if k < 5 else 0 for k in range(6)] for row in rows], np.float32)
+
+
+def text(lines: list[str], scale: int) -> np.ndarray:
+    """Coverage (H, W) of lines of text, each texel of the font `scale` texels wide."""
+    width = max(len(line) for line in lines)
+    rows = [np.vstack([np.hstack([_glyph(c) for c in line.ljust(width)]), np.zeros((2, width * 6))]) for line in lines]
+    return np.kron(np.vstack(rows), np.ones((scale, scale), np.float32)).astype(np.float32)
+
+
+# The ground and ink colours of signs, and the signs: their lines and the name of their colours.
+INKS = {
+    "white": ((0.93, 0.93, 0.90), (0.08, 0.09, 0.15)),
+    "yellow": ((0.95, 0.78, 0.05), (0.05, 0.05, 0.05)),
+    "green": ((0.05, 0.45, 0.20), (0.95, 0.98, 0.95)),
+    "red": ((0.75, 0.08, 0.08), (0.97, 0.97, 0.97)),
+    "blue": ((0.10, 0.25, 0.55), (0.96, 0.96, 0.96)),
+    "brown": ((0.72, 0.56, 0.38), (0.20, 0.12, 0.06)),
+}
+SIGNS = (
+    (("CELL A-1",), "white"),
+    (("DANGER", "ROBOT"), "yellow"),
+    (("EXIT",), "green"),
+    (("NO ENTRY",), "red"),
+    (("BAY 07",), "blue"),
+    (("400 V", "HIGH", "VOLTAGE"), "yellow"),
+    (("LAB 2.14", "DYNAMICS"), "white"),
+    (("WEAR", "GOGGLES"), "blue"),
+    (("FRAGILE", "THIS SIDE UP", "25 KG"), "brown"),
+    (("PARTS", "NO. 8341"), "brown"),
+    (("MAX LOAD", "1200 KG"), "white"),
+    (("FIRE",), "red"),
+    (("RACK 12-B",), "white"),
+    (("STOP",), "red"),
+    (("SPEED 10",), "white"),
+    (("KEEP CLEAR", "AT ALL TIMES"), "yellow"),
+)
+
+
+def sign_cell(index: int) -> tuple[float, float, float, float]:
+    """Texture coordinates (u0, v0, u1, v1) of a sign of `signs`, whose cells are 256 x 256 texels, 4 in a row."""
+    u, v = index % 4 / 4, index // 4 / 4
+    return (u + 0.002, v + 0.002, u + 0.248, v + 0.248)
+
+
+def signs(boards: tuple = SIGNS) -> np.ndarray:
+    """Sixteen square signs with text, 4 x 4 in 1024 x 1024 texels."""
+    out = np.empty((1024, 1024, 3), np.float32)
+    for index, (lines, inks) in enumerate(boards):
+        cell = np.zeros((256, 256), np.float32)
+        cell[6:250, 6:12] = cell[6:250, 244:250] = cell[6:12, 6:250] = cell[244:250, 6:250] = 1
+        scale = max(1, min(224 // (6 * max(len(line) for line in lines)), 200 // (9 * len(lines))))
+        letters = text(list(lines), scale)
+        top, left = (256 - letters.shape[0]) // 2, (256 - letters.shape[1]) // 2
+        cell[top : top + letters.shape[0], left : left + letters.shape[1]] = letters
+        row, column = divmod(index, 4)
+        out[row * 256 : row * 256 + 256, column * 256 : column * 256 + 256] = _mix(*INKS[inks], cell)
+    return _texels(out)
+
+
+def screen(seed: int, size: int = 512) -> np.ndarray:
+    """A monitor: lines of text, a curve on a grid and bars."""
+    rng = generator(seed, "screen")
+    letters = list("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789     -.:")
+    lines = ["".join(rng.choice(letters, 20)) for _ in range(26)]
+    ink = np.zeros((size, size), np.float32)
+    block = text(lines, 2)
+    ink[16 : 16 + block.shape[0], 16 : 16 + block.shape[1]] = block[: size - 32]
+    colour = _mix((0.02, 0.05, 0.09), (0.35, 0.95, 0.55), ink)
+    x, y = _coordinates(size // 2)
+    plot = (np.minimum((x * 10) % 1, (y * 10) % 1) < 0.06) * 0.35
+    curve = np.abs(0.5 + 0.3 * np.sin(x * 17) * np.cos(x * 5) - y) < 0.012
+    colour[16 : 16 + size // 2, size // 2 - 16 : size - 16] = _mix((0.02, 0.06, 0.12), (0.2, 0.6, 0.9), plot)
+    colour[16 : 16 + size // 2, size // 2 - 16 : size - 16][curve] = (1.0, 0.85, 0.2)
+    bars = rng.random(12)
+    for k, bar in enumerate(bars):
+        colour[int(size - 20 - bar * 180) : size - 20, 270 + k * 19 : 284 + k * 19] = (
+            (0.9, 0.35, 0.2) if bar > 0.8 else (0.3, 0.7, 0.9)
+        )
+    return _texels(colour)
+
+
+def planks(seed: int, count: int = 8, size: int = 512, dark=(0.30, 0.20, 0.12), light=(0.56, 0.41, 0.26)) -> np.ndarray:
+    """Boards along v with wood grain, knots and gaps, `count` across."""
+    rng = generator(seed, "planks")
+    x, _ = _coordinates(size)
+    board = np.floor(x * count).astype(np.int32) % count
+    warp = fractal(size, rng, 1.4, (0.12, 1))
+    fine = fractal(size, rng, 0.4, (0.02, 1))
+    rings = 0.5 + 0.5 * np.sin((warp * 9 + x * count * 1.5 + rng.random(count, np.float32)[board] * 6) * 6.28)
+    tone = 0.25 * rng.random(count, np.float32)[board] + 0.4 * rings + 0.6 * (fine - 0.5) + 0.2
+    edge = np.minimum(x * count % 1, 1 - x * count % 1)
+    gap = np.clip(edge / 0.03, 0.12, 1)
+    return _texels(_mix(dark, light, tone) * gap[..., None])
+
+
+def cardboard(seed: int, size: int = 256) -> np.ndarray:
+    """Corrugated cardboard."""
+    rng = generator(seed, "cardboard")
+    x, _ = _coordinates(size)
+    ridge = 0.5 + 0.5 * np.sin(x * 2 * np.pi * 64)
+    shade = 0.80 + 0.16 * fractal(size, rng, 0.8) + 0.07 * ridge
+    return _texels(shade[..., None] * np.array([0.78, 0.60, 0.41], np.float32))
+
+
+def _cells(size: int, count: int, rng: np.random.Generator):
+    """Seamless irregular cells: distances to the nearest and second nearest point, in cells, and the cell's index."""
+    points = rng.random((count, count, 2), np.float32) * 0.8 + 0.1
+    x, y = _coordinates(size)
+    gx, gy = np.floor(x * count).astype(np.int32), np.floor(y * count).astype(np.int32)
+    near = np.full((size, size), 9, np.float32)
+    second, index = near.copy(), np.zeros((size, size), np.int32)
+    for oy in (-1, 0, 1):
+        for ox in (-1, 0, 1):
+            cx, cy = (gx + ox) % count, (gy + oy) % count
+            point = points[cy, cx]
+            away = np.hypot(point[..., 0] + (gx + ox) - x * count, point[..., 1] + (gy + oy) - y * count)
+            closer = away < near
+            second = np.where(closer, near, np.minimum(second, away))
+            index = np.where(closer, cy * count + cx, index)
+            near = np.minimum(near, away)
+    return near, second, index
