@@ -9,25 +9,29 @@ import numpy as np
 from scenes.model import Camera, CameraAnimation, Light, Scene, SceneError
 from scenes.normals import perpendicular, tangents, with_normals
 from scenes.raw import Part, RawScene
+from scenes.repair import decimated, repaired
 from scenes.transforms import normal_matrices
 
+_CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _LARGEST = 1e18  # beyond it squared lengths leave float32's range
 
 
-def assemble(name: str, raw: RawScene) -> Scene:
+def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | None = None) -> Scene:
     """A scene without lights of its own, features and hash: positions relative to the centre of the bounds.
 
     Triangles that cannot be drawn (vertices that are not numbers or too far away, indices without a vertex, no area)
-    are dropped and counted in the notes. Raises SceneError where none is left.
+    are dropped. decimate: ratio of triangles to keep. The notes count what went, by whom.
+    Raises SceneError where nothing is left.
     """
-    parts = [part for part in (_cleaned(part, raw) for part in raw.parts) if len(part.indices)]
+    parts = _prepared(raw, repair, decimate)
     if not parts:
         raise SceneError(f"{name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
+    _drop_unused_textures(parts, raw)
     mapped = {index for index, material in enumerate(raw.materials) if material.normal_texture >= 0}
     parts = [_completed(part, part.material in mapped) for part in parts]
     arrays, origin = _flattened(parts, bool(mapped & {part.material for part in parts}))
     keep = has_area(arrays.positions, arrays.indices)
-    raw.note("{} triangles without any area are dropped.", np.count_nonzero(~keep))
+    raw.note("Triangles without any area, dropped: {}.", np.count_nonzero(~keep))
     if not keep.any():
         raise SceneError(f"{name} has no triangle of positive area; check that the file holds a surface.")
     if not keep.all():
@@ -84,27 +88,52 @@ def compacted(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 def has_area(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
     """Bool (T): whether float32 positions span any area at all, decided in float64 where it is close."""
-    corners = [positions[indices[:, corner]] for corner in range(3)]
-    area = np.abs(np.cross(corners[1] - corners[0], corners[2] - corners[0])).max(axis=1)
-    extent = np.abs(corners[1] - corners[0]).max(axis=1) + np.abs(corners[2] - corners[0]).max(axis=1)
-    with np.errstate(over="ignore", invalid="ignore"):
-        close = np.flatnonzero(~(area > 1e-4 * extent * extent) | ~(area > 1e-30))
-    exact = [corner[close].astype(np.float64) for corner in corners]
     keep = np.ones(len(indices), bool)
-    keep[close] = np.any(np.cross(exact[1] - exact[0], exact[2] - exact[0]) != 0, axis=1)
+    for start in range(0, len(indices), _CHUNK):
+        corners = [positions[indices[start : start + _CHUNK, corner]] for corner in range(3)]
+        (px, py, pz), (qx, qy, qz) = (corners[1] - corners[0]).T, (corners[2] - corners[0]).T
+        with np.errstate(over="ignore", invalid="ignore"):
+            area = np.maximum.reduce([np.abs(py * qz - pz * qy), np.abs(pz * qx - px * qz), np.abs(px * qy - py * qx)])
+            extent = np.maximum.reduce([np.abs(side) for side in (px, py, pz, qx, qy, qz)])
+            close = np.flatnonzero(~((area > 1e-5 * extent * extent) & (area > 1e-30)))
+        exact = [corner[close].astype(np.float64) for corner in corners]
+        keep[start + close] = np.any(np.cross(exact[1] - exact[0], exact[2] - exact[0]) != 0, axis=1)
     return keep
+
+
+def _prepared(raw: RawScene, repair: bool, decimate: float | None) -> list[Part]:
+    """The parts that have triangles after cleaning, repair and decimation."""
+    parts = [part for part in (_cleaned(part, raw) for part in raw.parts) if len(part.indices)]
+    if repair:
+        parts = [part for part in (repaired(part, raw) for part in parts) if len(part.indices)]
+    return parts if decimate is None else [decimated(part, decimate, raw) for part in parts]
+
+
+def _drop_unused_textures(parts: list[Part], raw: RawScene) -> None:
+    """Give parts without texture coordinates a copy of their material without textures (counted)."""
+    plain: dict[int, int] = {}
+    for part in parts:
+        material = raw.materials[part.material]
+        textured = max(material.base_texture, material.normal_texture, material.emissive_texture) >= 0
+        if part.uvs is None and textured:
+            raw.note("Parts without texture coordinates, drawn without their textures: {}.")
+            if part.material not in plain:
+                plain[part.material] = len(raw.materials)
+                bare = replace(material, base_texture=-1, normal_texture=-1, emissive_texture=-1)
+                raw.materials.append(bare)
+            part.material = plain[part.material]
 
 
 def _because(raw: RawScene) -> str:
     notes = raw.notes()
-    return f" ({notes[0].rstrip('.')})" if notes else ""
+    return " (" + " ".join(notes).rstrip(".") + ")" if notes else ""
 
 
 def _cleaned(part: Part, raw: RawScene) -> Part:
     """The part without triangles whose indices or vertices are unusable, and without unused vertices."""
     indices, count = np.asarray(part.indices, np.int64).reshape(-1, 3), len(part.positions)
     inside = ((indices >= 0) & (indices < count)).all(axis=1)
-    raw.note("{} triangles refer to vertices that the file does not have and are dropped.", np.count_nonzero(~inside))
+    raw.note("Triangles that refer to missing vertices, dropped: {}.", np.count_nonzero(~inside))
     indices = indices[inside]
     finite = np.isfinite(part.positions).all(axis=1)
     near = np.ones(count, bool)
@@ -113,8 +142,8 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
             world = part.positions @ transform[:3, :3].T + transform[:3, 3]
             near &= (np.abs(world) < _LARGEST).all(axis=1)
     for good, sentence in (
-        (finite, "{} triangles have vertices that are infinite or not a number and are dropped."),
-        (near | ~finite, "{} triangles lie beyond what float32 can draw (1e18 units) and are dropped."),
+        (finite, "Triangles with vertices that are infinite or not a number, dropped: {}."),
+        (near | ~finite, "Triangles further out than float32 can draw (1e18 units), dropped: {}."),
     ):
         keep = good[indices].all(axis=1)
         raw.note(sentence, np.count_nonzero(~keep) * len(part.transforms))

@@ -7,6 +7,7 @@ coordinates of the file after its node transforms) and `fov_x_deg` or `fov_min_a
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -39,7 +40,8 @@ def _camera(entry: dict, number: int) -> Camera:
     for name, vector in (("eye", eye), ("dir", direction), ("up", up)):
         if vector.shape != (3,) or not np.isfinite(vector).all() or (name != "eye" and not vector.any()):
             raise ValueError(f"camera {number} has no usable {name}")
-    fov = entry.get("fov_x_deg", entry.get("fov_min_axis_deg"))
-    fov = None if fov is None else float(fov)
+    fov = None if "fov_x_deg" not in entry else float(entry["fov_x_deg"])
+    if fov is None and "fov_min_axis_deg" in entry:  # the vertical one of a 16:9 picture
+        fov = math.degrees(2 * math.atan(math.tan(math.radians(float(entry["fov_min_axis_deg"])) / 2) * 16 / 9))
     direction, up = direction / np.linalg.norm(direction), up / np.linalg.norm(up)
     return Camera(tuple(eye.tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, f"camera {number}")

@@ -54,7 +54,7 @@ def read_gltf(path: Path) -> RawScene:
     raw.animations = camera_animations(document, nodes)
     if document.items("animations"):
         raw.note(
-            "The file's {} animations move no geometry here: it is drawn at rest.", len(document.items("animations"))
+            "Animations in the file, of which only those of cameras are used: {}.", len(document.items("animations"))
         )
     return raw
 
@@ -120,7 +120,7 @@ def _primitives(
         if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
             raise ValueError("its meshes are compressed with Draco, which cannot be read; export it uncompressed")
         if primitive.get("mode", 4) not in (4, 5, 6) or "POSITION" not in primitive["attributes"]:
-            raw.note("{} primitives of points or lines are left out.")
+            raw.note("Primitives of points or lines, left out: {}.")
             continue
         part = _part(document, materials, raw, primitive)
         _morph(document, primitive, weights, part)
@@ -146,8 +146,6 @@ def _part(document: GltfDocument, materials: GltfMaterials, raw: RawScene, primi
     if colours is not None:
         part.colours = np.ones((len(positions), 4), np.float32)
         part.colours[:, : colours.shape[1]] = colours
-    textured = raw.materials[material].base_texture >= 0
-    raw.note("{} textured primitives have no texture coordinates and show one texel.", textured and part.uvs is None)
     return part
 
 

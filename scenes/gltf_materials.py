@@ -61,9 +61,9 @@ class GltfMaterials:
         factor = tuple(float(c) for c in entry.get("emissiveFactor", (0, 0, 0)))
         transmission = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)
         if "occlusionTexture" in entry:
-            self._raw.note("{} materials have an occlusion texture, which is not used.")
+            self._raw.note("Occlusion textures, not used: {}.")
         if "KHR_materials_unlit" in extensions:
-            self._raw.note("{} unlit materials are lit like the others.")
+            self._raw.note("Unlit materials, lit like the others: {}.")
         return Material(
             name=str(entry.get("name", "")),
             base_colour=tuple(float(c) for c in pbr.get("baseColorFactor", (1, 1, 1, 1))),
@@ -86,7 +86,7 @@ class GltfMaterials:
         info = pbr.get("metallicRoughnessTexture")
         texels = self._image_of(info) if info else None
         if texels is not None:
-            self._raw.note("{} textures of roughness and metalness are replaced by their mean.")
+            self._raw.note("Textures of roughness and metalness, replaced by their mean: {}.")
             means = texels[..., 1:3].reshape(-1, 2).mean(axis=0) / 255
             roughness, metallic = roughness * float(means[0]), metallic * float(means[1])
         return roughness, metallic
@@ -96,7 +96,7 @@ class GltfMaterials:
         if not info:
             return -1
         if _uv_source(info) != source:
-            self._raw.note("{} textures use other texture coordinates than their material's first and are left out.")
+            self._raw.note("Textures with other texture coordinates than their material's first one, left out: {}.")
             return -1
         entry = self._document.items("textures")[info["index"]]
         samplers = self._document.items("samplers")

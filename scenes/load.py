@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import difflib
 import warnings
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 
 from scenes.assemble import assemble
+from scenes.cache import fetch, scene_key, store
 from scenes.cameras import read_cameras
+from scenes.dependencies import input_files
 from scenes.features import content_digest, find_features
 from scenes.gltf import read_gltf
+from scenes.lights import add_lights, is_place
 from scenes.mesh_files import read_mesh_file
 from scenes.model import Scene, SceneError
 from scenes.raw import RawScene
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
 _READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
+
+_MOST_DETAIL = 50_000_000
 
 _PROCEDURAL = {
     "hall": "an indoor hall: a few very large surfaces, very many small ones, railings and pipes, 3 shadowed lights",
@@ -38,22 +44,47 @@ def load_scene(
     repair: bool = False,
     decimate: float | None = None,
     seed: int = 0,
+    cache: Path | None = None,
 ) -> Scene:
     """A built-in scene by name, or a .glb, .gltf, .obj, .ply, .stl or .off file.
 
     unit: metres per unit of a file; a `metres_per_unit` in `cameras.json` beside it wins; 1 without either.
     detail: triangles of a built-in scene, made from `seed`.
     repair: drop duplicate and degenerate faces and faces at non-manifold edges. decimate: ratio of triangles to keep.
+    cache: folder of loaded scenes; without it nothing is kept. Arrays of cached scenes are read-only.
     Raises SceneError, one sentence, for everything that cannot be loaded.
     """
+    _check_options(unit, detail, decimate)
+    options = {"name": name_or_path, "unit": unit, "repair": repair, "decimate": decimate}
+    if name_or_path in _PROCEDURAL:
+        if repair or decimate is not None:
+            raise SceneError(f"{name_or_path} is made to size: use --detail instead of --repair and --decimate.")
+        options |= {"detail": detail, "seed": seed}
+        return _through_cache(cache, options, [], lambda: _make(name_or_path, detail, seed))
+    path = _existing(name_or_path)
+    options["name"] = _scene_name(path)
+    return _through_cache(cache, options, input_files(path), lambda: _load_file(path, unit, repair, decimate))
+
+
+def _check_options(unit: float | None, detail: int | None, decimate: float | None) -> None:
     if unit is not None and not (np.isfinite(unit) and unit > 0):
         raise SceneError(f"The unit must be a positive number of metres, not {unit}.")
-    if name_or_path in _PROCEDURAL:
-        scene = _make(name_or_path, detail, seed)
-    else:
-        scene = _load_file(_existing(name_or_path), unit)
-    scene.features = find_features(scene)
-    scene.content_hash = content_digest(scene)
+    if detail is not None and not 1 <= detail <= _MOST_DETAIL:
+        raise SceneError(f"The detail must be between 1 and {_MOST_DETAIL:,} triangles, not {detail}.")
+    if decimate is not None and not 0 < decimate <= 1:
+        raise SceneError(f"The ratio of triangles to keep must be above 0 and at most 1, not {decimate}.")
+
+
+def _through_cache(cache: Path | None, options: dict, files: list[Path], load: Callable[[], Scene]) -> Scene:
+    """The scene from the cache, or loaded, completed and stored there."""
+    folder = None if cache is None else cache / scene_key(options, files)
+    scene = fetch(folder) if folder is not None else None
+    if scene is None:
+        scene = load()
+        scene.features = find_features(scene)
+        scene.content_hash = content_digest(scene)
+        if folder is not None:
+            store(folder, scene)
     return scene
 
 
@@ -82,15 +113,35 @@ def _existing(name_or_path: str) -> Path:
     raise SceneError(f"There is no scene {name_or_path!r}; did you mean {near[0]!r}? Known are {known}, or a file.")
 
 
-def _load_file(path: Path, unit: float | None) -> Scene:
+def _scene_name(path: Path) -> str:
+    """What reports call a file: its own name, or its folder's where it is just called "scene"."""
+    return path.resolve().parent.name if path.stem.lower() == "scene" else path.stem
+
+
+def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | None) -> Scene:
     raw = _read(path)
     cameras, stated_unit = read_cameras(path.parent / "cameras.json")
     raw.cameras = cameras + raw.cameras
-    scene = assemble(path.parent.name if path.stem.lower() == "scene" else path.stem, raw)
+    scene = assemble(_scene_name(path), raw, repair, decimate)
     scene.metres_per_unit = stated_unit or unit or 1.0
-    low, high = scene.bounds
-    scene.place = any(((low < c.position) & (c.position < high)).all() for c in scene.cameras)
+    scene.place = is_place(scene)
+    scene.notes.append(add_lights(scene))
+    scene.notes += _not_drawn(scene)
     return scene
+
+
+def _not_drawn(scene: Scene) -> list[str]:
+    """Sentences on what the scene has and pictures do not show."""
+    used = np.bincount(scene.material_ids, minlength=len(scene.materials))
+    triangles = {"blend": 0, "transmission": 0}
+    for material, count in zip(scene.materials, used, strict=True):
+        triangles["blend"] += int(count) * (material.alpha_mode == "blend")
+        triangles["transmission"] += int(count) * (material.transmission > 0)
+    sentences = {
+        "blend": "Triangles of blended materials, drawn opaque: {:,}.",
+        "transmission": "Triangles that let light through (KHR_materials_transmission), drawn opaque: {:,}.",
+    }
+    return [sentences[kind].format(count) for kind, count in triangles.items() if count]
 
 
 def _read(path: Path) -> RawScene:

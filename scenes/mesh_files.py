@@ -15,6 +15,7 @@ import numpy as np
 from scenes.images import read_image
 from scenes.model import Material, SceneError, Texture
 from scenes.mtl import material_libraries, read_mtl
+from scenes.polygons import triangulate
 from scenes.raw import Part, RawScene
 
 
@@ -52,26 +53,30 @@ def _read_obj(path: Path, raw: RawScene) -> None:
 
 
 def normalise_obj(text: str) -> str:
-    """OBJ text as trimesh's reader expects it: single blanks, no continued lines or comments, indices from the start.
+    """OBJ text as trimesh's reader expects it: single blanks, whole lines, no comments, triangles or quadrilaterals.
 
-    Indices counted backwards are resolved against the vertices before their line, as the format defines them.
+    Larger polygons are cut into triangles, also where they are concave. Indices counted backwards are resolved against
+    the vertices before their line, as the format defines them.
     """
     text = text.replace("\r\n", "\n").replace("\r", "\n").replace("\\\n", " ")
     text = re.sub(r"(^|[ \t])#.*", "", text, flags=re.MULTILINE)
     text = re.sub(r"[ \t\f\v]+", " ", text) if "\t" in text or "  " in text else text
     text = re.sub(r"^ +| +$", "", text, flags=re.MULTILINE)
-    return _resolve_backward(text) if re.search(r"^f .*-", text, re.MULTILINE) else text
+    odd = re.search(r"^f (.*-|[^ \n]+( [^ \n]+){4})", text, re.MULTILINE)
+    return _rewritten_faces(text) if odd else text
 
 
-def _resolve_backward(text: str) -> str:
-    counts = {"v": 0, "vt": 0, "vn": 0}
+def _rewritten_faces(text: str) -> str:
     lines = text.split("\n")
+    points = [line[2:].split()[:3] for line in lines if line.startswith("v ")]
+    counts = {"v": 0, "vt": 0, "vn": 0}
     for number, line in enumerate(lines):
         kind, _, rest = line.partition(" ")
         if kind in counts:
             counts[kind] += 1
-        elif kind == "f" and "-" in rest:
-            lines[number] = "f " + " ".join(_forward(corner, tuple(counts.values())) for corner in rest.split())
+        elif kind == "f":
+            corners = [_forward(corner, tuple(counts.values())) for corner in rest.split()]
+            lines[number] = "\n".join(f"f {face}" for face in _cut(corners, points))
     return "\n".join(lines)
 
 
@@ -79,6 +84,17 @@ def _forward(corner: str, counts: tuple[int, ...]) -> str:
     fields = corner.split("/")
     pairs = zip(fields, counts, strict=False)
     return "/".join(str(count + 1 + int(field)) if field.startswith("-") else field for field, count in pairs)
+
+
+def _cut(corners: list[str], points: list[list[str]]) -> list[str]:
+    """Corners of one polygon as those of its triangles."""
+    if len(corners) < 5:
+        return [" ".join(corners)]
+    numbers = [int(corner.split("/")[0]) - 1 for corner in corners]
+    if min(numbers) < 0 or max(numbers) >= len(points):
+        raise IndexError(f"a face uses vertex {max(numbers) + 1} of {len(points)}")
+    triangles = triangulate(np.array([points[number] for number in numbers], np.float64))
+    return [" ".join(corners[i] for i in triangle) for triangle in triangles]
 
 
 def _obj_materials(path: Path, libraries: list[str], names: list[str], raw: RawScene) -> dict[str | None, int]:
@@ -106,7 +122,7 @@ def _read_single(path: Path, raw: RawScene) -> None:
     with path.open("rb") as file:
         mesh = mesh_loaders[kind](file, file_type=kind, **options)
     material = Material(name="default", double_sided=True)
-    picture = _ply_texture(path) if kind == "ply" else None
+    picture = ply_texture(path) if kind == "ply" else None
     if picture is not None:
         _add_picture(picture, material, raw)
     raw.materials.append(material)
@@ -122,7 +138,7 @@ def _add_picture(picture: Path, material: Material, raw: RawScene) -> None:
         raw.note(f"The texture {picture.name} is left out: {error}.")
 
 
-def _ply_texture(path: Path) -> Path | None:
+def ply_texture(path: Path) -> Path | None:
     """The image named in a PLY header's comment, as common tools write it."""
     with path.open("rb") as file:
         header = file.read(4096).partition(b"end_header")[0].decode("latin-1")

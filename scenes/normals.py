@@ -15,23 +15,27 @@ def with_normals(part: Part) -> Part:
 
     Vertices at the same position count as one; vertices at creases are split, so their number may change.
     """
-    normals = crease_normals(part.positions, part.indices)
-    flat = normals.reshape(-1, 3)
-    vertices = part.indices.ravel().astype(np.int64)
+    _, first, welded = np.unique(np.ascontiguousarray(part.positions), axis=0, return_index=True, return_inverse=True)
+    welded = welded.reshape(-1)
+    flat = crease_normals(part.positions, part.indices, welded).reshape(-1, 3)
+    plain = part.uvs is None and part.colours is None
+    vertices = (first[welded] if plain else np.arange(len(welded)))[part.indices.ravel()]
     steps = np.rint((flat + 1) * 511).astype(np.int64)  # 10 bits each: equal enough to share a vertex
     key = (((vertices << 10 | steps[:, 0]) << 10) | steps[:, 1]) << 10 | steps[:, 2]
-    _, first, inverse = np.unique(key, return_index=True, return_inverse=True)
-    split = part.taking(vertices[first], inverse.reshape(-1, 3))
-    split.normals = flat[first]
+    _, corner, inverse = np.unique(key, return_index=True, return_inverse=True)
+    split = part.taking(vertices[corner], inverse.reshape(-1, 3))
+    split.normals = flat[corner]
     return split
 
 
-def crease_normals(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """Unit normals of the triangles' corners, float64 (T, 3, 3), for positions (V, 3) and indices (T, 3)."""
+def crease_normals(positions: np.ndarray, indices: np.ndarray, welded: np.ndarray) -> np.ndarray:
+    """Unit normals of the triangles' corners, float64 (T, 3, 3), for positions (V, 3) and indices (T, 3).
+
+    welded: int (V), equal for vertices at the same position.
+    """
     points = np.asarray(positions, np.float64)
     face, weight = _faces(points[indices])
-    _, welded = np.unique(np.ascontiguousarray(positions), axis=0, return_inverse=True)
-    corner_vertex = welded.reshape(-1)[indices].ravel()
+    corner_vertex = welded[indices].ravel()
     order = np.argsort(corner_vertex, kind="stable")
     owner = order // 3
     starts = np.flatnonzero(np.diff(corner_vertex[order], prepend=-1))
@@ -58,10 +62,10 @@ def crease_normals(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
 
 
 def tangents(positions: np.ndarray, normals: np.ndarray, uvs: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """Tangents (V, 4) along growing u, perpendicular to the normals, with the sign of growing v's side in w.
+    """Tangents (V, 4) along growing u, perpendicular to the normals; w is the sign of the bitangent.
 
-    The bitangent is w * cross(normal, tangent). Row 0 of an image is v = 0, so glTF's bitangent points to falling v
-    in the picture and growing v in the coordinates' own sense as its specification (3.7.2.1) defines them.
+    The bitangent w * cross(normal, tangent) points up in the image, to falling v, as the glTF specification's tangents
+    do (3.7.2.1 with 3.9.3: green is up and row 0 is v = 0).
     """
     points, coordinates = np.asarray(positions, np.float64)[indices], np.asarray(uvs, np.float64)[indices]
     e1, e2 = points[:, 1] - points[:, 0], points[:, 2] - points[:, 0]
@@ -78,7 +82,7 @@ def tangents(positions: np.ndarray, normals: np.ndarray, uvs: np.ndarray, indice
     tangent = sums[0] - normals * np.einsum("vi,vi->v", normals, sums[0])[:, None]
     tangent = _unit(tangent, perpendicular(normals))
     side = np.einsum("vi,vi->v", np.cross(normals, tangent), sums[1])
-    return np.concatenate([tangent, np.where(side < 0, -1.0, 1.0)[:, None]], axis=1)
+    return np.concatenate([tangent, np.where(side > 0, -1.0, 1.0)[:, None]], axis=1)
 
 
 def perpendicular(normals: np.ndarray) -> np.ndarray:

@@ -1,0 +1,37 @@
+"""Which files a scene file draws in, found without loading it."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from urllib.parse import unquote
+
+from scenes.mesh_files import ply_texture
+from scenes.mtl import map_files, material_libraries
+
+
+def input_files(path: Path) -> list[Path]:
+    """The file itself, `cameras.json` beside it, and every buffer, image and material library that it names.
+
+    They need not exist. Damaged files name nothing: loading them says what is wrong.
+    """
+    files = [path, path.parent / "cameras.json"]
+    suffix = path.suffix.lower()
+    if suffix == ".gltf":
+        files += _gltf_files(path)
+    elif suffix == ".obj":
+        for library in (path.parent / name for name in material_libraries(path.read_bytes())):
+            files += [library, *map_files(library)]
+    elif suffix == ".ply":
+        files += [picture for picture in [ply_texture(path)] if picture]
+    return list(dict.fromkeys(files))
+
+
+def _gltf_files(path: Path) -> list[Path]:
+    try:
+        document = json.loads(path.read_bytes())
+        entries = [*document.get("buffers", []), *document.get("images", [])]
+        names = [entry["uri"] for entry in entries if "uri" in entry]
+    except (ValueError, AttributeError, TypeError, KeyError):
+        return []
+    return [path.parent / unquote(name) for name in names if not name.startswith("data:")]

@@ -1,0 +1,162 @@
+"""Light for files that bring none: sun and sky outdoors and for objects, a few lamps in rooms; and the exposure.
+
+Colours are linear RGB. An irradiance of pi on a white matt surface gives a radiance of 1.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from scenes.model import Light, Scene, Sky
+from scenes.rays import Rays
+
+_SUN = (3.6, 3.35, 2.95)  # irradiance facing the sun: somewhat warm, about three times that of the sky
+_SUN_HEIGHT = 50.0  # degrees above the horizon
+_SUN_ASIDE = 50.0  # degrees from over the viewer's shoulder, so that shadows are seen
+_SKY = Sky((0.24, 0.34, 0.52), (0.42, 0.47, 0.52), (0.18, 0.165, 0.15))
+_INDOOR_SKY = Sky((0.20, 0.22, 0.25), (0.27, 0.28, 0.29), (0.17, 0.155, 0.14))
+_LAMP = (3.4, 3.1, 2.7)  # irradiance on the floor below a lamp
+_LAMP_CONE = 65.0  # degrees; a shadow map of twice that still has even texels
+_LAMP_RISE = 5.0  # metres above the viewer at most: lamps hang, they are not stuck to a vault
+_FARTHEST = 15.0  # metres from the viewer to where a room is explored
+_HIGHEST_ROOF = 30.0  # metres above the viewer; what closes the sky higher up is a painted dome, not a roof
+_NARROWEST = 3.0  # metres: less is an object on a table
+_MIDDLE_GREY = 0.18
+_EXPOSURES = (0.6, 2.5)  # how far a light rig of known strength is corrected for dark and bright scenes
+
+
+def add_lights(scene: Scene) -> str:
+    """Fill in lights, sky and exposure where a scene has no lights of its own; say in a sentence what was done."""
+    if scene.lights:
+        _expose_own_lights(scene)
+        return f"The file's {len(scene.lights)} lights are used."
+    rays = Rays(scene)
+    eye = _viewpoint(scene)
+    if eye is not None and _covered(rays, eye, _HIGHEST_ROOF / scene.metres_per_unit):
+        scene.lights, scene.sky = _lamps(scene, rays, eye), _INDOOR_SKY
+        done = f"The file has no lights: {len(scene.lights)} lamps with shadows were hung in the room."
+    else:
+        under_dome = eye is not None and _covered(rays, eye, np.inf)
+        scene.lights, scene.sky = [_sun(scene, shadows=not under_dome)], _SKY
+        done = f"The file has no lights: a sun with{'out' if under_dome else ''} shadows and a sky were added."
+    low, high = _EXPOSURES
+    scene.exposure = float(np.clip(_MIDDLE_GREY / (0.6 * mean_albedo(scene)), low, high))
+    return done
+
+
+def is_place(scene: Scene) -> bool:
+    """Whether a person can walk in a scene: at least 3 m wide either way, and with a camera or a room inside.
+
+    A room is closed in by walls, floor and ceiling around the middle, 2.2 m to 200 m large.
+    """
+    low, high = scene.bounds
+    size = (high - low) * scene.metres_per_unit
+    if min(size[0], size[2]) < _NARROWEST:
+        return False
+    if scene.cameras:
+        return any(((low < camera.position) & (camera.position < high)).all() for camera in scene.cameras)
+    if size[1] < 2.2 or max(size) > 200:
+        return False
+    rays, middle = Rays(scene), (low + high) / 2
+    axes = np.concatenate([np.eye(3), -np.eye(3)])
+    return all(np.isfinite(rays.distance(middle, axis)) for axis in axes) and _faces_inwards(scene, middle)
+
+
+def mean_albedo(scene: Scene) -> float:
+    """Mean luminance of the base colours, weighted by area."""
+    a, b, c = (scene.positions[scene.indices[:, corner]] for corner in range(3))
+    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).astype(np.float64)
+    weight = np.bincount(scene.material_ids, area, len(scene.materials))
+    colours = np.array([_mean_colour(scene, index) for index in range(len(scene.materials))])
+    return max(0.02, float(weight @ colours @ (0.2126, 0.7152, 0.0722) / weight.sum()))
+
+
+def _mean_colour(scene: Scene, index: int) -> np.ndarray:
+    material = scene.materials[index]
+    colour = np.array(material.base_colour[:3])
+    if material.base_texture < 0:
+        return colour
+    texels = scene.textures[material.base_texture].texels[::8, ::8]
+    opaque = texels[texels[..., 3] > 127]
+    return colour * ((opaque[:, :3] / 255) ** 2.2).mean(axis=0) if len(opaque) else colour
+
+
+def _faces_inwards(scene: Scene, middle: np.ndarray) -> bool:
+    """Whether most of the surface, by the solid angle that it fills, shows its front to a point."""
+    a, b, c = (scene.positions[scene.indices[:, corner]] - middle for corner in range(3))
+    volume = np.einsum("ti,ti->t", a, np.cross(b, c)).astype(np.float64)
+    distance = np.linalg.norm(a + b + c, axis=1) / 3
+    return float((volume / np.maximum(distance, 1e-9) ** 3).sum()) < 0
+
+
+def _viewpoint(scene: Scene) -> np.ndarray | None:
+    """Where a viewer stands in a place, or None for objects."""
+    if not scene.place:
+        return None
+    low, high = scene.bounds
+    eyes = [np.array(camera.position) for camera in scene.cameras]
+    return next((eye for eye in eyes if ((low < eye) & (eye < high)).all()), (low + high) / 2)
+
+
+def _covered(rays: Rays, eye: np.ndarray, height: float) -> bool:
+    """Whether something covers most of the sky straight above and 35 degrees around it, within a height in units."""
+    angles = np.arange(8) * np.pi / 4
+    tilt = np.radians(35)
+    around = [(np.sin(tilt) * np.cos(a), np.cos(tilt), np.sin(tilt) * np.sin(a)) for a in angles]
+    directions = [np.array(direction) for direction in [(0.0, 1.0, 0.0), *around]]
+    return sum(rays.distance(eye, direction) * direction[1] < height for direction in directions) >= 6
+
+
+def _sun(scene: Scene, shadows: bool) -> Light:
+    """The sun over the viewer's left shoulder, so that what the first camera sees is lit and shadows show."""
+    heading = np.array(scene.cameras[0].direction) if scene.cameras else np.array([-0.35, 0.0, -0.94])
+    azimuth = np.arctan2(heading[2], heading[0]) + np.radians(_SUN_ASIDE)
+    height = np.radians(_SUN_HEIGHT)
+    direction = (np.cos(azimuth) * np.cos(height), -np.sin(height), np.sin(azimuth) * np.cos(height))
+    return Light("directional", _SUN, direction=tuple(float(d) for d in direction), shadows=shadows)
+
+
+def _lamps(scene: Scene, rays: Rays, eye: np.ndarray) -> list[Light]:
+    """Three spot lights below the ceiling along the longer way through the room that the viewer stands in."""
+    reach = _FARTHEST / scene.metres_per_unit
+    angles = np.arange(24) * 2 * np.pi / 24
+    ways = np.stack([np.cos(angles), np.zeros(24), np.sin(angles)], axis=1)
+    hits = eye + ways * np.array([min(rays.distance(eye, way), reach) for way in ways])[:, None]
+    centre = hits.mean(axis=0)
+    spread = (hits - centre)[:, [0, 2]]
+    along = np.linalg.eigh(spread.T @ spread)[1][:, 1]
+    axis = np.array([along[0], 0.0, along[1]])
+    lights = []
+    for share in (0.0, 0.55, -0.55):
+        extent = np.quantile(np.abs((hits - centre) @ axis), 0.75)
+        goal = centre + axis * share * extent - eye
+        length = np.linalg.norm(goal)
+        way = goal / length if length > 0 else ways[0]
+        place = eye + way * min(length, 0.8 * rays.distance(eye, way))
+        lights.append(_lamp(scene, rays, place, -share * axis))
+    return lights
+
+
+def _lamp(scene: Scene, rays: Rays, place: np.ndarray, lean: np.ndarray) -> Light:
+    """A spot light under the ceiling above a place, shining down and slightly along `lean`."""
+    up, down = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
+    unit = scene.metres_per_unit
+    rise = min(0.85 * rays.distance(place, up), _LAMP_RISE / unit)
+    position = place + up * rise
+    drop = rays.distance(position, down) * unit
+    height = float(np.clip(drop, 1.5, 2 * _LAMP_RISE)) if np.isfinite(drop) else _LAMP_RISE
+    direction = down + 0.5 * lean
+    direction /= np.linalg.norm(direction)
+    colour = tuple(c * height**2 for c in _LAMP)
+    return Light("spot", colour, tuple(position.tolist()), tuple(direction.tolist()), _LAMP_CONE)
+
+
+def _expose_own_lights(scene: Scene) -> None:
+    """Sky and exposure for lights in whatever unit the file has: irradiance is estimated at half the scene's size."""
+    low, high = scene.bounds
+    distance = max(np.linalg.norm(high - low) / 4 * scene.metres_per_unit, 1e-3)
+    arriving = [max(light.colour) / (1 if light.kind == "directional" else distance**2) for light in scene.lights]
+    strength = max(sum(arriving), 1e-6) / max(_SUN)
+    sky = (tuple(c * strength for c in colour) for colour in (_SKY.zenith, _SKY.horizon, _SKY.ground))
+    scene.sky = Sky(*sky)
+    scene.exposure = _MIDDLE_GREY / (0.6 * mean_albedo(scene) * strength)

@@ -1,0 +1,47 @@
+"""Polygons of more than three corners as triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def triangulate(points: np.ndarray) -> list[tuple[int, int, int]]:
+    """Corners of N - 2 triangles that cover a simple, possibly concave polygon (N, 3), by clipping ears.
+
+    The polygon's own turning sense is kept. Corners that no ear can be clipped from (crossing edges, no area) end in a
+    fan, so every polygon gets its N - 2 triangles.
+    """
+    flat = _projected(np.asarray(points, np.float64))
+    left = list(range(len(flat)))
+    triangles = []
+    while len(left) > 3:
+        ear = next((i for i in range(len(left)) if _is_ear(flat, left, i)), None)
+        if ear is None:
+            break
+        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
+        del left[ear]
+    return triangles + [(left[0], left[i], left[i + 1]) for i in range(1, len(left) - 1)]
+
+
+def _projected(points: np.ndarray) -> np.ndarray:
+    """The polygon in its own plane (N, 2), turning counter-clockwise (Newell's normal)."""
+    ahead = np.roll(points, -1, axis=0)
+    normal = np.cross(points - points[0], ahead - points[0]).sum(axis=0)
+    axis = int(np.argmax(np.abs(normal)))
+    kept = points[:, [(axis + 1) % 3, (axis + 2) % 3]]
+    return kept if normal[axis] >= 0 else kept[:, ::-1]
+
+
+def _is_ear(flat: np.ndarray, left: list[int], i: int) -> bool:
+    """Whether the corner turns left and no other corner lies in its triangle."""
+    a, b, c = left[i - 1], left[i], left[(i + 1) % len(left)]
+    if _turn(flat[a], flat[b], flat[c]) <= 0:
+        return False
+    others = flat[[j for j in left if j not in (a, b, c)]]
+    sides = [_turn(flat[p], flat[q], others) >= 0 for p, q in ((a, b), (b, c), (c, a))]
+    return not np.logical_and.reduce(sides).any()
+
+
+def _turn(a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Twice the signed area of a, b, c; c may be many points (N, 2)."""
+    return (b[0] - a[0]) * (c[..., 1] - a[1]) - (b[1] - a[1]) * (c[..., 0] - a[0])

@@ -1,0 +1,101 @@
+"""Repair and decimation of parts through pymeshlab, on request."""
+
+from __future__ import annotations
+
+from types import ModuleType
+
+import numpy as np
+
+from scenes.model import SceneError
+from scenes.raw import Part, RawScene
+
+_SMALLEST = 16  # triangles of a part below which decimation would only make holes
+
+
+def repaired(part: Part, raw: RawScene) -> Part:
+    """The part without duplicate faces, faces of no area and faces at non-manifold edges; what goes is counted.
+
+    Vertices at the same position count as one, so that edges along texture seams are seen as the edges they are. Only
+    triangles are removed: those that stay keep all their attributes.
+    """
+    pymeshlab = _pymeshlab()
+    corners, welded = _welded(part)
+    proper = (corners != corners[:, [1, 2, 0]]).all(axis=1)
+    kept = np.flatnonzero(proper)
+    raw.note("Repair dropped degenerate triangles: {}.", np.count_nonzero(~proper))
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(welded, corners[kept].astype(np.int32), f_scalar_array=kept.astype(np.float64)))
+    for work, sentence in (
+        ("meshing_remove_duplicate_faces", "Repair dropped duplicate triangles: {}."),
+        ("meshing_remove_null_faces", "Repair dropped triangles without area: {}."),
+        ("meshing_repair_non_manifold_edges", "Repair dropped triangles at non-manifold edges: {}."),
+    ):
+        before = meshes.current_mesh().face_number()
+        if before:
+            meshes.apply_filter(work)
+        raw.note(sentence, before - meshes.current_mesh().face_number())
+    kept = np.sort(np.rint(meshes.current_mesh().face_scalar_array()).astype(np.int64))
+    return part.taking(np.arange(len(part.positions)), part.indices[kept])
+
+
+def decimated(part: Part, ratio: float, raw: RawScene) -> Part:
+    """The part with about `ratio` of its triangles, by quadric edge collapse (Garland and Heckbert 1997).
+
+    Open borders are held, texture coordinates are part of the error, normals are made anew, and colours are taken from
+    the nearest old vertex. Parts that would end below 16 triangles stay as they are.
+    """
+    target = int(len(part.indices) * ratio)
+    if target < _SMALLEST:
+        raw.note("Parts too small to decimate, kept: {}.")
+        return part
+    pymeshlab = _pymeshlab()
+    corners, welded = _welded(part)
+    proper = (corners != corners[:, [1, 2, 0]]).all(axis=1)
+    corners, indices = corners[proper].astype(np.int32), part.indices[proper]
+    options = {"targetfacenum": target, "preserveboundary": True, "preservenormal": True}
+    meshes = pymeshlab.MeshSet()
+    if part.uvs is None:
+        meshes.add_mesh(pymeshlab.Mesh(welded, corners))
+        meshes.apply_filter("meshing_decimation_quadric_edge_collapse", planarquadric=True, **options)
+    else:
+        wedges = np.asarray(part.uvs, np.float64)[indices.ravel()]
+        meshes.add_mesh(pymeshlab.Mesh(welded, corners, w_tex_coords_matrix=wedges))
+        meshes.apply_filter("meshing_decimation_quadric_edge_collapse_with_texture", **options)
+    result = meshes.current_mesh()
+    faces = result.face_matrix().astype(np.int64)
+    raw.note("Decimation removed triangles (before instancing): {}.", len(part.indices) - len(faces))
+    uvs = None if part.uvs is None else result.wedge_tex_coord_matrix()
+    return _rebuilt(part, result.vertex_matrix(), faces, uvs)
+
+
+def _rebuilt(part: Part, positions: np.ndarray, faces: np.ndarray, wedges: np.ndarray | None) -> Part:
+    """A part from decimated geometry; vertices are split where their texture coordinates differ."""
+    new = Part(positions, faces, part.material, transforms=part.transforms)
+    if wedges is not None:
+        rows = np.column_stack([faces.ravel(), wedges])
+        _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
+        new = new.taking(faces.ravel()[first], inverse.reshape(-1, 3))
+        new.uvs = wedges[first]
+    if part.colours is not None:
+        from scipy.spatial import cKDTree
+
+        new.colours = part.colours[cKDTree(part.positions).query(new.positions)[1]]
+    return new
+
+
+def _welded(part: Part) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles (T, 3) of vertices at distinct positions, and these, float64."""
+    points, number = np.unique(np.asarray(part.positions, np.float64), axis=0, return_inverse=True)
+    return number.reshape(-1)[part.indices], points
+
+
+def _pymeshlab() -> ModuleType:
+    """pymeshlab, which needs the system's OpenGL libraries even where it draws nothing."""
+    try:
+        import pymeshlab
+    except ImportError as error:
+        library = str(error).split(":")[0]
+        raise SceneError(
+            f"--repair and --decimate need {library}, which pymeshlab loads; install it (Debian: libgl1 libopengl0)."
+        ) from error
+    return pymeshlab
