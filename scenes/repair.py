@@ -51,15 +51,17 @@ def decimated(part: Part, ratio: float, raw: RawScene) -> Part:
     pymeshlab = _pymeshlab()
     corners, welded = _welded(part)
     proper = (corners != corners[:, [1, 2, 0]]).all(axis=1)
-    corners, indices = corners[proper].astype(np.int32), part.indices[proper]
     options = {"targetfacenum": target, "preserveboundary": True, "preservenormal": True}
     meshes = pymeshlab.MeshSet()
     if part.uvs is None:
-        meshes.add_mesh(pymeshlab.Mesh(welded, corners))
+        meshes.add_mesh(pymeshlab.Mesh(welded, corners[proper].astype(np.int32)))
         meshes.apply_filter("meshing_decimation_quadric_edge_collapse", planarquadric=True, **options)
     else:
-        wedges = np.asarray(part.uvs, np.float64)[indices.ravel()]
-        meshes.add_mesh(pymeshlab.Mesh(welded, corners, w_tex_coords_matrix=wedges))
+        # Coordinates of corners handed over directly count as absent; those of vertices can be moved to the corners.
+        arrays = (np.asarray(part.positions, np.float64), part.indices[proper].astype(np.int32))
+        meshes.add_mesh(pymeshlab.Mesh(*arrays, v_tex_coords_matrix=np.asarray(part.uvs, np.float64)))
+        meshes.apply_filter("compute_texcoord_transfer_vertex_to_wedge")
+        meshes.apply_filter("meshing_remove_duplicate_vertices")
         meshes.apply_filter("meshing_decimation_quadric_edge_collapse_with_texture", **options)
     result = meshes.current_mesh()
     faces = result.face_matrix().astype(np.int64)
