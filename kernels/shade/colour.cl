@@ -1,5 +1,7 @@
 // Sky radiance, tone mapping and encoding, 8 wide.
 
+#include "shade/wide_math.cl"
+
 #define INV_PI 0.318309886f
 
 // Layout of the environment: linear RGB of zenith, horizon and ground, then the exposure.
@@ -11,7 +13,7 @@
 
 // Radiance of one channel from a direction whose height (y of the unit vector) is given. Just below the horizon the sky
 // fades to the ground, so that there is no edge to alias.
-inline float8 sky_radiance8(__global const float *environment, int channel, float8 height)
+INLINE float8 sky_radiance8(__global const float *environment, int channel, float8 height)
 {
     const float zenith = environment[ZENITH + channel], horizon = environment[HORIZON + channel];
     const float ground = environment[GROUND + channel];
@@ -25,7 +27,7 @@ inline float8 sky_radiance8(__global const float *environment, int channel, floa
 // Irradiance / pi of one channel on a surface whose normal has the given height, under the sky above without the fade.
 // Exact for normals straight up, level and straight down, quadratic in between: integrating the linear gradient against
 // the cosine gives the zenith weights 2/3, 2/(3 pi) and 0.
-inline float8 sky_irradiance8(__global const float *environment, int channel, float8 height)
+INLINE float8 sky_irradiance8(__global const float *environment, int channel, float8 height)
 {
     const float8 ground = 0.5f - 0.5f * height;
     const float8 zenith = 0.212206591f + height * (0.333333333f + height * 0.121126742f);
@@ -34,21 +36,21 @@ inline float8 sky_irradiance8(__global const float *environment, int channel, fl
 }
 
 // Tone mapping (Narkowicz 2015, "ACES Filmic Tone Mapping Curve") of scene radiance, then sRGB encoding, 0..255.
-inline int8 encode8(float8 radiance)
+INLINE int8 encode8(float8 radiance)
 {
     float8 x = (radiance > 0.0f) ? radiance : (float8)0.0f; // not-a-number becomes black
     x = (x < 1e4f) ? x : (float8)1e4f;
     x = x * (2.51f * x + 0.03f) / (x * (2.43f * x + 0.59f) + 0.14f);
     x = (x < 1.0f) ? x : (float8)1.0f;
     // The power 1/2.4 = 5/12 as a polynomial in the fourth root: within 0.0021 of one level.
-    const float8 y = sqrt(sqrt(x));
+    const float8 root = x * inverse_sqrt8(x), y = root * inverse_sqrt8(root);
     const float8 power =
         -0.0614829118f +
         y * (0.163491914f + y * (1.24979118f + y * (-0.567404048f + y * (0.280982092f + y * -0.0653834055f))));
     return convert_int8(((x <= 0.0031308f) ? 12.92f * x : power) * 255.0f + 0.5f);
 }
 
-inline int8 packed8(int8 r, int8 g, int8 b)
+INLINE int8 packed8(int8 r, int8 g, int8 b)
 {
     return r | (g << 8) | (b << 16) | (int)0xff000000;
 }

@@ -4,6 +4,7 @@
 //
 // Attributes are interpolated lane by lane with one float8 per sample, because neighbouring samples mostly share their
 // triangle, then turned into one float8 per attribute.
+#include "shade/wide_math.cl"
 #include "shade/colour.cl"
 #include "texture/sample.cl"
 #include "shade/shadow_lookup.cl"
@@ -15,9 +16,9 @@
 #define SPOT 2
 
 #define SURFACE_PARAMETERS                                                                                             \
-    __global const float *vertices, __global const float *extras, __global const int *indices,                         \
-        __global const int *faces, __global const float *materials, TEXTURE_PARAMETERS, __global const float *lights,  \
-        __global const float *shadow_maps, __global const float *environment
+    __global const float8 *vertices, __global const float8 *extras, __global const int *indices,                       \
+        __global const int2 *faces, __global const float8 *materials, TEXTURE_PARAMETERS,                              \
+        __global const float *lights, __global const float *shadow_maps, __global const float *environment
 #define SURFACE_ARGUMENTS                                                                                              \
     vertices, extras, indices, faces, materials, TEXTURE_ARGUMENTS, lights, shadow_maps, environment
 
@@ -30,34 +31,34 @@ typedef struct {
     float8 x, y, z;
 } vector8;
 
-inline float8 dot8(vector8 a, vector8 b)
+INLINE float8 dot8(vector8 a, vector8 b)
 {
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-inline float8 positive8(float8 a)
+INLINE float8 positive8(float8 a)
 {
     return (a > 0.0f) ? a : (float8)0.0f;
 }
 
-inline float8 largest8(float8 a, float8 b)
+INLINE float8 largest8(float8 a, float8 b)
 {
     return (a > b) ? a : b;
 }
 
-inline float8 magnitude8(float8 a)
+INLINE float8 magnitude8(float8 a)
 {
     return (a > 0.0f) ? a : -a;
 }
 
 // a of length 1; `otherwise` where a is zero or not finite. Scaled first, so that tiny vectors do not underflow.
-inline vector8 unit8(vector8 a, vector8 otherwise)
+INLINE vector8 unit8(vector8 a, vector8 otherwise)
 {
     const float8 largest = largest8(largest8(magnitude8(a.x), magnitude8(a.y)), magnitude8(a.z));
     const int8 usable = largest > 0.0f && largest < 1e30f;
     const float8 scale = 1.0f / (usable ? largest : (float8)1.0f);
     const float8 x = a.x * scale, y = a.y * scale, z = a.z * scale;
-    const float8 inverse = 1.0f / sqrt(x * x + y * y + z * z);
+    const float8 inverse = inverse_sqrt8(x * x + y * y + z * z);
     const vector8 result = {usable ? x * inverse : otherwise.x, usable ? y * inverse : otherwise.y,
                             usable ? z * inverse : otherwise.z};
     return result;
@@ -77,7 +78,7 @@ typedef struct {
     float8 base_texture, normal_texture, emissive_texture, normal_scale;
 } surface8;
 
-inline void fetch8(const int *triangle, const float *bary1, const float *bary2, surface8 *s, SURFACE_PARAMETERS)
+INLINE void fetch8(const int *triangle, const float *bary1, const float *bary2, surface8 *s, SURFACE_PARAMETERS)
 {
     float8 point[8], base[8];
     float4 face[8];
@@ -93,21 +94,21 @@ inline void fetch8(const int *triangle, const float *bary1, const float *bary2, 
     for (int lane = 0; lane < 8; lane++) {
         const int id = triangle[lane];
         if (id != previous) {
-            const int3 corner = vload3(id, indices);
-            v0 = vload8(corner.x, vertices);
-            side1 = vload8(corner.y, vertices) - v0;
-            side2 = vload8(corner.z, vertices) - v0;
-            const int2 record = vload2(id, faces);
+            const int a = indices[3 * id], b = indices[3 * id + 1], c = indices[3 * id + 2];
+            v0 = vertices[a];
+            side1 = vertices[b] - v0;
+            side2 = vertices[c] - v0;
+            const int2 record = faces[id];
             normal = (float4)(side1.s1 * side2.s2 - side1.s2 * side2.s1, side1.s2 * side2.s0 - side1.s0 * side2.s2,
                               side1.s0 * side2.s1 - side1.s1 * side2.s0, as_float(record.y));
-            material = vload8(2 * record.x, materials);
+            material = materials[2 * record.x];
 #if NORMAL_MAPS || EMISSIVE
-            rest = vload8(2 * record.x + 1, materials);
+            rest = materials[2 * record.x + 1];
 #endif
 #if EXTRAS
-            w0 = vload8(corner.x, extras);
-            w1 = vload8(corner.y, extras) - w0;
-            w2 = vload8(corner.z, extras) - w0;
+            w0 = extras[a];
+            w1 = extras[b] - w0;
+            w2 = extras[c] - w0;
 #endif
             previous = id;
         }
@@ -151,12 +152,12 @@ inline void fetch8(const int *triangle, const float *bary1, const float *bary2, 
 
 #if TEXTURES
 // Looks `texture` (0 is white) up at the surface's coordinates.
-inline vector8 textured8(const surface8 *s, float8 texture, float8 footprint, TEXTURE_PARAMETERS)
+INLINE vector8 textured8(const surface8 *s, float8 texture, float8 footprint, TEXTURE_PARAMETERS)
 {
     vector8 result = {1.0f, 1.0f, 1.0f};
-    if (any(texture > 0.0f)) {
+    if (any_of8(texture > 0.0f)) {
         int entry[8];
-        vstore8(convert_int8(texture), 0, entry);
+        STORE_INT8(convert_int8(texture), entry);
         texture8(entry, s->u, s->v, footprint * s->uv_scale, &result.x, &result.y, &result.z, TEXTURE_ARGUMENTS);
     }
     return result;
@@ -165,10 +166,10 @@ inline vector8 textured8(const surface8 *s, float8 texture, float8 footprint, TE
 
 #if NORMAL_MAPS
 // The normal map's normal: glTF 2.0, 3.9.3: x along the tangent, y along the bitangent, green up.
-inline vector8 bumped8(const surface8 *s, vector8 n, float8 footprint, TEXTURE_PARAMETERS)
+INLINE vector8 bumped8(const surface8 *s, vector8 n, float8 footprint, TEXTURE_PARAMETERS)
 {
     const int8 mapped = s->normal_texture > 0.0f;
-    if (!any(mapped))
+    if (!any_of8(mapped))
         return n;
     const vector8 texel = textured8(s, s->normal_texture, footprint, TEXTURE_ARGUMENTS);
     const float8 x = (2.0f * texel.x - 1.0f) * s->normal_scale;
@@ -187,13 +188,13 @@ inline vector8 bumped8(const surface8 *s, vector8 n, float8 footprint, TEXTURE_P
 #if LIGHTS
 // Direction to the light and how much of its colour arrives, before the cosine and the shadow. Tables hold distances of
 // local lights in scene units and `falloff` = metres per unit squared.
-inline float8 incident8(__global const float *light, vector8 position, vector8 *direction)
+INLINE float8 incident8(__global const float *light, vector8 position, vector8 *direction)
 {
 #if LOCAL_LIGHTS
     if ((int)light[0] != DIRECTIONAL) {
         const vector8 d = {light[4] - position.x, light[5] - position.y, light[6] - position.z};
         const float8 squared = dot8(d, d);
-        const float8 inverse = 1.0f / sqrt(largest8(squared, (float8)1e-12f));
+        const float8 inverse = inverse_sqrt8(largest8(squared, (float8)1e-12f));
         *direction = (vector8){d.x * inverse, d.y * inverse, d.z * inverse};
         float8 arriving = 1.0f / largest8(squared * light[11], (float8)1e-4f);
         if ((int)light[0] == SPOT) {
@@ -214,7 +215,7 @@ inline float8 incident8(__global const float *light, vector8 position, vector8 *
 #if SPECULAR
 // GGX (Walter 2007) with Hammon's approximation of the correlated Smith masking ("PBR Diffuse Lighting for GGX+Smith
 // Microsurfaces", 2017); without the Fresnel term, whose weight (1 - v.h)^5 is returned apart.
-inline float8 ggx8(vector8 n, vector8 v, vector8 l, float8 nv, float8 nl, float8 alpha, float8 *grazing)
+INLINE float8 ggx8(vector8 n, vector8 v, vector8 l, float8 nv, float8 nl, float8 alpha, float8 *grazing)
 {
     const vector8 h = unit8((vector8){v.x + l.x, v.y + l.y, v.z + l.z}, n);
     const float8 nh = positive8(dot8(n, h)), vh = positive8(dot8(v, h));
@@ -230,7 +231,7 @@ inline float8 ggx8(vector8 n, vector8 v, vector8 l, float8 nv, float8 nl, float8
 }
 
 // Environment BRDF: weight of F0 and the rest (Karis 2014, "Physically Based Shading on Mobile").
-inline float8 environment_brdf8(float8 roughness, float8 nv, float8 *rest)
+INLINE float8 environment_brdf8(float8 roughness, float8 nv, float8 *rest)
 {
     const float8 smooth = 1.0f - roughness, peak = exp2(-9.28f * nv);
     const float8 squared = smooth * smooth;
@@ -241,7 +242,7 @@ inline float8 environment_brdf8(float8 roughness, float8 nv, float8 *rest)
 #endif
 
 // Radiance towards the eye at 8 samples. `footprint` in scene units.
-inline vector8 shade8(const int *triangle, const float *bary1, const float *bary2, float8 footprint, float3 eye,
+INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary2, float8 footprint, float3 eye,
                       SURFACE_PARAMETERS)
 {
     surface8 s;
@@ -279,7 +280,7 @@ inline vector8 shade8(const int *triangle, const float *bary1, const float *bary
         float8 arriving = incident8(light, s.position, &l);
         const float8 nl = positive8(dot8(n, l));
         arriving *= nl;
-        if (!any(arriving > 0.0f))
+        if (!any_of8(arriving > 0.0f))
             continue;
 #if SHADOWS
         if (light[SHADOW_SIZE] > 0.0f)
@@ -334,19 +335,21 @@ __kernel void shade_samples(const int count, const int run, __global const int *
     const int id = get_global_id(0);
     if (id > (count - 1) / run)
         return;
-    const int end = min((id + 1) * run, count);
+    const int end = LESSER((id + 1) * run, count);
     const float3 eye = (float3)(eye_x, eye_y, eye_z);
     const float exposure = environment[EXPOSURE];
     for (int i = id * run; i < end; i += 8) {
         const int8 used = i + (int8)(0, 1, 2, 3, 4, 5, 6, 7) < count;
+        const int8 ids = *(__global const loose_int8 *)(triangles + i);
         int triangle[8], colours[8];
         float bary1[8], bary2[8];
-        vstore8(used ? vload8(0, triangles + i) : triangles[i], 0, triangle);
-        vstore8(vload8(0, barys1 + i), 0, bary1);
-        vstore8(vload8(0, barys2 + i), 0, bary2);
-        const vector8 c = shade8(triangle, bary1, bary2, vload8(0, footprints + i), eye, SURFACE_ARGUMENTS);
-        vstore8(packed8(encode8(exposure * c.x), encode8(exposure * c.y), encode8(exposure * c.z)), 0, colours);
-        const int last = min(8, count - i);
+        STORE_INT8(used ? ids : ids.s0, triangle);
+        STORE8(*(__global const loose_float8 *)(barys1 + i), bary1);
+        STORE8(*(__global const loose_float8 *)(barys2 + i), bary2);
+        const float8 footprint = *(__global const loose_float8 *)(footprints + i);
+        const vector8 c = shade8(triangle, bary1, bary2, footprint, eye, SURFACE_ARGUMENTS);
+        STORE_INT8(packed8(encode8(exposure * c.x), encode8(exposure * c.y), encode8(exposure * c.z)), colours);
+        const int last = LESSER(8, count - i);
         for (int lane = 0; lane < last; lane++)
             target[texel[i + lane]] = colours[lane];
     }

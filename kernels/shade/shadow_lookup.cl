@@ -19,11 +19,14 @@
 // shadow itself if it is pushed out by that times sin a: 1 / w is affine on the map, with the normal's part across the
 // axis as its slope.
 #define NORMAL_OFFSET 2.83f
+#define SIDE_STEEPNESS 32.0f
 // Towards the light, for curvature and what depth loses to rounding; in texels.
 #define LIGHT_OFFSET 0.75f
 
 #if SHADOWS
-inline float8 row8(__global const float *row, float8 x, float8 y, float8 z)
+typedef float4 __attribute__((aligned(4))) loose_float4;
+
+INLINE float8 row8(__global const float *row, float8 x, float8 y, float8 z)
 {
     return row[0] * x + row[1] * y + row[2] * z + row[3];
 }
@@ -31,16 +34,19 @@ inline float8 row8(__global const float *row, float8 x, float8 y, float8 z)
 // The share of light that arrives. x, y, z: position; f: unit geometric normal; l: unit direction to the light;
 // lanes with `wanted` 0 give 1. Between lit and dark lies a ramp one texel deep instead of a step, so that shading is a
 // continuous function of the position.
-inline float8 shadow8(__global const float *light, __global const float *shadow_maps, float8 x, float8 y, float8 z,
+INLINE float8 shadow8(__global const float *light, __global const float *shadow_maps, float8 x, float8 y, float8 z,
                       float8 fx, float8 fy, float8 fz, float8 lx, float8 ly, float8 lz, int8 wanted)
 {
     const int size = (int)light[SHADOW_SIZE];
     __global const float *map = shadow_maps + as_int(light[SHADOW_START]);
     const float8 texel = light[TEXEL_BASE] + light[TEXEL_PER_W] * row8(light + SHADOW_W, x, y, z);
     const float8 cosine = fx * light[AXIS] + fy * light[AXIS + 1] + fz * light[AXIS + 2];
-    const float8 sine = sqrt((cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (float8)0.0f);
-    const float8 facing = fx * lx + fy * ly + fz * lz;
-    const float8 normal_offset = texel * ((facing < 0.0f) ? -NORMAL_OFFSET * sine : NORMAL_OFFSET * sine);
+    const float8 squared = (cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (float8)0.0f;
+    const float8 sine = squared * inverse_sqrt8(squared);
+    // Towards the lit side; through zero where light grazes, or shading would jump there.
+    float8 side = (fx * lx + fy * ly + fz * lz) * SIDE_STEEPNESS;
+    side = (side > -1.0f) ? ((side < 1.0f) ? side : (float8)1.0f) : (float8)-1.0f;
+    const float8 normal_offset = texel * NORMAL_OFFSET * sine * side;
     const float8 light_offset = texel * LIGHT_OFFSET;
     x += fx * normal_offset + lx * light_offset;
     y += fy * normal_offset + ly * light_offset;
@@ -53,18 +59,18 @@ inline float8 shadow8(__global const float *light, __global const float *shadow_
     const float8 steepness = 1.0f / ((ramp > 1e-12f) ? ramp : (float8)1e-12f);
     const float far = size - 2;
     const int8 inside = wanted && w > 0.0f && column >= 2.0f && column <= far && row >= 2.0f && row <= far;
-    if (!any(inside))
+    if (!any_of8(inside))
         return 1.0f;
 
-    const float8 column_low = floor(column - 0.5f), row_low = floor(row - 0.5f);
+    const float8 column_low = floor8(column - 0.5f), row_low = floor8(row - 0.5f);
     int starts[8], looked[8];
     float weights_x[8], weights_y[8], lit[8], depths[8], slopes[8];
-    vstore8(column - 0.5f - column_low, 0, weights_x);
-    vstore8(row - 0.5f - row_low, 0, weights_y);
-    vstore8(depth * steepness + 1.0f, 0, depths);
-    vstore8(steepness, 0, slopes);
-    vstore8(inside, 0, looked);
-    vstore8(inside ? (convert_int8(row_low) - 1) * size + convert_int8(column_low) - 1 : (int8)0, 0, starts);
+    STORE8(column - 0.5f - column_low, weights_x);
+    STORE8(row - 0.5f - row_low, weights_y);
+    STORE8(depth * steepness + 1.0f, depths);
+    STORE8(steepness, slopes);
+    STORE_INT8(inside, looked);
+    STORE_INT8(inside ? (convert_int8(row_low) - 1) * size + convert_int8(column_low) - 1 : (int8)0, starts);
     for (int lane = 0; lane < 8; lane++) {
         lit[lane] = 1.0f;
         if (!looked[lane])
@@ -74,13 +80,13 @@ inline float8 shadow8(__global const float *light, __global const float *shadow_
         __global const float *taps = map + starts[lane];
         float4 sum = 0.0f;
         for (int i = 0; i < 4; i++) {
-            float4 open = depths[lane] - vload4(0, taps + i * size) * slopes[lane];
+            float4 open = depths[lane] - *(__global const loose_float4 *)(taps + i * size) * slopes[lane];
             open = (open > 0.0f) ? ((open < 1.0f) ? open : (float4)1.0f) : (float4)0.0f;
             sum += open * (i == 0 ? down.x : i == 3 ? down.w : 1.0f);
         }
         sum *= across;
         lit[lane] = (sum.x + sum.y + sum.z + sum.w) * (1.0f / 9.0f);
     }
-    return vload8(0, lit);
+    return LOAD8(lit);
 }
 #endif

@@ -14,13 +14,13 @@ __kernel void paint_sky(const int width, const int height, __global const float 
     const float8 dx = rays[0] + rays[3] * x + rays[6] * row;
     const float8 dy = rays[1] + rays[4] * x + rays[7] * row;
     const float8 dz = rays[2] + rays[5] * x + rays[8] * row;
-    const float8 up = dy / sqrt(dx * dx + dy * dy + dz * dz);
+    const float8 up = dy * inverse_sqrt8(dx * dx + dy * dy + dz * dz);
     const float exposure = environment[EXPOSURE];
     int pixels[8];
     vstore8(packed8(encode8(exposure * sky_radiance8(environment, 0, up)),
                     encode8(exposure * sky_radiance8(environment, 1, up)),
                     encode8(exposure * sky_radiance8(environment, 2, up))),
             0, pixels);
-    for (int i = 0; i < min(8, width - column); i++)
+    for (int i = 0; i < LESSER(8, width - column); i++)
         target[row * width + column + i] = pixels[i];
 }
