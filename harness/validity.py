@@ -23,8 +23,8 @@ surface       A lookup finds its own surface. Where all texels touched are the t
 
 Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
 its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
-that the novel view sees. A budget bounds the grids, the samples of `once` and the points of the novel view per frame:
-triangles, and every so many points, take turns by frame index, so that every one is examined within a few frames.
+that the novel view sees. A budget bounds each of these, and the samples of `once`, per frame: triangles and points take
+turns by frame index, so that every one is examined within a few frames.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ DISTANCE = 1.0  # texels between a sample and where its surface point is looked 
 STRAYS = 1 / 3
 LOCATION = 0.25  # texels; exact maps give 0, a client that forgets the half-texel offset gives 0.5
 REACH = 3.0
-BUDGET = 200_000  # points of grids, samples of `once`, points of the novel view, per frame
+BUDGET = 200_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
 CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
@@ -299,8 +299,10 @@ def _points(
     """Triangles, barycentrics and atlas positions of all lookups, a chunk at a time."""
     rows = np.flatnonzero(table.placed)
     anchors = len(ANCHORS)
-    for start in range(0, len(rows), CHUNK // anchors):
-        part = rows[start : start + CHUNK // anchors]
+    turns = _turns(anchors * len(rows), budget)
+    chosen = rows[frame.index % turns :: turns]
+    for start in range(0, len(chosen), CHUNK // anchors):
+        part = chosen[start : start + CHUNK // anchors]
         yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
     for triangles, bary in _grids(frame, table, rows, budget):
         yield triangles, bary, client.locate(triangles, bary)
