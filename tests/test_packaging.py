@@ -13,6 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("kernels", "scenes", "packers", "harness", "reports")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md")
+PICTURES = (".jpg", ".png")  # of the documentation
 HEAVY = ("pyopencl", "trimesh", "pymeshlab", "OpenImageIO", "colour", "av", "plotly", "scipy", "lz4", "sqlite3")
 
 
@@ -43,7 +44,7 @@ def test_the_wheel_ships_every_file_of_the_packages(wheel: zipfile.ZipFile):
         str(path.relative_to(ROOT))
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
-        if path.is_file() and "__pycache__" not in path.parts and path.name not in (".DS_Store",)
+        if path.is_file() and "__pycache__" not in path.parts and path.suffix not in PICTURES
     }
     assert any(name.endswith(".cl") for name in sources)
     assert sources - set(wheel.namelist()) == set()
