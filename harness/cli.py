@@ -126,7 +126,7 @@ def _settings_of(options: dict[str, Any]) -> Settings:
     """The settings that the options of `bench run` mean, over those of `--config`, over the defaults."""
     from harness import settings as s
 
-    given = {name: value for name, value in options.items() if value is not None}
+    given = {name: value for name, value in options.items() if value not in (None, (), [])}
     if "method" in given:
         given["methods"] = tuple(given.pop("method"))
     if "size" in given:

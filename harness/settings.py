@@ -55,6 +55,7 @@ class Settings:
 
     def __post_init__(self) -> None:
         checks = [
+            (bool(self.methods), "--method is empty: give all or a method's name."),
             (self.frames >= 1, f"--frames is {self.frames}: give at least 1."),
             (
                 min(self.width, self.height) >= 16 and max(self.width, self.height) <= 8192,
