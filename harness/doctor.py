@@ -11,6 +11,7 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
+from typing import Any
 
 import numpy as np
 
@@ -101,14 +102,19 @@ def _devices() -> Iterator[Finding]:
         yield Finding("OpenCL", False, "No OpenCL device was found: pip install 'pyopencl[pocl]' brings one.")
     for place, device in enumerate(devices):
         role = "default" if place == 0 else "also present"
-        text = f"{device.name.strip()}, {device.platform.version.strip()}, driver {device.driver_version.strip()}"
+        text = f"{device.name.strip()}, {_platform(device)}, driver {device.driver_version.strip()}"
         yield Finding("OpenCL", True, f"{role}: {text}")
-    names = [device.platform.version.strip() for device in devices]
+    names = [_platform(device) for device in devices]
     pocls = list(dict.fromkeys(name for name in names if "PoCL" in name))
     if len(pocls) > 1:
         yield Finding(
             "OpenCL", True, f"{len(pocls)} PoCLs: the newest is used ({pocls[0]}), not {', '.join(pocls[1:])}."
         )
+
+
+def _platform(device: Any) -> str:
+    """The platform's version without the list of how it was built."""
+    return " ".join(device.platform.version.split(",")[0].split())
 
 
 def _kernel() -> Iterator[Finding]:
