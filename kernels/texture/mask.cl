@@ -15,14 +15,15 @@ inline int mask_level(const int triangle, const float pixels, MASK_PARAMETERS)
     return chain.x + (level > 0.0f ? (level < (float)chain.y ? (int)level : chain.y) : 0);
 }
 
-// A coordinate wrapped into 0..1 (0: repeat, 1: clamp, 2: mirror); not-a-number and infinity become 0.
-inline float mask_wrapped(const float u, const int mode)
+// A coordinate wrapped into 0..1 (0: repeat, 1: clamp, 2: mirror); what is not a number or beyond 1e6 counts as 0.
+inline float mask_wrapped(const float coordinate, const int mode)
 {
+    const float u = coordinate > -1e6f && coordinate < 1e6f ? coordinate : 0.0f;
     const float half_turn = u * 0.5f;
     const float sawtooth = (half_turn - floor(half_turn)) * 2.0f;
     const float mirrored = sawtooth > 1.0f ? 2.0f - sawtooth : sawtooth;
     const float inside = mode == 0 ? u - floor(u) : mode == 1 ? (u > 0.0f ? (u < 1.0f ? u : 1.0f) : 0.0f) : mirrored;
-    return inside >= 0.0f && inside <= 1.0f ? inside : 0.0f;
+    return inside;
 }
 
 // Whether a masked triangle is there at weights b1, b2 of its corners 1 and 2: bilinear alpha reaches the threshold of

@@ -10,7 +10,7 @@
 #define CLAMP_MODE 1
 #define MIRROR_MODE 2
 
-// A coordinate wrapped into 0..1; not-a-number and infinity become 0, and rounding at 1 stays inside.
+// A coordinate wrapped into 0..1; what is not a number or beyond 1e6 counts as 0.
 INLINE float8 wrapped8(float8 u, int8 mode)
 {
     u = (u > -1e6f && u < 1e6f) ? u : (float8)0.0f; // farther out float32 has no texels left
@@ -22,7 +22,7 @@ INLINE float8 wrapped8(float8 u, int8 mode)
     const float8 clamped = (u > 0.0f) ? ((u < 1.0f) ? u : (float8)1.0f) : (float8)0.0f;
     inside = (mode == CLAMP_MODE) ? clamped : inside;
 #endif
-    return (inside >= 0.0f && inside <= 1.0f) ? inside : (float8)0.0f;
+    return inside;
 }
 
 // The two texels that a lookup at `u` (wrapped, 0..1) blends along one axis, and the weight of the second.

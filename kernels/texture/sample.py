@@ -13,9 +13,10 @@ if TYPE_CHECKING:
 def neighbours(u: np.ndarray, size: np.ndarray, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The two texels that a bilinear lookup at `u` blends along an axis of `size` texels, and the second's weight.
 
-    mode: 0 repeat, 1 clamp, 2 mirror. Coordinates that are not finite count as 0.
+    mode: 0 repeat, 1 clamp, 2 mirror. Coordinates beyond 1e6, where float32 has no texels left, count as 0, and so does
+    what is not a number.
     """
-    u = np.where(np.isfinite(u), u, 0)
+    u = np.where(np.abs(u) < 1e6, u, 0)
     folded = 1 - np.abs(1 - np.mod(u, 2))
     u = np.select([mode == 0, mode == 1], [np.mod(u, 1), np.clip(u, 0, 1)], folded)
     x = u * size - 0.5

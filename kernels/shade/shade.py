@@ -1,0 +1,162 @@
+"""The shading function's twin: what shade.cl computes, in float64."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.shade.colour import encode, sky_irradiance, sky_radiance
+from kernels.shade.shadow_lookup import lit_share
+from kernels.shade.tables import KINDS, Tables
+from kernels.texture.sample import trilinear
+
+if TYPE_CHECKING:
+    from kernels.texture.buffers import TextureBuffers
+
+
+@dataclass(frozen=True)
+class Points:
+    """Samples with what their triangles say about them, float64: vectors (n, 3), scalars (n)."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    face: np.ndarray
+    uv: np.ndarray
+    extra: np.ndarray
+    material: np.ndarray
+    footprint: np.ndarray
+
+
+def shade_twin(
+    tables: Tables,
+    faces: np.ndarray,
+    textures: TextureBuffers,
+    shadow_maps: np.ndarray,
+    triangle: np.ndarray,
+    bary: np.ndarray,
+    footprint: np.ndarray,
+    eye: np.ndarray,
+) -> np.ndarray:
+    """uint8 (n, 4), sRGB and alpha 255, of n samples: triangle int (n), bary (n, 2), footprint (n), eye (3).
+
+    faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
+    """
+    points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
+    towards = np.asarray(eye, np.float32) - points.position
+    n = _shading_normal(tables, textures, points, towards)
+    albedo = points.material[:, :3].copy()
+    if tables.defines["VERTEX_COLOURS"]:
+        albedo *= points.extra[:, 4:7]
+    albedo *= _texture(textures, points, points.material[:, 3])
+    specular = tables.defines["SPECULAR"]
+    diffuse = sky_irradiance(tables.environment, n[:, 1])
+    out = _sky_reflection(tables, points, albedo, n, towards) if specular else 0.0
+    for light in tables.lights.astype(np.float64):
+        to_light, arriving = _incident(light, points.position)
+        arriving = arriving * np.maximum(_dot(n, to_light), 0)
+        arriving = arriving * lit_share(light, shadow_maps, points.position, points.face, to_light)
+        irradiance = arriving[:, None] * light[16:19]
+        diffuse = diffuse + irradiance / np.pi
+        if specular:
+            out = out + irradiance * _ggx(points, albedo, n, _unit(towards, n), to_light)
+    metallic = points.material[:, 5:6] if specular else 0.0
+    out = out + albedo * diffuse * (1 - metallic)
+    if tables.defines["EMISSIVE"]:
+        out = out + points.material[:, 8:11] * _texture(textures, points, points.material[:, 11])
+    return encode(out * tables.environment[9])
+
+
+def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray):
+    corners = tables.vertices.astype(np.float64)[tables.indices[triangle]]
+    weights = np.stack([1 - bary.sum(axis=1), bary[:, 0], bary[:, 1]], axis=1)
+    rows = np.einsum("ni,nif->nf", weights, corners)
+    upright = np.broadcast_to([0.0, 1.0, 0.0], (len(rows), 3))
+    sides = corners[:, 1:, :3] - corners[:, :1, :3]
+    face = _unit(np.cross(sides[:, 0], sides[:, 1]), upright)
+    extra = np.zeros((len(rows), 8))
+    if len(tables.extras):
+        extra = np.einsum("ni,nif->nf", weights, tables.extras.astype(np.float64)[tables.indices[triangle]])
+    scale = faces[triangle, 1].view(np.float32).astype(np.float64)
+    return Points(
+        rows[:, :3],
+        _unit(rows[:, 3:6], face),
+        face,
+        rows[:, 6:8],
+        extra,
+        tables.materials.astype(np.float64)[faces[triangle, 0]],
+        footprint * scale,
+    )
+
+
+def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    return (a * b).sum(axis=-1)
+
+
+def _unit(a: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+    """a of length 1; `otherwise` where it has none."""
+    largest = np.abs(a).max(axis=1)
+    usable = (largest > 0) & (largest < 1e30)
+    scaled = np.where(usable[:, None], a, otherwise) / np.where(usable, largest, 1)[:, None]
+    return np.where(usable[:, None], scaled / np.linalg.norm(scaled, axis=1, keepdims=True), otherwise)
+
+
+def _texture(textures: TextureBuffers, points: Points, texture: np.ndarray) -> np.ndarray:
+    return trilinear(textures, texture.astype(int), *points.uv.T, points.footprint)[:, :3]
+
+
+def _shading_normal(tables: Tables, textures: TextureBuffers, points: Points, towards: np.ndarray) -> np.ndarray:
+    n = points.normal
+    if tables.defines["NORMAL_MAPS"]:
+        tangent, sign = points.extra[:, :3], points.extra[:, 3:4]
+        x, y, z = (2 * _texture(textures, points, points.material[:, 12]) - 1).T[..., None]
+        scale = points.material[:, 13:14]
+        bump = x * scale * tangent + y * scale * sign * np.cross(n, tangent) + z * n
+        n = np.where(points.material[:, 12:13] > 0, _unit(bump, n), n)
+    away = (points.material[:, 6] > 0) & (_dot(points.face, towards) < 0)
+    return np.where(away[:, None], -n, n)
+
+
+def _incident(light: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Direction to the light (n, 3) and the share of its colour that arrives (n), before cosine and shadow."""
+    if light[0] == KINDS["directional"]:
+        return np.broadcast_to(-light[8:11], position.shape), np.ones(len(position))
+    d = light[4:7] - position
+    squared = _dot(d, d)
+    to_light = d / np.sqrt(np.maximum(squared, 1e-12))[:, None]
+    arriving = 1 / np.maximum(squared * light[11], 1e-4)
+    if light[0] == KINDS["spot"]:
+        fade = np.clip((-to_light @ light[8:11] - light[12]) * light[13], 0, 1)
+        arriving = arriving * fade**2 * (3 - 2 * fade)
+    return to_light, arriving
+
+
+def _ggx(points: Points, albedo: np.ndarray, n: np.ndarray, v: np.ndarray, to_light: np.ndarray) -> np.ndarray:
+    """The specular BRDF (n, 3): GGX, Hammon's masking, Schlick's Fresnel."""
+    alpha = np.maximum(points.material[:, 4], 0.05) ** 2
+    metallic = points.material[:, 5:6]
+    nl, nv = np.maximum(_dot(n, to_light), 0), np.maximum(_dot(n, v), 1e-3)
+    h = _unit(v + to_light, n)
+    nh, vh = np.maximum(_dot(n, h), 0), np.maximum(_dot(v, h), 0)
+    across = np.cross(n, h)
+    d = alpha**2 / np.pi / ((nh * alpha) ** 2 + _dot(across, across)) ** 2
+    masking = 0.5 / (2 * nl * nv * (1 - alpha) + (nl + nv) * alpha + 1e-6)
+    f0 = 0.04 * (1 - metallic) + metallic * albedo
+    fresnel = f0 + (1 - f0) * ((1 - vh) ** 5)[:, None]
+    return (d * masking)[:, None] * fresnel
+
+
+def _sky_reflection(
+    tables: Tables, points: Points, albedo: np.ndarray, n: np.ndarray, towards: np.ndarray
+) -> np.ndarray:
+    """The sky seen in the surface (n, 3), blurred by roughness, with Karis' environment BRDF."""
+    rough, metallic = np.maximum(points.material[:, 4:5], 0.05), points.material[:, 5:6]
+    v = _unit(towards, n)
+    nv = np.maximum(_dot(n, v), 1e-3)
+    a = np.minimum((1 - rough) ** 2, 2.0 ** (-9.28 * nv[:, None])) * (1 - rough) + 0.0425 - 0.0275 * rough
+    weight, rest = 1.04 - 1.04 * a - 0.572 * rough, 1.04 * a + 0.022 * rough - 0.04
+    f0 = 0.04 * (1 - metallic) + metallic * albedo
+    mirror = sky_radiance(tables.environment, 2 * nv * n[:, 1] - v[:, 1])
+    blurred = sky_irradiance(tables.environment, n[:, 1])
+    return (mirror * (1 - rough) + blurred * rough) * (f0 * weight + rest)
