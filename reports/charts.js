@@ -14,6 +14,7 @@
       paper_bgcolor: "transparent", plot_bgcolor: "transparent",
       font: {family: getComputedStyle(document.body).fontFamily, size: narrow ? 11 : 13, color: colour("--ink")},
       hoverlabel: {bgcolor: colour("--card"), bordercolor: colour("--line"), font: {color: colour("--ink")}, namelength: -1},
+      modebar: {bgcolor: "transparent", color: colour("--soft"), activecolor: colour("--accent")},
       margin: narrow ? {...layout.margin, l: 44, r: 8} : layout.margin,
       xaxis: {...layout.xaxis, ...axis}, yaxis: {...layout.yaxis, ...axis},
     };
@@ -27,7 +28,7 @@
       place.textContent = "No values for this chart.";
       return;
     }
-    const options = {responsive: true, displaylogo: false, modeBarButtonsToRemove: ["lasso2d", "select2d"]};
+    const options = {responsive: true, displaylogo: false, modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
     Plotly.react(place, figure.data, themed(figure.layout), options);
   }
 

@@ -74,12 +74,12 @@ def error_over_time(summaries: list[Row], labels: Labels) -> Figure | None:
                     "error_x": _interval(row, "server_ms", index), "error_y": _interval(row, "flip", index),
                     "marker": {
                         "color": _colour(index), "size": 13, "symbol": "circle-open" if lossless else "circle",
-                        "line": {"width": 2.5},
+                        "line": {"width": 2.5, "color": _colour(index)},
                     },
                     "hovertemplate": "%{x:.3~g} ms, FLIP %{y:.4f}",
                 }
             )  # fmt: skip
-    return _figure(traces, axis_title(BY_NAME["server_ms"]), axis_title(BY_NAME["flip"]), from_zero=True)
+    return _figure(traces, "server time per frame (ms) ↓", "FLIP error ↓", from_zero=True)
 
 
 def _interval(row: Row, name: str, index: int) -> dict[str, Any]:
@@ -168,25 +168,28 @@ def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], li
 
 
 def bytes_per_rate(summaries: list[Row], labels: Labels) -> Figure | None:
-    """Median bytes of video per frame over the coding, one line per method."""
-    codings = {(row["codec"], row["crf"]) for row in summaries if row["bytes_video_median"]}
-    order = sorted(codings, key=lambda coding: (coding[0] == "none", coding[0] or "", coding[1] or -1))
+    """Median bytes of encoded planes per frame over the rate, one line per method."""
+    coded = [row for row in summaries if row["bytes_video_median"] and row["codec"] != "none"]
+    coded.sort(key=lambda row: (row["codec"], row["crf"] or 0))
+    order = list(dict.fromkeys(coding_label(row["codec"], row["crf"]) for row in coded))
     traces = []
     for index, (key, label) in enumerate(labels.items()):
-        values = {(row["codec"], row["crf"]): row["bytes_video_median"] for row in summaries if _key(row) == key}
-        shown = [coding for coding in order if values.get(coding)]
-        traces.append(
-            {
-                "type": "scatter", "mode": "lines+markers", "name": label,
-                "x": [coding_label(*coding) for coding in shown], "y": [values[coding] / 1000 for coding in shown],
-                "line": {"color": _colour(index), "width": 2}, "marker": {"size": 8},
-                "hovertemplate": "%{y:,.4~g} kB",
-            }
-        )  # fmt: skip
-    figure = _figure([trace for trace in traces if trace["x"]], "", "video per frame (kB) ↓")
+        own = [row for row in coded if _key(row) == key]
+        if own:
+            traces.append(
+                {
+                    "type": "scatter", "mode": "lines+markers", "name": label,
+                    "x": [coding_label(row["codec"], row["crf"]) for row in own],
+                    "y": [row["bytes_video_median"] / 1000 for row in own],
+                    "line": {"color": _colour(index), "width": 2}, "marker": {"size": 8},
+                    "hovertemplate": "%{y:,.4~g} kB",
+                }
+            )  # fmt: skip
+    figure = _figure(traces, "", "video per frame (kB) ↓")
     if figure:
-        figure["layout"]["xaxis"] |= {"type": "category", "categoryarray": [coding_label(*c) for c in order]}
-        figure["layout"]["yaxis"] |= {"type": "log", "dtick": "D2"}
+        ticks = [digit * 10**power for power in range(-3, 7) for digit in (1, 2, 5)]
+        figure["layout"]["xaxis"] |= {"type": "category", "categoryorder": "array", "categoryarray": order}
+        figure["layout"]["yaxis"] |= {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
     return figure
 
 
@@ -213,8 +216,8 @@ def _figure(traces: list[dict], x_title: str, y_title: str, from_zero: bool = Fa
             "height": 400,
             "hovermode": "closest" if from_zero else "x unified",
             "showlegend": True,
-            "legend": {"orientation": "h", "y": -0.2, "yanchor": "top", "x": 0},
-            "margin": {"l": 64, "r": 16, "t": 12, "b": 48},
+            "legend": {"orientation": "h", "y": 1.03, "yanchor": "bottom", "x": 0},
+            "margin": {"l": 64, "r": 16, "t": 28, "b": 48},
             "xaxis": {"title": {"text": x_title}, "automargin": True, "zeroline": False} | mode,
             "yaxis": {"title": {"text": y_title}, "automargin": True, "zeroline": False} | mode,
         },

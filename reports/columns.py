@@ -164,7 +164,8 @@ def document() -> str:
     parts = [
         "# Columns of the CSV files",
         "The files are UTF-8 with a header line, commas and line feeds; numbers have as many digits as it takes to "
-        "read back the same value. `better` says which direction is better, where one is.",
+        "read back the same value, and line breaks in texts are spaces. `better` says which direction is better, where "
+        "one is.",
     ]
     for name, about, columns in tables:
         parts += [f"## {name}", about, _table(columns)]

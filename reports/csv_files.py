@@ -102,4 +102,6 @@ def median_interval(values: Sequence[float]) -> tuple[float | None, float | None
 def _cell(value: Any) -> str:
     if value is None:
         return ""
-    return repr(value) if isinstance(value, float) else str(value)
+    if isinstance(value, str):
+        return " ".join(value.splitlines())  # one line per row, for every reader
+    return repr(value)

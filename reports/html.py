@@ -42,7 +42,7 @@ def write_report(folder: Path) -> Path:
         _charts(rows, summaries, stages, labels),
         _statistics(statistics, labels),
         _failures(rows, labels),
-        _skipped(notes["skipped"]),
+        _skipped(notes["skipped"], rows, labels),
         _details(notes, settings, labels),
     ]
     page = files("reports").joinpath("page.html").read_text(encoding="utf-8")
@@ -172,7 +172,7 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
         else "",
         _section(
             "frames",
-            "Quality per frame",
+            "Quality and cost per frame",
             _caption(
                 "One value per frame along the path; the arrow says which direction is better. Gaps are failures."
             ),
@@ -202,16 +202,17 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: c
 
 def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
     """Median and range over the frames of what each method reports of itself."""
-    if not statistics:
-        return ""
     found: dict[tuple[charts.Key, str], list[float]] = {}
     for row in statistics:
         if row["value"] is not None:
             found.setdefault(((row["method"], row["variant"]), row["name"]), []).append(row["value"])
-    lines = [
-        [labels[key], name, number(median(values)), number(min(values)), number(max(values)), str(len(values))]
-        for (key, name), values in sorted(found.items())
-    ]
+    if not found:
+        return ""
+    lines = []
+    for (key, name), values in sorted(found.items()):
+        whole = all(value == int(value) for value in values)
+        shown = [number(value, whole) for value in (median(values), min(values), max(values))]
+        lines.append([labels[key], name, *shown, str(len(values))])
     return _section(
         "statistics",
         "Statistics of the methods",
@@ -221,34 +222,39 @@ def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
 
 
 def _failures(rows: list[Row], labels: charts.Labels) -> str:
-    def what(row: Row) -> tuple[str, str, str]:
-        return labels[row["method"], row["variant"]], row["status"], row["reason"] or ""
-
-    bad = sorted((row for row in rows if row["status"] != "ok"), key=what)
-    lines = [
-        [label, status, ranges({row["frame"] for row in group}), reason]
-        for (label, status, reason), group in ((key, list(found)) for key, found in groupby(bad, what))
-    ]
+    lines = _reasons([row for row in rows if row["status"] not in ("ok", "skipped")], labels)
     if not lines:
-        return _section("failures", "Failures", '<p class="fine">Every frame of every method is ok.</p>')
+        return _section("failures", "Failures", '<p class="fine">No frame of any method failed.</p>')
     return _section(
         "failures",
         "Failures",
-        _caption("Frames that are not ok, and why; they enter no median."),
+        _caption("Frames that are neither ok nor skipped, and why; they enter no median. None is best."),
         table(["method", "status", "frames", "reason"], lines, texts=4),
     )
 
 
-def _skipped(skipped: dict[str, str]) -> str:
-    """Stages that did not run because the scene does not need them; keys are METHOD/STAGE."""
-    if not skipped:
+def _reasons(rows: list[Row], labels: charts.Labels) -> list[list[str]]:
+    """Method, status, frames and reason, one line for all frames that share them."""
+
+    def what(row: Row) -> tuple[str, str, str]:
+        return labels[row["method"], row["variant"]], row["status"], row["reason"] or ""
+
+    groups = [(key, list(group)) for key, group in groupby(sorted(rows, key=what), what)]
+    return [[key[0], key[1], ranges({row["frame"] for row in group}), key[2]] for key, group in groups]
+
+
+def _skipped(skipped: dict[str, str], rows: list[Row], labels: charts.Labels) -> str:
+    """What did not run because the scene does not need it: whole methods, and stages noted as METHOD/STAGE."""
+    methods = _reasons([row for row in rows if row["status"] == "skipped"], labels)
+    lines = [[method, f"frames {frames}", reason] for method, _, frames, reason in methods]
+    lines += [[*key.partition("/")[::2], reason] for key, reason in skipped.items()]
+    if not lines:
         return ""
-    lines = [[*key.partition("/")[::2], reason] for key, reason in skipped.items()]
     return _section(
         "skipped",
         "Skipped",
-        _caption("Stages that the scene does not need; they cost nothing and change no number."),
-        table(["method", "stage", "reason"], lines, texts=3),
+        _caption("What the scene does not need, and why: it cost nothing and changes no number."),
+        table(["method", "skipped", "reason"], lines, texts=3),
     )
 
 
@@ -275,7 +281,7 @@ def _details(notes: dict[str, dict[str, str]], settings: dict[str, Any], labels:
 
 def _json(value: Any) -> str:
     """JSON that may stand inside a script element."""
-    return json.dumps(value, ensure_ascii=False, separators=(",", ":")).replace("<", "\\u003c")
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
 
 
 def _plotly() -> str:

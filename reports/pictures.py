@@ -14,6 +14,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from reports.csv_files import replace_file
 
 EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
@@ -115,19 +117,35 @@ def _data_url(path: Path, exact: bool, side: int | None = None) -> str:
 
 
 def _jpeg(path: Path, side: int | None) -> bytes:
-    """The picture as JPEG without subsampled colour, its longer side reduced to `side`."""
-    from OpenImageIO import ROI, UINT8, ImageBuf, ImageBufAlgo
+    """The picture as JPEG without subsampled colour, averaged over blocks until no side is longer than `side`."""
+    from OpenImageIO import UINT8, ImageInput, ImageOutput, ImageSpec, geterror
 
-    picture = ImageBufAlgo.channels(ImageBuf(str(path)), (0, 1, 2))
-    spec = picture.spec()
-    longer = max(spec.width, spec.height)
-    if side and longer > side:
-        width, height = (max(1, round(length * side / longer)) for length in (spec.width, spec.height))
-        picture = ImageBufAlgo.resize(picture, "box", roi=ROI(0, width, 0, height, 0, 1, 0, 3))
-    picture.specmod().attribute("compression", f"jpeg:{QUALITY}")
-    picture.specmod().attribute("jpeg:subsampling", "4:4:4")
+    source = ImageInput.open(str(path))
+    if source is None:
+        raise OSError(f"{path} cannot be embedded in the report: {geterror()}.")
+    pixels = source.read_image(UINT8)[..., :3]
+    source.close()
+    if side:
+        pixels = _reduced(pixels, -(-max(pixels.shape) // side))
+    spec = ImageSpec(pixels.shape[1], pixels.shape[0], 3, UINT8)
+    spec.attribute("compression", f"jpeg:{QUALITY}")
+    spec.attribute("jpeg:subsampling", "4:4:4")
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "picture.jpg"
-        if not picture.write(str(file), UINT8):
-            raise OSError(f"{path} cannot be embedded in the report: {picture.geterror()}.")
+        output = ImageOutput.create(str(file))
+        if not (output.open(str(file), spec) and output.write_image(np.ascontiguousarray(pixels)) and output.close()):
+            raise OSError(f"{path} cannot be embedded in the report: {output.geterror()}.")
         return file.read_bytes()
+
+
+def _reduced(pixels: np.ndarray, factor: int) -> np.ndarray:
+    """Means of whole blocks of factor x factor pixels, uint8; blocks that the picture cuts are left out."""
+    height, width = (length // factor for length in pixels.shape[:2])
+    if factor == 1 or 0 in (height, width):
+        return pixels
+    cut = pixels[: height * factor, : width * factor]
+    total = np.zeros((height, width, 3), np.uint32)
+    for row in range(factor):
+        for column in range(factor):
+            total += cut[row::factor, column::factor]
+    return (total // factor**2).astype(np.uint8)

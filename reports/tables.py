@@ -8,6 +8,7 @@ from typing import Any
 
 from reports.charts import Key, Labels, arrow, coding_label, displayed_codings
 from reports.columns import BY_NAME
+from reports.csv_files import median_interval
 
 Row = dict[str, Any]
 NONE = "\u2013"  # an en dash, as between the ends of an interval
@@ -52,32 +53,50 @@ SIZE = (
     Shown("fill", "atlas fill", "%", 100),
     Shown("coherence", "coherence", "%", 100),
 )
-MARK = "The arrow points in the better direction; the best of several methods is marked."
+MARK = "Arrows point in the better direction; a method is marked where it beats every other, with 95 % confidence."
+
+
+@dataclass(frozen=True)
+class Line:
+    """One line of a headline table: a method in one coding, its summary and its rows."""
+
+    key: Key
+    summary: Row
+    rows: list[Row]
+
+    @property
+    def coding(self) -> tuple[str | None, int | None]:
+        return self.summary["codec"], self.summary["crf"]
+
+    def values(self, name: str) -> dict[int, float]:
+        """The values of a measure in the frames that are ok, by frame."""
+        good = (row for row in self.rows if row["status"] == "ok")
+        return {row["frame"]: row[name] for row in good if row[name] is not None}
 
 
 def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> list[tuple[str, str]]:
     """Caption and table of work and time, quality, and size, one line per method (and displayed coding)."""
     shown = {key: _displayed(rows, summaries, key) for key in labels}
-    firsts = [(key, found[0]) for key, found in shown.items()]
-    judged = [(key, summary) for key, found in shown.items() for summary in found]
-    coded = [(key, summary) for key, summary in judged if summary["codec"] != "none" or len(shown[key]) == 1]
+    firsts = [lines[0] for lines in shown.values()]
+    judged = [line for lines in shown.values() for line in lines]
+    coded = [line for line in judged if line.coding[0] != "none" or len(shown[line.key]) == 1]
     frames = {key: _frames(rows, key) for key in labels}
     return [
-        (f"Work and time per frame: medians over ok frames, small print their 95 % interval. {MARK}",
+        (f"Work and time per frame: medians of frames that are ok, below them their 95 % interval. {MARK}",
          _measures(firsts, WORK, labels, frames, coding=False)),
-        (f"Error of the client's picture against the reference, with and without video coding. {MARK}",
+        ("Error of the client's picture against the reference, with and without video coding.",
          _measures(judged, QUALITY, labels, frames)),
-        (f"Size of a frame at the displayed rate, and use of the atlas. {MARK}",
+        ("Size of a frame at the displayed rate, and use of the atlas.",
          _measures(coded, SIZE, labels, frames)),
     ]  # fmt: skip
 
 
-def _displayed(rows: list[Row], summaries: list[Row], key: Key) -> list[Row]:
-    """The summaries of the codings whose pictures were judged, those with video coding first."""
+def _displayed(rows: list[Row], summaries: list[Row], key: Key) -> list[Line]:
+    """The codings of a method whose pictures were judged, those with video coding first."""
     codings = displayed_codings([row for row in rows if (row["method"], row["variant"]) == key])
-    own = [row for row in summaries if (row["method"], row["variant"]) == key]
-    found = [row for row in own if (row["codec"], row["crf"]) in codings]
-    return sorted(found, key=lambda row: row["codec"] == "none")
+    own = {(row["codec"], row["crf"]): row for row in summaries if (row["method"], row["variant"]) == key}
+    ordered = sorted(codings, key=lambda coding: coding[0] == "none")
+    return [Line(key, own[coding], codings[coding]) for coding in ordered]
 
 
 def _frames(rows: list[Row], key: Key) -> str:
@@ -92,21 +111,17 @@ def _frames(rows: list[Row], key: Key) -> str:
 
 
 def _measures(
-    lines: list[tuple[Key, Row]],
-    columns: tuple[Shown, ...],
-    labels: Labels,
-    frames: dict[Key, str],
-    coding: bool = True,
+    lines: list[Line], columns: tuple[Shown, ...], labels: Labels, frames: dict[Key, str], coding: bool = True
 ) -> str:
-    columns = tuple(c for c in columns if any(row[f"{c.name}_median"] is not None for _, row in lines))
-    head = ["<th>method</th>", *(["<th>coding</th>"] if coding else ["<th>frames ok</th>"])]
+    columns = tuple(c for c in columns if any(line.summary[f"{c.name}_median"] is not None for line in lines))
+    head = ["<th>method</th>", "<th>coding</th>" if coding else "<th>frames ok</th>"]
     head += [_header(column) for column in columns]
     body = []
-    for key, row in lines:
-        rivals = [other for _, other in lines if (other["codec"], other["crf"]) == (row["codec"], row["crf"])]
-        second = f"<td>{escape(coding_label(row['codec'], row['crf']))}</td>" if coding else frames[key]
-        cells = [_cell(row, column, rivals) for column in columns]
-        body.append(f"<tr><th>{escape(labels[key])}</th>{second}{''.join(cells)}</tr>")
+    for line in lines:
+        rivals = [other for other in lines if other.key != line.key and other.coding == line.coding]
+        second = f"<td>{escape(coding_label(*line.coding))}</td>" if coding else frames[line.key]
+        cells = [_cell(line, column, rivals) for column in columns]
+        body.append(f"<tr><th>{escape(labels[line.key])}</th>{second}{''.join(cells)}</tr>")
     return _wrap(head, body, "numbers")
 
 
@@ -116,17 +131,23 @@ def _header(column: Shown) -> str:
     return f'<th title="{escape(known.meaning)}">{column.header}&nbsp;{arrow(known.better)}{unit}</th>'
 
 
-def _cell(row: Row, column: Shown, rivals: list[Row]) -> str:
-    middle, low, high = (row[f"{column.name}_{part}"] for part in ("median", "low", "high"))
+def _cell(line: Line, column: Shown, rivals: list[Line]) -> str:
+    middle, low, high = (line.summary[f"{column.name}_{part}"] for part in ("median", "low", "high"))
     if middle is None:
         return f"<td>{NONE}</td>"
-    values = [other[f"{column.name}_median"] for other in rivals if other[f"{column.name}_median"] is not None]
-    best = min(values) if BY_NAME[column.name].better == "lower" else max(values)
-    kind = ' class="best"' if middle == best and len(set(values)) > 1 else ""
-    interval = ""
-    if low is not None:
-        interval = f"<small>{number(low * column.scale)}{NONE}{number(high * column.scale)}</small>"
-    return f"<td{kind}>{number(middle * column.scale)}{interval}</td>"
+    whole = BY_NAME[column.name].type is int and column.scale == 1
+    text, *ends = (number(value * column.scale, whole) for value in (middle, low, high) if value is not None)
+    interval = f"<small>{NONE.join(ends)}</small>" if low != high else ""
+    kind = ' class="best"' if rivals and all(_beats(line, rival, column.name) for rival in rivals) else ""
+    return f"<td{kind}>{text}{interval}</td>"
+
+
+def _beats(line: Line, rival: Line, name: str) -> bool:
+    """Whether the 95 % interval of the median difference, frame by frame, lies on the better side of zero."""
+    sign = -1 if BY_NAME[name].better == "lower" else 1
+    a, b = line.values(name), rival.values(name)
+    low, _ = median_interval(sorted(sign * (a[frame] - b[frame]) for frame in a.keys() & b.keys()))
+    return low is not None and low > 0
 
 
 def table(head: list[str], lines: list[list[str]], texts: int) -> str:
@@ -143,14 +164,15 @@ def _wrap(head: list[str], body: list[str], kind: str) -> str:
     )
 
 
-def number(value: float) -> str:
-    """A number with about four significant digits and grouped thousands, never in powers of ten."""
-    if value == 0:
-        return "0"
-    if abs(value) >= 1000 or value == int(value):
+def number(value: float, whole: bool = False) -> str:
+    """A number with about four significant digits and grouped thousands, never in powers of ten; whole ones as such."""
+    size = abs(value)
+    if value == 0 or (whole and value == int(value)) or size >= 1000:
         return f"{value:,.0f}".replace(",", THIN)
-    digits = 1 if abs(value) >= 100 else 2 if abs(value) >= 10 else 3 if abs(value) >= 1 else 4
-    return f"{value:.{digits}f}" if abs(value) >= 0.0001 else "<0.0001"
+    if size < 0.0001:
+        return "<0.0001" if value > 0 else ">-0.0001"
+    digits = 1 if size >= 100 else 2 if size >= 10 else 3 if size >= 1 else 4
+    return f"{value:.{digits}f}"
 
 
 def ranges(frames: set[int]) -> str:

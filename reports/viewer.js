@@ -26,8 +26,8 @@
   ];
   const help = element("p", {className: "help"});
   for (const [key, meaning] of keys) {
-    for (const part of key.split(" ")) help.append(element("kbd", {textContent: part}), " ");
-    help.append(`${meaning}   `);
+    const caps = key.split(" ").map((part) => element("kbd", {textContent: part}));
+    help.append(element("span", {}, ...caps, ` ${meaning}`), " ");
   }
   viewer.append(bar, panesBox, status, help);
 
@@ -41,7 +41,7 @@
   // Panes are made anew when other pictures are chosen; all that moves them is in place().
   function build() {
     const found = layers();
-    state.layer = Math.min(state.layer, found.length - 1);
+    state.layer = Math.max(0, Math.min(state.layer, found.length - 1));
     panes = found.map(({name, url, title}, index) => {
       const image = element("img", {src: url, alt: `${title}, frame ${frames[state.frame].frame}`, draggable: false});
       const caption = element("figcaption", {textContent: `${index + 1}  ${title}`});
@@ -60,6 +60,7 @@
     const group = (title, names, chosen, pick) => {
       const buttons = names.map((name, index) => {
         const button = element("button", {type: "button", textContent: name, onclick: () => pick(index)});
+        button.dataset.name = `${title} ${name}`;
         button.setAttribute("aria-pressed", index === chosen);
         return button;
       });
@@ -69,12 +70,14 @@
     const pictures = layers().map(({title}, index) => `${index + 1} ${title}`);
     const groups = [
       group("View", ["In place", "Side by side"], Number(state.side), (index) => { state.side = index === 1; build(); }),
+      group("Zoom", ["−", "+", "Reset"], -1, (index) => [zoomOut, zoomIn, reset][index]()),
       group("Method", methods, state.method, change("method")),
       group("Frame", frames.map((entry) => entry.frame), state.frame, change("frame")),
     ];
     if (!state.side) groups.push(group("Picture", pictures, state.layer, (index) => { state.layer = index; show(); }));
-    groups.push(group("Zoom", ["−", "+", "Reset"], -1, (index) => [zoomOut, zoomIn, reset][index]()));
+    const focused = bar.contains(document.activeElement) ? document.activeElement.dataset.name : null;
     bar.replaceChildren(...groups);
+    if (focused) [...bar.querySelectorAll("button")].find((button) => button.dataset.name === focused)?.focus();
   }
 
   function show() {
@@ -83,6 +86,10 @@
   }
 
   function place() {
+    if (!panes.length) {
+      status.textContent = "This method has no pictures of this frame.";
+      return;
+    }
     panesBox.className = `panes ${state.side ? "side" : "flip"}`;
     const {naturalWidth: width, naturalHeight: height} = panes[0].image;
     panes.forEach(({pane, image}, index) => {
@@ -99,7 +106,7 @@
       part.setAttribute("slope", 2 ** state.stops);
     }
     const stops = `${state.stops > 0 ? "+" : ""}${state.stops}`;
-    status.textContent = `Zoom ${state.zoom.toFixed(1)}×, exposure ${stops} stops, frame ${frames[state.frame].frame}`;
+    status.textContent = `Zoom ${state.zoom.toFixed(1)}x, exposure ${stops} stops, frame ${frames[state.frame].frame}`;
     if (methods.length) status.textContent += `, ${methods[state.method]}`;
   }
 
@@ -123,13 +130,15 @@
     place();
   }
 
-  const zoomIn = () => zoomBy(1.5, panes[state.layer].pane, 0, 0);
-  const zoomOut = () => zoomBy(1 / 1.5, panes[state.layer].pane, 0, 0);
+  const zoomMiddle = (factor) => { if (panes.length) zoomBy(factor, panes[state.layer].pane, 0, 0); };
+  const zoomIn = () => zoomMiddle(1.5);
+  const zoomOut = () => zoomMiddle(1 / 1.5);
   const reset = () => { Object.assign(state, start); place(); };
   const cycle = (name, count, step) => { state[name] = (state[name] + step + count) % count; build(); };
 
   function listen(pane) {
     pane.addEventListener("wheel", (event) => {
+      if (state.zoom === 1 && event.deltaY > 0) return;  // nothing to zoom out of: the page scrolls on
       event.preventDefault();
       const box = pane.getBoundingClientRect();
       const x = event.clientX - box.left - box.width / 2, y = event.clientY - box.top - box.height / 2;

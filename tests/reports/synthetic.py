@@ -33,7 +33,7 @@ def frame_rows(method: str, frame: int, slower: float = 1.0) -> list[dict]:
     wave = 1 + 0.2 * math.sin(frame * 0.9) + 0.03 * frame
     rows = []
     for codec, crf in CODINGS:
-        video = int(900_000 * wave * math.exp(-0.09 * crf)) if crf is not None else 512 * 512 * 3
+        video = int(600_000 * (1 + error * 4) * wave * math.exp(-0.09 * crf)) if crf is not None else 512 * 512 * 3
         row = COMMON | {
             "codec": codec, "crf": crf, "status": "ok", "pvs_triangles": 24_000 + 40 * frame,
             "placed_triangles": 24_000 + 40 * frame, "samples": int(160_000 * wave), "fill": 0.6 * wave / 1.4,
@@ -82,9 +82,9 @@ def make_store(folder: Path, frames: int = FRAMES, slower: float = 1.0, order: i
                 store.commit_frame(method, variant, frame, rows, stages, statistics, repeats)
 
 
-def make_picture(seed: int, width: int = 320, height: int = 180) -> np.ndarray:
+def make_picture(seed: float, width: int = 320, height: int = 180) -> np.ndarray:
     """A picture with edges and gradients, uint8 (h, w, 3); equal seeds give equal pictures."""
     y, x = np.mgrid[0:height, 0:width]
     base = np.stack([x / width, y / height, 0.5 + 0.5 * np.sin(x / 9) * np.cos(y / 11)], axis=-1)
-    noise = np.random.default_rng(seed).normal(0, 0.03 * seed, base.shape)
+    noise = np.random.default_rng(int(10 * seed)).normal(0, 0.03 * seed, base.shape)
     return np.clip((base + noise) * 255, 0, 255).astype(np.uint8)

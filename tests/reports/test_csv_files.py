@@ -89,7 +89,7 @@ def test_few_values_have_no_interval() -> None:
     assert median_interval(list(range(660))) == (304.0, 355.0)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=15, deadline=None)
 @given(values=st.lists(st.tuples(TEXTS, NUMBERS), max_size=6))
 def test_any_text_and_number_is_read_back(values: list, tmp_path_factory: pytest.TempPathFactory) -> None:
     folder = tmp_path_factory.mktemp("any")
@@ -101,7 +101,7 @@ def test_any_text_and_number_is_read_back(values: list, tmp_path_factory: pytest
     write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
     found = sorted(read(folder / "frames.csv"), key=lambda row: int(row["frame"]))
     for (text, number), row in zip(values, found, strict=True):
-        assert row["method"] == row["variant"] == row["reason"] == text
+        assert row["method"] == row["variant"] == row["reason"] == " ".join(text.splitlines())
         if number is None or not math.isfinite(number):
             assert row["flip"] == ""
         else:

@@ -1,0 +1,219 @@
+"""The report: complete, self-contained, says what failed, and its viewer obeys the keys."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from reports.charts import method_labels
+from reports.csv_files import write_all
+from reports.html import chosen_frames, write_report
+from reports.pictures import find_pictures, register_pictures
+from reports.store import Store, StoreError
+from reports.tables import number, ranges
+from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
+
+BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+
+
+def write_png(path: Path, pixels: np.ndarray) -> None:
+    from OpenImageIO import UINT8, ImageOutput, ImageSpec
+
+    output = ImageOutput.create(str(path))
+    assert output.open(str(path), ImageSpec(pixels.shape[1], pixels.shape[0], pixels.shape[2], UINT8))
+    assert output.write_image(pixels)
+    output.close()
+
+
+def add_pictures(folder: Path, frames: tuple[int, ...]) -> None:
+    (folder / "pictures" / "reference").mkdir(parents=True)
+    for frame in frames:
+        write_png(folder / f"pictures/reference/frame_{frame:04d}.png", make_picture(0, 64, 36))
+        for index, (method, (variant, _, _)) in enumerate(METHODS.items()):
+            place = register_pictures(folder, f"{method}-1a2b", method, variant)
+            atlas = make_picture(0, 1100, 300)
+            write_png(place / f"frame_{frame:04d}_client.png", make_picture(index + 1, 64, 36))
+            write_png(place / f"frame_{frame:04d}_flip.png", make_picture(index + 2, 64, 36))
+            write_png(place / f"frame_{frame:04d}_atlas.png", np.dstack([atlas, atlas[..., :1]]))
+            write_png(place / f"frame_{frame:04d}_owners.png", atlas)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("run")
+    make_store(folder)
+    add_pictures(folder, (0, 3, 9, 11))
+    write_all(folder)
+    write_report(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def page(folder: Path) -> str:
+    return (folder / "report.html").read_text(encoding="utf-8")
+
+
+def data(page: str, name: str) -> dict:
+    (text,) = re.findall(rf'<script type="application/json" id="{name}">(.*?)</script>', page, re.DOTALL)
+    return json.loads(text)
+
+
+def without_plotly(page: str) -> str:
+    from plotly.offline import get_plotlyjs
+
+    assert page.count(get_plotlyjs()) == 1
+    return page.replace(get_plotlyjs(), "")
+
+
+def test_the_report_asks_for_nothing_from_outside(page: str) -> None:
+    own = without_plotly(page)
+    assert not re.search(r"https?://|\ssrc=|@import|fetch\(|XMLHttpRequest", own)
+    assert set(re.findall(r"url\(.", own)) == {"url(#"}
+    assert set(re.findall(r'<link[^>]*href="([^"]*)"', own)) == {"data:,"}
+
+
+def test_the_report_shows_what_failed_and_what_was_skipped(page: str) -> None:
+    for text in (
+        "11 of 12", "12 of 12", "out of memory", "31 triangles found no cell", "other programs were running",
+        "no material has a normal map", "of any frame&gt;", "12 degenerate triangles were dropped", "PoCL 7.1",
+        "superblock=256",
+    ):  # fmt: skip
+        assert text in page, text
+    assert "<of any frame>" not in page
+
+
+def test_every_section_has_a_caption(page: str) -> None:
+    sections = re.findall(r'<section id="(\w+)">(.*?)</section>', without_plotly(page), re.DOTALL)
+    names = [name for name, _ in sections]
+    assert names == ["results", "pictures", "stages", "frames", "rates", "statistics", "failures", "skipped", "details"]
+    assert all('class="caption"' in content for _, content in sections)
+
+
+def test_figures_hold_the_medians(page: str) -> None:
+    figures = data(page, "figures")
+    assert [trace["name"] for trace in figures["rates"]["data"]] == ["bins", "grid", "sas"]
+    assert figures["rates"]["data"][0]["x"] == ["CRF 5", "CRF 10", "CRF 25", "CRF 35"]
+    shade = next(trace for trace in figures["stages"]["data"] if trace["name"] == "gather/shade")
+    assert shade["x"] == [14.0, 14.0, 14.0]
+    lines = figures["frames"]["flip"]["data"]
+    assert len(lines) == 6
+    assert [value is None for value in lines[0]["y"]] == [frame == 4 for frame in range(12)]
+    assert len(figures["frames"]["server_ms"]["data"]) == 3
+    assert "coherence_bytes" not in figures["frames"]
+
+
+def test_pictures_are_embedded_for_chosen_frames(folder: Path, page: str) -> None:
+    with Store(folder) as store:
+        assert chosen_frames(find_pictures(folder), store.rows()) == [0, 9, 11]
+    embedded = data(page, "picture-data")
+    assert embedded["exact"]
+    assert [entry["frame"] for entry in embedded["frames"]] == [0, 9, 11]
+    entry = embedded["frames"][1]
+    assert list(entry["methods"]["sas"]) == ["client", "flip", "atlas", "owners"]
+    client = base64.b64decode(entry["methods"]["sas"]["client"].removeprefix("data:image/png;base64,"))
+    assert client == (folder / "pictures/sas-1a2b/frame_0009_client.png").read_bytes()
+    assert entry["methods"]["sas"]["atlas"].startswith("data:image/jpeg;base64,")
+
+
+def test_only_certain_differences_are_marked(page: str) -> None:
+    marked = re.findall(r'<tr><th>(\w+)</th>(?:(?!</tr>).)*?class="best"', page)
+    assert "sas" in marked  # its FLIP is lower in every frame
+    assert not re.search(r'class="best">40', page)
+
+
+@pytest.mark.parametrize(
+    "row",
+    [
+        {"codec": None, "status": "timeout", "reason": "It took more than 60 s."},
+        {"codec": "jpeg", "status": "ok", "flip": 0.1, "server_ms": 3.0, "bytes_video": 1000, "frame": 0},
+        {"codec": None, "status": "skipped", "reason": "nothing is transparent"},
+    ],
+)
+def test_a_run_with_hardly_anything_has_a_report(tmp_path: Path, row: dict) -> None:
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [COMMON | row])
+    write_all(tmp_path)
+    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert row.get("reason", "No frame of any method failed") in page
+
+
+def test_an_empty_store_has_a_report_and_no_store_has_none(tmp_path: Path) -> None:
+    Store(tmp_path / "empty").close()
+    write_all(tmp_path / "empty")
+    assert "No frame is finished yet" in write_report(tmp_path / "empty").read_text(encoding="utf-8")
+    with pytest.raises(StoreError):
+        write_report(tmp_path / "none")
+
+
+def test_labels_name_only_what_differs() -> None:
+    keys = [("sas", "a=1,b=2"), ("sas", "a=1,b=3"), ("grid", "cell=8")]
+    assert method_labels(keys) == {
+        ("grid", "cell=8"): "grid", ("sas", "a=1,b=2"): "sas[b=2]", ("sas", "a=1,b=3"): "sas[b=3]"
+    }  # fmt: skip
+
+
+def test_numbers_and_ranges_read_well() -> None:
+    assert [number(v) for v in (0, 12345.6, 123.46, 12.346, 1.23456, 0.01234, 1e-7)] == [
+        "0", "12\u202f346", "123.5", "12.35", "1.235", "0.0123", "<0.0001"
+    ]  # fmt: skip
+    assert (number(40, whole=True), number(40)) == ("40", "40.00")
+    assert ranges({4, 7, 8, 9}) == "4, 7-9"
+
+
+PRESS = """
+<script>
+addEventListener("load", async () => {
+  await new Promise((done) => setTimeout(done, 300));
+  const seen = [];
+  const state = () => document.querySelector("#viewer .state").textContent;
+  const shown = () => [...document.querySelectorAll(".pane.shown")].map((pane) => pane.dataset.name).join();
+  const press = (key) => document.body.dispatchEvent(new KeyboardEvent("keydown", {key, bubbles: true}));
+  for (const key of ["3", "9", "m", "f", "E", "E", "e", "+", "s", "0"]) {
+    press(key);
+    await new Promise((done) => setTimeout(done, 30));
+    seen.push([key, shown(), state(), document.querySelector(".panes").className]);
+  }
+  const pane = document.querySelector(".pane.shown"), box = pane.getBoundingClientRect();
+  const at = {clientX: box.left + box.width / 4, clientY: box.top + box.height / 4, bubbles: true, cancelable: true};
+  pane.dispatchEvent(new WheelEvent("wheel", {deltaY: -500, ...at}));
+  const transforms = [...document.querySelectorAll(".pane img")].map((image) => image.style.transform);
+  const slope = document.querySelector("feFuncR").getAttribute("slope");
+  document.documentElement.dataset.seen = JSON.stringify({seen, transforms, slope, after: state()});
+  document.documentElement.dataset.charts = document.querySelectorAll(".chart .main-svg").length;
+});
+</script>
+"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the report with")
+def test_keys_flip_zoom_and_expose(page: str, tmp_path: Path) -> None:
+    from html import unescape
+
+    (tmp_path / "report.html").write_text(page.replace("</body>", PRESS + "</body>"), encoding="utf-8")
+    command = [
+        BROWSER, "--headless", "--no-sandbox", "--disable-gpu", "--disable-background-networking",
+        "--disable-component-update", f"--user-data-dir={tmp_path / 'profile'}", "--window-size=1400,1000",
+        "--virtual-time-budget=6000", "--dump-dom", (tmp_path / "report.html").as_uri(),
+    ]  # fmt: skip
+    out = subprocess.run(command, capture_output=True, text=True, timeout=90, check=True).stdout
+    result = json.loads(unescape(re.search(r'data-seen="(.*?)"', out)[1]))
+    seen = {key: rest for key, *rest in result["seen"]}
+    assert seen["3"][0] == "flip"
+    assert seen["9"][0] == "flip", "a number without a picture changes nothing"
+    assert "grid" in seen["m"][1]
+    assert "frame 9" in seen["f"][1]
+    assert "+0.5 stops" in seen["e"][1]
+    assert "Zoom 1.5x" in seen["+"][1]
+    assert seen["s"][2] == "panes side"
+    assert "Zoom 1.0x, exposure 0 stops" in seen["0"][1]
+    assert "Zoom 2.2x" in result["after"]
+    assert result["slope"] == "1"
+    assert len({transform.split("scale")[0] for transform in result["transforms"][:3]}) == 1
+    assert int(re.search(r'data-charts="(\d+)"', out)[1]) >= 4
