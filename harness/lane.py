@@ -20,7 +20,7 @@ from harness.metrics import Metrics
 from harness.novel_view import NovelView
 from harness.plugins import variant_string
 from harness.settings import Settings
-from kernels.fill.push_pull import Filler
+from kernels.fill.fill import Filler
 from kernels.metrics.stretch import stretch
 from packers.interface import Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
 
@@ -116,8 +116,8 @@ class Lane:
         values = {name: getattr(packer, name) for name in packer.parameters}
         self.repeated = [type(packer)(**values) for _ in range(settings.repeat - 1)]
         self.history = AtlasHistory()
-        self.filler = Filler(scene.device)
         self.streams: dict[str, list[VideoStream]] = {}
+        self.fillers: dict[str, Filler] = {}
 
     def prepare(self) -> float:
         """Prepare the packer and make its clients; returns host milliseconds of the packer's own part."""
@@ -190,7 +190,8 @@ class Lane:
             self.streams[name] = [
                 VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key) for codec, crf in coded
             ]
-        frames = encode_all(self.streams[name], self.filler.fill(plane))
+            self.fillers[name] = Filler(self.scene.device, width, height)
+        frames = encode_all(self.streams[name], self.fillers[name].fill(plane).get()[..., :3])
         for key, frame in zip(coded, frames, strict=True):
             sent.encoded.setdefault(key, []).append(frame)
         return frames[coded.index(self.display_key)].decoded

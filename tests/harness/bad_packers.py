@@ -1,0 +1,69 @@
+"""Packers that go wrong, each in one way, for the tests of the run loop."""
+
+import time
+
+from packers.interface import Packer, Paper
+from packers.sas import ShadingAtlasStreaming
+
+ENDLESS = "__kernel void endless(__global volatile int *stop) { while (!*stop) {} }"
+
+
+class Failing(ShadingAtlasStreaming):
+    """Raises in its second frame."""
+
+    name = "failing"
+
+    def pack(self, frame):
+        if frame.index == 1:
+            raise RuntimeError("the second frame is one too many")
+        return super().pack(frame)
+
+
+class Sleeping(ShadingAtlasStreaming):
+    """Hangs in Python."""
+
+    name = "sleeping"
+
+    def pack(self, frame):
+        while True:
+            time.sleep(0.01)
+
+
+class Spinning(ShadingAtlasStreaming):
+    """Hangs in a kernel, where Python gets no control back."""
+
+    name = "spinning"
+
+    def pack(self, frame):
+        import numpy as np
+        import pyopencl as cl
+
+        device = frame.scene.device
+        kernel = cl.Kernel(cl.Program(device.context, ENDLESS).build(), "endless")
+        device.launch("gather/endless", kernel, 1, device.zeros(1, np.int32), local=1)
+        device.finish()
+
+
+class Pointless(ShadingAtlasStreaming):
+    """Has nothing to do in any scene."""
+
+    name = "pointless"
+
+    def skip(self, scene):
+        return "no scene needs it"
+
+
+class Unprepared(Packer):
+    """Cannot even be prepared."""
+
+    name = "unprepared"
+    paper = Paper("none", 2026, "")
+
+    def prepare(self, scene):
+        raise ValueError("this packer wants another scene")
+
+    def pack(self, frame):
+        raise AssertionError("never reached")
+
+    def client(self, scene):
+        raise AssertionError("never reached")

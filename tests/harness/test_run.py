@@ -1,0 +1,236 @@
+"""`bench run` as a user meets it: whole, resumed, killed, refused, failing, timed out, dumped, replayed."""
+
+import csv
+import json
+import os
+import signal
+import sqlite3
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+ROOT = Path(__file__).parents[2]
+BAD = Path(__file__).parent / "bad_packers.py"
+SMALL = ["--detail", "6000", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--crf", "25"]
+VARYING = {
+    "pvs_ms",
+    "structs_ms",
+    "gather_ms",
+    "server_ms",
+    "client_ms",
+    "encode_ms",
+    "decode_ms",
+    "wall_ms",
+    "peak_mb",
+}
+
+
+def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+    """Run the command line in a process of its own, at 80 columns."""
+    return subprocess.run(
+        [sys.executable, "-m", "harness.cli", *arguments],
+        cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
+        check=False,
+    )  # fmt: skip
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with open(folder / "frames.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def lasting(folder: Path) -> list[dict[str, str]]:
+    """The rows without what may differ between equal runs."""
+    return [{name: value for name, value in row.items() if name not in VARYING} for row in rows_of(folder)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished, dumped run of the small hall."""
+    folder = tmp_path_factory.mktemp("whole") / "run"
+    done = bench("run", *SMALL, "--dump", "--out", str(folder))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    return folder
+
+
+def test_a_run_leaves_every_file_and_one_row_per_codec_and_frame(whole: Path):
+    for name in ("results.sqlite", "frames.csv", "summary.csv", "stages.csv", "report.html", "run.json"):
+        assert (whole / name).stat().st_size > 0
+    rows = rows_of(whole)
+    assert [(row["codec"], row["crf"]) for row in rows].count(("none", "")) == 3
+    assert [(row["codec"], row["crf"]) for row in rows].count(("h264", "25")) == 3
+    assert {row["status"] for row in rows} == {"ok"}
+    for row in rows:
+        assert float(row["server_ms"]) == pytest.approx(float(row["structs_ms"]) + float(row["gather_ms"]))
+        assert 0 < float(row["flip"]) < 0.3
+        assert float(row["missing_px"]) < 0.01
+        assert int(row["placed_triangles"]) == int(row["pvs_triangles"])
+        total = sum(int(row[name]) for name in ("bytes_video", "bytes_metadata", "bytes_geometry"))
+        assert int(row["bytes_total"]) == total
+
+
+def test_the_work_group_size_changes_no_byte(whole: Path, tmp_path: Path):
+    folder = tmp_path / "run"
+    done = bench("run", *SMALL, "--dump", "--out", str(folder), BENCH_LOCAL_SIZE="7")
+    assert done.returncode == 0, done.stderr
+    assert lasting(folder) == lasting(whole)
+    for ours in sorted((whole / "dump").rglob("*.npz")):
+        theirs = np.load(folder / "dump" / ours.relative_to(whole / "dump"))
+        for name, values in np.load(ours).items():
+            assert np.array_equal(values, theirs[name], equal_nan=True), (ours.name, name)
+
+
+def test_a_killed_run_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "harness.cli", "run", *SMALL, "--out", str(folder)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    try:
+        until = time.monotonic() + 200
+        while not _finished(folder) and time.monotonic() < until and process.poll() is None:
+            os.sched_yield()
+    finally:
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+    assert 1 <= _finished(folder) <= 3
+    done = bench("run", *SMALL, "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert lasting(folder) == lasting(whole)
+
+
+def _finished(folder: Path) -> int:
+    """Frames committed so far."""
+    try:
+        with sqlite3.connect(f"file:{folder}/results.sqlite?mode=ro", uri=True) as connection:
+            return connection.execute("SELECT count(*) FROM finished").fetchone()[0]
+    except sqlite3.OperationalError:
+        return 0
+
+
+def test_another_plan_in_the_same_folder_is_refused_by_name(whole: Path):
+    done = bench("run", *SMALL, "--latency", "30", "--out", str(whole))
+    assert done.returncode == 2
+    assert "latency" in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_a_saved_run_can_be_replayed(whole: Path, tmp_path: Path):
+    folder = tmp_path / "run"
+    done = bench("run", "--config", str(whole / "run.json"), "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert lasting(folder) == lasting(whole)
+
+
+def test_the_dump_is_what_others_can_check(whole: Path):
+    scene = np.load(whole / "dump" / "scene.npz")
+    (method,) = (folder for folder in (whole / "dump").iterdir() if folder.is_dir())
+    frame = np.load(method / "frame_0000.npz")
+    count = len(scene["positions"])
+    owner, bary, atlas = frame["owner"], frame["bary"], frame["atlas"]
+    assert owner.shape == atlas.shape[:2] == bary.shape[:2] == (256, 256)
+    assert owner.min() >= -1
+    assert owner.max() < count
+    assert (atlas[..., 3] == 255).tolist() == (owner >= 0).tolist()
+    assert frame["client"].shape == frame["reference"].shape == (168, 192, 3)
+    # The novel view's camera must project a visible triangle onto a pixel that shows it.
+    row, column = np.argwhere(frame["visibility"] >= 0)[1000]
+    corners = scene["positions"][frame["visibility"][row, column]].astype(np.float64)
+    clip = np.c_[corners, np.ones(3)] @ (frame["projection"] @ frame["view"]).T
+    if (clip[:, 3] > 0).all():
+        x = (clip[:, 0] / clip[:, 3] + 1) / 2 * 192
+        y = (1 - clip[:, 1] / clip[:, 3]) / 2 * 168
+        assert x.min() - 1 <= column + 0.5 <= x.max() + 1
+        assert y.min() - 1 <= row + 0.5 <= y.max() + 1
+
+
+def test_bad_packers_end_as_rows_and_stop_nobody_else(tmp_path: Path):
+    folder = tmp_path / "run"
+    names = ("Failing", "Sleeping", "Pointless", "Unprepared")
+    methods = [argument for name in names for argument in ("--method", f"{BAD}:{name}")]
+    done = bench("run", *SMALL, *methods, "--method", "sas", "--timeout", "3", "--out", str(folder))
+    assert done.returncode == 1, done.stderr
+    statuses: dict[str, list[str]] = {}
+    for row in rows_of(folder):
+        statuses.setdefault(row["method"], []).append(row["status"])
+        assert (row["status"] == "ok") == (row["reason"] == "")
+    assert statuses == {
+        "failing": ["ok", "failed", "failed"] * 2,
+        "sleeping": ["timeout"] * 6,
+        "pointless": ["skipped"] * 6,
+        "unprepared": ["failed"] * 6,
+        "sas": ["ok"] * 6,
+    }
+    assert any("one too many" in row["reason"] for row in rows_of(folder))
+    assert all(row["server_ms"] == "" for row in rows_of(folder) if row["status"] != "ok")
+
+
+def test_a_hang_inside_a_kernel_ends_as_rows_too(tmp_path: Path):
+    folder = tmp_path / "run"
+    done = bench(
+        "run", *SMALL, "--method", f"{BAD}:Spinning", "--method", "sas", "--timeout", "2", "--out", str(folder)
+    )
+    assert done.returncode == 1, done.stderr
+    statuses = {(row["method"], row["status"]) for row in rows_of(folder)}
+    assert statuses == {("spinning", "timeout"), ("sas", "ok")}
+
+
+def test_repeats_are_kept_and_change_nothing_else(whole: Path, tmp_path: Path):
+    folder = tmp_path / "run"
+    done = bench("run", *SMALL, "--repeat", "3", "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert lasting(folder) == lasting(whole)
+    with sqlite3.connect(folder / "results.sqlite") as connection:
+        assert connection.execute("SELECT count(DISTINCT repetition) FROM repeats").fetchone()[0] == 3
+
+
+def test_a_dry_run_says_what_would_run_and_runs_nothing(tmp_path: Path):
+    done = bench("run", *SMALL, "--dry-run", "--out", str(tmp_path / "run"))
+    assert done.returncode == 0, done.stderr
+    assert "sas" in done.stdout
+    assert "alpha mask" in done.stdout
+    assert not (tmp_path / "run").exists()
+
+
+def test_reports_are_rebuilt_and_runs_compared(whole: Path):
+    before = (whole / "frames.csv").read_text()
+    (whole / "frames.csv").unlink()
+    assert bench("report", str(whole)).returncode == 0
+    assert (whole / "frames.csv").read_text() == before
+    done = bench("compare", str(whole), str(whole))
+    assert done.returncode == 0, done.stderr
+    assert "same" in done.stdout
+    assert "better" not in done.stdout.replace("better", "", 0) or "worse" not in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--scene", "hell"], "hall"),
+        (["--scene", "nowhere/scene.glb"], "nowhere/scene.glb"),
+        (["--method", "saz"], "sas"),
+        (["--method", "sas[resue=true]"], "reuse"),
+        (["--path", "wlak"], "walk"),
+        (["--head-motion", "nowhere.txt"], "nowhere.txt"),
+        (["--size", "960"], "--size"),
+        (["--cell", "0.1"], "--cell"),
+        (["--fov", "100"], "field of view"),
+        (["--device", "abacus"], "abacus"),
+        (["--config", "nowhere.json"], "nowhere.json"),
+        (["--crf", "99"], "--crf"),
+    ],
+)
+def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], says: str, tmp_path: Path):
+    done = bench("run", "--detail", "6000", "--frames", "1", *arguments, "--out", str(tmp_path / "run"))
+    assert done.returncode == 2, done.stdout
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+def test_run_json_says_what_ran(whole: Path):
+    saved = json.loads((whole / "run.json").read_text())
+    assert saved["settings"]["frames"] == 3
+    assert saved["plan"]["scene_hash"] == rows_of(whole)[0]["scene_hash"]
