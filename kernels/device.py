@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -31,6 +31,7 @@ class DeviceError(RuntimeError):
     """No usable OpenCL device, or a kernel that does not build; the message says what to do."""
 
 
+@cache
 def _opencl() -> Any:
     """Import pyopencl with the kernel caches in the suite's own folder."""
     os.environ.setdefault("POCL_CACHE_DIR", str(cache_folder("pocl")))
@@ -215,6 +216,22 @@ class Device:
         cl = _opencl()
         shape = (shape,) if isinstance(shape, (int, np.integer)) else tuple(shape)
         return cl.array.empty(self.queue, shape if np.prod(shape) else (1,), np.dtype(dtype))
+
+    @cached_property
+    def _pool(self) -> Any:
+        import pyopencl.tools as tools
+
+        return tools.MemoryPool(tools.ImmediateAllocator(self.queue))
+
+    def recycled(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
+        """Like `empty`, but from memory that is kept and handed out again once the array is gone.
+
+        For the pictures and lists of every frame: the first writes to fresh memory cost more than what is written.
+        """
+        cl = _opencl()
+        shape = (shape,) if isinstance(shape, (int, np.integer)) else tuple(shape)
+        shape = shape if np.prod(shape) else (1,)
+        return cl.array.empty(self.queue, shape, np.dtype(dtype), allocator=self._pool)
 
     def zeros(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
         """A device array of zeros."""

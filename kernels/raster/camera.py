@@ -39,12 +39,13 @@ class Camera:
         return cls(eye, rows, width, height)
 
     def arguments(self) -> tuple[Any, Any]:
-        """The kernels' `eye` (float8) and `rows` (float16) arguments; see camera.cl."""
+        """The kernels' `eye` (float4) and `rows` (float16) arguments; see camera.cl."""
         from pyopencl import cltypes
 
-        high = self.eye.astype(np.float32)
-        low = (self.eye - high).astype(np.float32)
-        return cltypes.make_float8(*high, 0, *low, 0), cltypes.make_float16(*self.rows.astype(np.float32).ravel())
+        eye = self.eye.astype(np.float32)
+        constants = self.rows[:, 3] - self.rows[:, :3] @ (self.eye - eye)
+        rows = np.column_stack([self.rows[:, :3], constants]).astype(np.float32)
+        return cltypes.make_float4(*eye, 0), cltypes.make_float16(*rows.ravel())
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Float64 (..., 4) of points (..., 3): x and y in sub-pixels from the centre times w, z, w."""

@@ -1,66 +1,151 @@
 // Clusters: runs of CLUSTER triangles in file order, with their boxes, and their positions in groups of 8.
 #include "raster/camera.cl"
 
-// A group holds 8 triangles as 9 x float8: x, y, z of corner 0, then 1, then 2. Lanes beyond the last triangle repeat
-// one of its corners, and so have no area. A box is low.xyz and high.xyz in .s012 and .s456; .s3 is 0, or NaN where a
-// position is not finite.
+#define BLOCK 8
+#define LARGEST 1e18f // clip-space positions of such points do not overflow
+
+// A group holds 8 triangles as 9 x float8: x, y, z of corner 0, then 1, then 2; and their flags, 4 bits each. Lanes
+// beyond the last triangle repeat one of its corners, and so have no area. A box is low.xyz and high.xyz in .s012 and .s456; .s3 is 0, or 1 where a
+// position is not finite or beyond LARGEST.
 __kernel void build_clusters(const int triangles, const int clusters, __global const float *positions,
                              __global const int *indices, __global const uchar *flags, __global float *groups,
-                             __global uchar *group_flags, __global float8 *boxes)
+                             __global uint *group_flags, __global float8 *boxes)
 {
     const int cluster = get_global_id(0);
     if (cluster >= clusters)
         return;
     float3 low = INFINITY, high = -INFINITY;
     float wrong = 0.0f;
+    uint packed = 0;
     for (int i = 0; i < CLUSTER; i++) {
         const int slot = cluster * CLUSTER + i;
-        const int triangle = min(slot, triangles - 1);
+        const int triangle = LESSER(slot, triangles - 1);
         __global float *lane = groups + (size_t)(slot / 8) * 72 + slot % 8;
         for (int corner = 0; corner < 3; corner++) {
             const int vertex = indices[3 * (size_t)triangle + (slot < triangles ? corner : 0)];
-            const float3 p = vload3(vertex, positions);
+            __global const float *at = positions + 3 * (size_t)vertex;
+            const float3 p = (float3)(at[0], at[1], at[2]);
             lane[24 * corner] = p.x;
             lane[24 * corner + 8] = p.y;
             lane[24 * corner + 16] = p.z;
-            low = (float3)(p.x < low.x ? p.x : low.x, p.y < low.y ? p.y : low.y, p.z < low.z ? p.z : low.z);
-            high = (float3)(p.x > high.x ? p.x : high.x, p.y > high.y ? p.y : high.y, p.z > high.z ? p.z : high.z);
-            wrong += (p.x - p.x) + (p.y - p.y) + (p.z - p.z);
+            low = LESSER(p, low);
+            high = GREATER(p, high);
+            const float3 size = GREATER(p, -p);
+            if (!(size.x <= LARGEST && size.y <= LARGEST && size.z <= LARGEST))
+                wrong = 1.0f;
         }
-        group_flags[slot] = flags[triangle];
+        packed |= (uint)flags[triangle] << 4 * (slot % 8);
+        if (slot % 8 == 7) {
+            group_flags[slot / 8] = packed;
+            packed = 0;
+        }
     }
     boxes[cluster] = (float8)(low, wrong, high, 0.0f);
 }
 
-// Whether a box lies wholly outside plane . (p - eye, 1) >= 0, with room for rounding.
-inline int beyond(const float4 plane, const float3 centre, const float3 extent)
+// The pixel that a position in sub-pixels from the image's centre lies in, kept near the image.
+INLINE int pixel_at(const float position, const int size)
 {
-    const float3 n = fabs(plane.xyz);
-    const float near_corner = dot(plane.xyz, centre) + plane.w + dot(n, extent);
-    return near_corner < -1e-5f * (dot(n, fabs(centre) + extent) + fabs(plane.w));
+    const float pixel = position / SUBPIXELS + 0.5f * size, capped = LESSER(pixel, size + 2.0f);
+    return (int)GREATER(capped, -2.0f);
 }
 
-// 1 where any part of a cluster's box may lie in the camera's frustum.
-__kernel void clusters_in_frustum(const int clusters, const float8 eye, const float16 rows, const int width,
-                                  const int height, __global const float8 *boxes, __global int *visible)
+// Whether a box lies wholly outside plane . (p - eye, 1) >= 0, with room for rounding.
+INLINE int beyond(const float4 plane, const float3 centre, const float3 extent)
 {
-    const int cluster = get_global_id(0);
-    if (cluster >= clusters)
-        return;
-    const float8 box = boxes[cluster];
-    const float3 low = from_eye(box.s012, eye), high = from_eye(box.s456, eye);
+    const float3 n = GREATER(plane.xyz, -plane.xyz);
+    const float near_corner = dot(plane.xyz, centre) + plane.w + dot(n, extent);
+    return near_corner < -1e-5f * (dot(n, GREATER(centre, -centre) + extent) + GREATER(plane.w, -plane.w));
+}
+
+INLINE int in_frustum(const float8 box, const float4 eye, const float16 rows, const int width, const int height)
+{
+    const float3 low = box.s012 - eye.xyz, high = box.s456 - eye.xyz;
     const float3 centre = 0.5f * low + 0.5f * high, extent = 0.5f * high - 0.5f * low;
     const float4 x = rows.s0123 / (0.5f * SUBPIXELS * width), y = rows.s4567 / (0.5f * SUBPIXELS * height);
     const float4 z = rows.s89ab, w = rows.scdef;
-    visible[cluster] = !(beyond(w - x, centre, extent) | beyond(w + x, centre, extent) |
-                         beyond(w - y, centre, extent) | beyond(w + y, centre, extent) |
-                         beyond(w - z, centre, extent) | beyond(z, centre, extent));
+    return !(beyond(w - x, centre, extent) | beyond(w + x, centre, extent) | beyond(w - y, centre, extent) |
+             beyond(w + y, centre, extent) | beyond(w - z, centre, extent) | beyond(z, centre, extent));
 }
 
-__kernel void list_clusters(const int clusters, __global const int *visible, __global const int *offsets,
+// Whether all that a box can cover lies behind what is drawn: `blocks` and `tiles` hold the farthest depth of each
+// 8 x 8 block and of each tile. A box in front of the near plane hides nothing and is not hidden.
+INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const int width, const int height,
+                  const int tiles_x, __global const float *blocks, __global const float *tiles)
+{
+    float left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY, nearest = 0.0f;
+    for (int corner = 0; corner < 8; corner++) {
+        const float x = (corner & 1 ? box.s4 : box.s0) - eye.x, y = (corner & 2 ? box.s5 : box.s1) - eye.y,
+                    z = (corner & 4 ? box.s6 : box.s2) - eye.z;
+        const float w = ((rows.sc * x + rows.sd * y) + rows.se * z) + rows.sf;
+        const float depth = ((rows.s8 * x + rows.s9 * y) + rows.sa * z) + rows.sb;
+        if (!(w > depth))
+            return 0;
+        const float column = (((rows.s0 * x + rows.s1 * y) + rows.s2 * z) + rows.s3) / w;
+        const float row = (((rows.s4 * x + rows.s5 * y) + rows.s6 * z) + rows.s7) / w;
+        left = LESSER(left, column);
+        right = GREATER(right, column);
+        top = LESSER(top, row);
+        bottom = GREATER(bottom, row);
+        nearest = GREATER(nearest, depth / w);
+    }
+    nearest *= 1.0f + 1e-5f; // room for rounding, here and of the pixels' one for theirs
+    const int x0 = pixel_at(left, width) - 1, x1 = pixel_at(right, width) + 1;
+    const int y0 = pixel_at(top, height) - 1, y1 = pixel_at(bottom, height) + 1;
+    const int fine = x1 - x0 < 16 * BLOCK && y1 - y0 < 16 * BLOCK;
+    const int side = fine ? BLOCK : TILE, pitch = fine ? tiles_x * (TILE / BLOCK) : tiles_x;
+    __global const float *farthest = fine ? blocks : tiles;
+    for (int y = GREATER(y0, 0) / side; y <= LESSER(y1, height - 1) / side; y++)
+        for (int x = GREATER(x0, 0) / side; x <= LESSER(x1, width - 1) / side; x++)
+            if (nearest >= farthest[y * pitch + x])
+                return 0;
+    return 1;
+}
+
+// 1 for the clusters that may lie in the frustum and were last seen at most `recall` draws ago.
+__kernel void clusters_seen_lately(const int clusters, const float4 eye, const float16 rows, const int width,
+                                   const int height, __global const float8 *boxes, __global const int *last_seen,
+                                   const int now, const int recall, __global int *chosen)
+{
+    const int cluster = get_global_id(0);
+    if (cluster < clusters)
+        chosen[cluster] = now - last_seen[cluster] <= recall && in_frustum(boxes[cluster], eye, rows, width, height);
+}
+
+// 1 for the others in the frustum, unless what is drawn already hides them.
+__kernel void clusters_left(const int clusters, const float4 eye, const float16 rows, const int width,
+                            const int height, __global const float8 *boxes, __global const int *last_seen,
+                            const int now, const int recall, const int tiles_x, __global const float *blocks,
+                            __global const float *tiles, __global int *chosen)
+{
+    const int cluster = get_global_id(0);
+    if (cluster < clusters)
+        chosen[cluster] = now - last_seen[cluster] > recall &&
+                          in_frustum(boxes[cluster], eye, rows, width, height) &&
+                          !hidden(boxes[cluster], eye, rows, width, height, tiles_x, blocks, tiles);
+}
+
+// Note which clusters a picture shows; every item writes the same value.
+__kernel void note_seen(const int height, const int width, __global const int *triangles, const int now,
+                        __global int *last_seen)
+{
+    const int y = get_global_id(0);
+    if (y >= height)
+        return;
+    int before = -1;
+    for (int x = 0; x < width; x++) {
+        const int triangle = triangles[(size_t)y * width + x];
+        if (triangle >= 0 && triangle / CLUSTER != before) {
+            before = triangle / CLUSTER;
+            last_seen[before] = now;
+        }
+    }
+}
+
+__kernel void list_clusters(const int clusters, __global const int *chosen, __global const int *offsets,
                             __global int *list)
 {
     const int cluster = get_global_id(0);
-    if (cluster < clusters && visible[cluster])
+    if (cluster < clusters && chosen[cluster])
         list[offsets[cluster]] = cluster;
 }

@@ -1,14 +1,15 @@
-"""Clusters of consecutive triangles with boxes: what lies outside the frustum costs next to nothing."""
+"""Clusters of consecutive triangles with boxes: what is outside the frustum or hidden costs next to nothing."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kernels.common.scan import exclusive_scan
 from kernels.raster.camera import Camera
+from kernels.raster.picture import Picture
 from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -16,7 +17,8 @@ if TYPE_CHECKING:
 
     from kernels.device import Device
 
-CLUSTER = 64  # triangles; a multiple of 8. Any other gives the same picture.
+NEVER = -(1 << 30)  # long before the first draw
+EVER = np.iinfo(np.int32).max  # a recall that leaves no cluster out
 
 
 @dataclass(frozen=True)
@@ -24,50 +26,72 @@ class Clusters:
     """Runs of `size` triangles in file order.
 
     groups: float32 (count * size / 8, 9, 8), positions of 8 triangles each: x, y, z of corner 0, then 1, then 2.
-    flags: uint8 (count * size), the triangles' flags. boxes: float32 (count, 8): low corner, 0, high corner, 0.
+    flags: uint32 (count * size / 8), their flags, 4 bits each. boxes: float32 (count, 8): low corner, 0, high corner, 0.
+    last_seen: int32 (count), the number of the draw that showed the cluster last.
     """
 
+    device: Device
     count: int
     size: int
     groups: Array
     flags: Array
     boxes: Array
+    last_seen: Array
 
     @classmethod
-    def build(
-        cls, device: Device, triangles: Triangles, size: int = CLUSTER, stage: str = "raster/clusters"
-    ) -> Clusters:
-        """Raises ValueError where a triangle's corner is not finite."""
+    def build(cls, device: Device, triangles: Triangles, size: int, stage: str = "raster/clusters") -> Clusters:
+        """Raises ValueError where a triangle's corner is not finite, or beyond 1e18."""
         count = -(-triangles.count // size)
         groups = device.empty((count * size // 8, 9, 8), np.float32)
-        flags = device.empty(count * size, np.uint8)
+        flags = device.empty(count * size // 8, np.uint32)
         boxes = device.empty((count, 8), np.float32)
-        kernel = device.build("raster/clusters.cl", CLUSTER=size).build_clusters
+        clusters = cls(device, count, size, groups, flags, boxes, device.empty(count, np.int32))
+        device.fill(clusters.last_seen, NEVER)
         inputs = (triangles.positions, triangles.indices, triangles.flags)
-        local = 1 if device.is_cpu else None
-        device.launch(stage, kernel, count, triangles.count, count, *inputs, groups, flags, boxes, local=local)
-        wrong = np.flatnonzero(np.isnan(boxes.get()[:count, 3])) if count else []
+        arguments = (triangles.count, count, *inputs, groups, flags, boxes)
+        device.launch(stage, clusters._kernels(8).build_clusters, count, *arguments, local=1 if device.is_cpu else None)
+        wrong = np.flatnonzero(boxes.get()[:count, 3])
         if len(wrong):
             first, last = wrong[0] * size, min(wrong[0] * size + size, triangles.count) - 1
-            raise ValueError(
-                f"A corner of triangles {first} to {last} is NaN or infinite: remove such triangles first."
-            )
-        return cls(count, size, groups, flags, boxes)
+            where = f"A corner of one of the triangles {first} to {last}"
+            raise ValueError(f"{where} is NaN, infinite or beyond 1e18: remove such triangles first.")
+        return clusters
 
-    def in_frustum(self, device: Device, camera: Camera, stage: str = "raster/cull") -> tuple[Array, int]:
-        """The clusters that may have a part inside the camera's frustum, ascending: int32 (n), and n."""
-        kernels = device.build("raster/clusters.cl", CLUSTER=self.size)
-        visible = device.empty(self.count, np.int32)
-        size = (camera.width, camera.height)
-        arguments = (self.count, *camera.arguments(), *size, self.boxes, visible)
-        device.launch(stage, kernels.clusters_in_frustum, self.count, *arguments)
-        offsets, total = exclusive_scan(device, visible, self.count, stage)
-        chosen = device.empty(total, np.int32)
-        device.launch(stage, kernels.list_clusters, self.count, self.count, visible, offsets, chosen)
-        return chosen, total
+    def seen_lately(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Array, int]:
+        """Clusters that may be in the frustum and were seen at most `recall` draws ago: int32 (n) ascending, and n."""
+        chosen = self.device.empty(self.count, np.int32)
+        arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
+        self.device.launch(stage, self._kernels(8).clusters_seen_lately, self.count, *arguments, now, recall, chosen)
+        return self._listed(chosen, stage)
+
+    def left(self, picture: Picture, now: int, recall: int, stage: str) -> tuple[Array, int]:
+        """The other clusters that may be in the frustum, less those that the picture so far hides."""
+        camera, chosen = picture.camera, self.device.empty(self.count, np.int32)
+        arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
+        drawn = (picture.tiles_x, picture.block_depth, picture.tile_depth)
+        kernel = self._kernels(picture.tile).clusters_left
+        self.device.launch(stage, kernel, self.count, *arguments, now, recall, *drawn, chosen)
+        return self._listed(chosen, stage)
+
+    def note_seen(self, picture: Picture, now: int, stage: str) -> None:
+        """Remember which clusters draw number `now` shows."""
+        height, width = picture.camera.height, picture.camera.width
+        arguments = (height, width, picture.triangle, now, self.last_seen)
+        local = 1 if self.device.is_cpu else None
+        self.device.launch(stage, self._kernels(8).note_seen, height, *arguments, local=local)
+
+    def _listed(self, chosen: Array, stage: str) -> tuple[Array, int]:
+        offsets, total = exclusive_scan(self.device, chosen, self.count, stage)
+        clusters = self.device.empty(total, np.int32)
+        kernel = self._kernels(8).list_clusters
+        self.device.launch(stage, kernel, self.count, self.count, chosen, offsets, clusters)
+        return clusters, total
+
+    def _kernels(self, tile: int) -> Any:
+        return self.device.build("raster/clusters.cl", CLUSTER=self.size, TILE=tile)
 
 
-def boxes_twin(triangles: Triangles, size: int = CLUSTER) -> np.ndarray:
+def boxes_twin(triangles: Triangles, size: int) -> np.ndarray:
     """The clusters' boxes, float64 (count, 2, 3): low and high corner."""
     corners = triangles.host_positions[triangles.host_indices].astype(np.float64)
     starts = np.arange(0, triangles.count, size)

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.common.scan import exclusive_scan
 from kernels.raster.camera import Camera
-from kernels.raster.clusters import CLUSTER, Clusters
+from kernels.raster.clusters import EVER, Clusters
+from kernels.raster.picture import BLOCK, Picture
+from kernels.raster.setup import Scratch, set_up
+from kernels.raster.tiles import draw_tiles
 from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -17,8 +19,11 @@ if TYPE_CHECKING:
 
     from kernels.device import Device
 
-TILE = 64  # pixels; a multiple of 8. Any other gives the same picture.
-RECORD_BYTES = 48
+# Speed only; any others give the same picture.
+CLUSTER = 64  # triangles, a multiple of 8
+TILE = 64  # pixels, a multiple of 8
+TWO_PASSES_FROM = 500_000  # triangles; below, looking for hidden clusters costs more than drawing them
+RECALL = 8  # draws; how long a cluster that was seen is taken for visible
 
 
 @dataclass(frozen=True)
@@ -40,23 +45,36 @@ class Rasteriser:
 
     Front faces are counter-clockwise as seen; back faces are drawn only with Triangles.DOUBLE_SIDED. Corners are
     snapped to 1/256 pixel once; from there coverage is exact: a pixel belongs to a triangle if its centre lies inside,
-    or on a top or left edge. Of equal depths the lowest triangle wins. `cluster` (triangles) and `tile` (pixels) change
-    the speed only. Raises ValueError where a triangle has a corner that is not finite.
+    or on a top or left edge. Of equal depths the lowest triangle wins. Large scenes are drawn in two passes: what was
+    seen lately, then what that does not hide; the picture is the same. `cluster` (triangles), `tile` (pixels) and
+    `two_passes_from` (triangles) change the speed only.
+    Raises ValueError where a triangle has a corner that is not finite.
     """
 
     def __init__(
-        self, device: Device, triangles: Triangles, mask: None = None, *, cluster: int = CLUSTER, tile: int = TILE
+        self,
+        device: Device,
+        triangles: Triangles,
+        mask: None = None,
+        *,
+        cluster: int = CLUSTER,
+        tile: int = TILE,
+        two_passes_from: int = TWO_PASSES_FROM,
     ) -> None:
+        if cluster % BLOCK or tile % BLOCK or min(cluster, tile) < BLOCK:
+            raise ValueError(f"The cluster size {cluster} and the tile size {tile} must be multiples of {BLOCK}.")
         self.device = device
         self.triangles = triangles
         self.tile = tile
+        self.two_passes = triangles.count >= two_passes_from
         self.clusters = Clusters.build(device, triangles, cluster)
-        # Records per chunk: all of a small scene's triangles; a large scene starts small and grows to what views need.
-        self._capacity = max(256, min(2 * -(-triangles.count // device.chunks), 8192))
+        # All of a small scene's triangles have room at once; a large scene starts small.
+        self._scratch = Scratch(device, max(256, min(2 * -(-triangles.count // device.chunks), 8192)))
+        self._draws = 0
 
     def in_frustum(self, view: np.ndarray, projection: np.ndarray) -> tuple[Array, int]:
         """The clusters of consecutive triangles that may have a part in the frustum: int32 (n) ascending, and n."""
-        return self.clusters.in_frustum(self.device, Camera.of(view, projection, 1, 1))
+        return self.clusters.seen_lately(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
 
     def draw(
         self, view: np.ndarray, projection: np.ndarray, width: int, height: int, stage: str = "raster"
@@ -66,42 +84,27 @@ class Rasteriser:
         The projection has reversed depth: clip z = near and clip w = distance, or an orthographic one from 1 at the
         near to 0 at the far end. Raises ValueError for other sizes and for matrices that are not finite.
         """
-        camera = Camera.of(view, projection, width, height)
-        device, tile = self.device, self.tile
-        triangle, depth = (device.empty((height, width), dtype) for dtype in (np.int32, np.float32))
-        visibility = Visibility(width, height, triangle, depth)
-        chosen, count = self.clusters.in_frustum(device, camera, f"{stage}/cull") if self.triangles.count else (None, 0)
-        if count == 0:
-            device.fill(triangle, -1, f"{stage}/draw")
-            device.fill(depth, 0, f"{stage}/draw")
-            return visibility
-        records, written, offsets, total = self._set_up(camera, chosen, count, stage)
-        entries = device.empty(total, np.int32)
-        tiles_x, tiles = -(-width // tile), -(-width // tile) * -(-height // tile)
-        kernels = device.build("raster/setup.cl", CLUSTER=self.clusters.size, TILE=tile)
-        size = (width, height, tiles_x, self._capacity)
-        arguments = (device.chunks, *size, records, written, offsets, entries)
-        device.launch(f"{stage}/bin", kernels.fill_bins, device.chunks, *arguments, local=1)
-        kernels = device.build("raster/tiles.cl", TILE=tile)
-        arguments = (tiles, tiles_x, width, height, device.chunks, total, offsets, entries, records, triangle, depth)
-        device.launch(f"{stage}/draw", kernels.draw_tiles, tiles, *arguments, local=1)
-        return visibility
+        picture = Picture.allocate(self.device, Camera.of(view, projection, width, height), self.tile)
+        two_passes = self.two_passes and self._draws > 0
+        self._draws += 1
+        recall = RECALL if two_passes else EVER
+        chosen = self.clusters.seen_lately(picture.camera, self._draws, recall, f"{stage}/cull")
+        self._draw(chosen, picture, False, stage)
+        if two_passes:
+            chosen = self.clusters.left(picture, self._draws, recall, f"{stage}/cull")
+            self._draw(chosen, picture, True, stage)
+        if self.two_passes:
+            self.clusters.note_seen(picture, self._draws, f"{stage}/cull")
+        return Visibility(width, height, picture.triangle, picture.depth)
 
-    def _set_up(self, camera: Camera, chosen: Array, count: int, stage: str) -> tuple[Array, Array, Array, int]:
-        """Records of the chosen clusters, records per chunk, where each tile's part of a chunk begins, and the sum."""
-        device, chunks = self.device, self.device.chunks
-        width, height = camera.width, camera.height
-        tiles_x, tiles = -(-width // self.tile), -(-width // self.tile) * -(-height // self.tile)
-        kernel: Any = device.build("raster/setup.cl", CLUSTER=self.clusters.size, TILE=self.tile).set_up
-        counts, tile_counts = device.empty(tiles * chunks, np.int32), device.empty(tiles * chunks, np.int32)
-        written = device.empty(chunks, np.int32)
-        inputs = (chosen, self.clusters.groups, self.clusters.flags, *camera.arguments())
-        while True:
-            records = device.empty((chunks * self._capacity, RECORD_BYTES // 4), np.int32)
-            arguments = (width, height, tiles_x, tiles, self._capacity, records, counts, tile_counts, written)
-            device.launch(f"{stage}/setup", kernel, chunks, chunks, count, *inputs, *arguments, local=1)
-            offsets, total = exclusive_scan(device, tile_counts, tiles * chunks, f"{stage}/scan")
-            most = int(written.get().max())
-            if most <= self._capacity:
-                return records, written, offsets, total
-            self._capacity = most + most // 4
+    def _draw(self, chosen: tuple[Array, int], picture: Picture, resumes: bool, stage: str) -> None:
+        """One pass over the chosen clusters."""
+        clusters, count = chosen
+        if count:
+            bins = set_up(self.device, self.clusters, clusters, count, picture, resumes, self._scratch, stage)
+            draw_tiles(self.device, bins, picture, resumes, f"{stage}/draw")
+        elif not resumes:
+            for image, nothing in ((picture.triangle, -1), (picture.depth, 0)):
+                self.device.fill(image, nothing, f"{stage}/draw")
+            for depth in (picture.block_depth, picture.tile_depth):
+                self.device.fill(depth, 0, f"{stage}/draw")

@@ -8,18 +8,19 @@
 #define RECORD 12
 #define MASK_BIT (1 << 30)
 
-inline int least(const int a, const int b, const int c) { return min(min(a, b), c); }
-inline int most(const int a, const int b, const int c) { return max(max(a, b), c); }
+INLINE int least(const int a, const int b, const int c) { return LESSER(LESSER(a, b), c); }
+INLINE int most(const int a, const int b, const int c) { return GREATER(GREATER(a, b), c); }
 
 // The first and the last pixel whose centre is not outside [low, high] sub-pixels.
-inline int first_pixel(const int low) { return (low + SUBPIXELS / 2 - 1) >> 8; }
-inline int last_pixel(const int high) { return (high - SUBPIXELS / 2) >> 8; }
+INLINE int first_pixel(const int low) { return (low + SUBPIXELS / 2 - 1) >> 8; }
+INLINE int last_pixel(const int high) { return (high - SUBPIXELS / 2) >> 8; }
 
 // The pixels (left, top, right, bottom) of the image whose centres lie in a record's box.
-inline int4 record_pixels(__global const int *record, const int width, const int height)
+INLINE int4 record_pixels(__global const int *record, const int width, const int height)
 {
-    return (int4)(max(first_pixel(least(record[0], record[2], record[4])), 0),
-                  max(first_pixel(least(record[1], record[3], record[5])), 0),
-                  min(last_pixel(most(record[0], record[2], record[4])), width - 1),
-                  min(last_pixel(most(record[1], record[3], record[5])), height - 1));
+    const int left = first_pixel(least(record[0], record[2], record[4]));
+    const int top = first_pixel(least(record[1], record[3], record[5]));
+    const int right = last_pixel(most(record[0], record[2], record[4]));
+    const int bottom = last_pixel(most(record[1], record[3], record[5]));
+    return (int4)(GREATER(left, 0), GREATER(top, 0), LESSER(right, width - 1), LESSER(bottom, height - 1));
 }

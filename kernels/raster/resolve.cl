@@ -37,7 +37,7 @@ __kernel void list_covered(const int width, const int height, __global const int
 // Barycentrics and footprints of 8 samples per item. Corners are taken as 2D homogeneous points relative to the pixel's
 // centre, h = (x - px w, y - py w): their cross products are the barycentrics up to scale, also behind the camera, and
 // small differences stay exact (the homogeneous rasterisation of Olano and Greer 1997, shifted to each pixel).
-__kernel void sample_covered(const int count, const int width, const int height, const float8 eye, const float16 rows,
+__kernel void sample_covered(const int count, const int width, const int height, const float4 eye, const float16 rows,
                              __global const float *positions, __global const int *indices,
                              __global const int *triangle, __global const int *texel, __global float *bary1,
                              __global float *bary2, __global float *footprint)
@@ -61,9 +61,9 @@ __kernel void sample_covered(const int count, const int width, const int height,
     const float8 py = convert_float8(row * SUBPIXELS + SUBPIXELS / 2 - height * (SUBPIXELS / 2));
     float8 x[3], y[3], z[3], u[3], v[3], w[3];
     for (int i = 0; i < 3; i++) {
-        x[i] = (vload8(3 * i, corners) - eye.s0) - eye.s4;
-        y[i] = (vload8(3 * i + 1, corners) - eye.s1) - eye.s5;
-        z[i] = (vload8(3 * i + 2, corners) - eye.s2) - eye.s6;
+        x[i] = vload8(3 * i, corners) - eye.s0;
+        y[i] = vload8(3 * i + 1, corners) - eye.s1;
+        z[i] = vload8(3 * i + 2, corners) - eye.s2;
         w[i] = ((rows.sc * x[i] + rows.sd * y[i]) + rows.se * z[i]) + rows.sf;
         u[i] = (((rows.s0 * x[i] + rows.s1 * y[i]) + rows.s2 * z[i]) + rows.s3) - px * w[i];
         v[i] = (((rows.s4 * x[i] + rows.s5 * y[i]) + rows.s6 * z[i]) + rows.s7) - py * w[i];

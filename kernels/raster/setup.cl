@@ -4,6 +4,7 @@
 
 #define DOUBLE_SIDED 1
 #define MASKED 2
+#define BLOCK 8
 #define ROUND 12582912.0f // 1.5 * 2^23: adding it leaves the nearest integer in a float's low bits
 
 typedef struct {
@@ -11,20 +12,32 @@ typedef struct {
     __global int *records; // of this chunk
     __global int *counts;  // records per tile, of this chunk
     int written;
+    int resumes;                   // whether farthest[] is filled
+    __global const float *farthest; // drawn depth of each 8 x 8 block
 } Output;
 
-inline int any8(const int8 mask)
+INLINE int any8(const int8 mask)
 {
     const int4 four = mask.lo | mask.hi;
     const int2 two = four.lo | four.hi;
     return (two.x | two.y) != 0;
 }
 
-inline float8 smallest(const float8 a, const float8 b) { return (a < b) ? a : b; }
-inline float8 largest(const float8 a, const float8 b) { return (a > b) ? a : b; }
+// Whether a box of few pixels lies behind what is drawn.
+INLINE int hidden(const Output *out, const int left, const int top, const int right, const int bottom,
+                  const float nearest)
+{
+    if (right - left > 4 * BLOCK || bottom - top > 4 * BLOCK)
+        return 0;
+    for (int y = top / BLOCK; y <= bottom / BLOCK; y++)
+        for (int x = left / BLOCK; x <= right / BLOCK; x++)
+            if (nearest >= out->farthest[y * out->tiles_x * (TILE / BLOCK) + x])
+                return 0;
+    return 1;
+}
 
 // Add one record, unless it is culled or covers no pixel centre's row or column. Beyond the capacity it is only counted.
-inline void add_record(Output *out, const int2 a, int2 b, int2 c, const float da, float db, float dc,
+INLINE void add_record(Output *out, const int2 a, int2 b, int2 c, const float da, float db, float dc,
                        const int triangle, const int flags)
 {
     const int2 ab = b - a, ac = c - a;
@@ -39,19 +52,22 @@ inline void add_record(Output *out, const int2 a, int2 b, int2 c, const float da
         db = dc;
         dc = depth;
     }
-    const int left = max(first_pixel(least(a.x, b.x, c.x)), 0);
-    const int top = max(first_pixel(least(a.y, b.y, c.y)), 0);
-    const int right = min(last_pixel(most(a.x, b.x, c.x)), out->width - 1);
-    const int bottom = min(last_pixel(most(a.y, b.y, c.y)), out->height - 1);
+    const int left = GREATER(first_pixel(least(a.x, b.x, c.x)), 0);
+    const int top = GREATER(first_pixel(least(a.y, b.y, c.y)), 0);
+    const int right = LESSER(last_pixel(most(a.x, b.x, c.x)), out->width - 1);
+    const int bottom = LESSER(last_pixel(most(a.y, b.y, c.y)), out->height - 1);
     if (left > right || top > bottom)
+        return;
+    if (out->resumes && hidden(out, left, top, right, bottom, GREATER(da, GREATER(db, dc))))
         return;
     for (int y = top / TILE; y <= bottom / TILE; y++)
         for (int x = left / TILE; x <= right / TILE; x++)
             out->counts[y * out->tiles_x + x]++;
     if (out->written < out->capacity) {
         __global int *record = out->records + (size_t)out->written * RECORD;
-        vstore8((int8)(a, b, c, as_int(da), as_int(db)), 0, record);
-        vstore2((int2)(as_int(dc), triangle | (flags & MASKED ? MASK_BIT : 0)), 4, record);
+        *(__global loose_int8 *)record = (int8)(a, b, c, as_int(da), as_int(db));
+        record[8] = as_int(dc);
+        record[9] = triangle | (flags & MASKED ? MASK_BIT : 0);
     }
     out->written++;
 }
@@ -63,7 +79,7 @@ typedef struct {
 } Corner;
 
 // Distance to clipping plane 0 (near) to 4 (right, left, bottom, top of the guard band); inside where >= 0.
-inline double plane_distance(const double4 p, const int plane)
+INLINE double plane_distance(const double4 p, const int plane)
 {
     switch (plane) {
     case 0: return p.w - p.z;
@@ -76,7 +92,7 @@ inline double plane_distance(const double4 p, const int plane)
 
 // Sutherland-Hodgman against one plane. New corners are interpolated from the inside corner, so that both triangles
 // at an edge get the same point.
-inline int clip_polygon(const Corner *in, const int count, const int plane, Corner *out)
+INLINE int clip_polygon(const Corner *in, const int count, const int plane, Corner *out)
 {
     int kept = 0;
     for (int i = 0; i < count; i++) {
@@ -95,14 +111,11 @@ inline int clip_polygon(const Corner *in, const int count, const int plane, Corn
 }
 
 // Clip a triangle (clip-space corners p; snapped positions and depths of its own corners) and add its pieces as a fan.
-inline void add_clipped(Output *out, const float4 *p, const int2 *snapped, const float *depth, const int2 middle,
+INLINE void add_clipped(Output *out, const float4 *p, const int2 *snapped, const float *depth, const int2 middle,
                         const int triangle, const int flags)
 {
     Corner first[8], second[8];
     for (int i = 0; i < 3; i++) {
-        const float4 difference = p[i] - p[i];
-        if (difference.x != 0.0f || difference.y != 0.0f || difference.z != 0.0f || difference.w != 0.0f)
-            return; // overflowed: farther away than float32 reaches
         first[i].p = convert_double4(p[i]);
         first[i].original = i;
     }
@@ -124,7 +137,7 @@ inline void add_clipped(Output *out, const float4 *p, const int2 *snapped, const
 }
 
 // Whether one of the samples of a box of up to 2 x 2 pixels lies inside: edges a + {0, 1} along x and y.
-inline int8 edge_inside(const uint8 steps_x, const uint8 steps_y, const uint8 at, int8 *right, int8 *below, int8 *both)
+INLINE int8 edge_inside(const uint8 steps_x, const uint8 steps_y, const uint8 at, int8 *right, int8 *below, int8 *both)
 {
     const int8 sx = as_int8(steps_x), sy = as_int8(steps_y);
     const uint8 bias = ((sx > 0) | ((sx == 0) & (sy > 0))) ? (uint8)0 : (uint8)1;
@@ -135,15 +148,18 @@ inline int8 edge_inside(const uint8 steps_x, const uint8 steps_y, const uint8 at
     return as_int8(e);
 }
 
-// Lanes to keep of 8 triangles with snapped corners x, y: those that face the viewer and may cover a sample. Exact for
+// Lanes to keep of the good ones of 8 triangles with snapped corners x, y: those that face the viewer and may cover a sample. Exact for
 // boxes of up to 2 x 2 pixels; unsigned arithmetic, because lanes to ignore may overflow.
-inline int8 worth_drawing(const int8 *x, const int8 *y, const int8 two_sided, const int width, const int height)
+INLINE int8 worth_drawing(const int8 *x, const int8 *y, const int8 good, const int8 two_sided, const int width,
+                          const int height)
 {
-    const int8 left = min(x[0], min(x[1], x[2])), right = max(x[0], max(x[1], x[2]));
-    const int8 top = min(y[0], min(y[1], y[2])), bottom = max(y[0], max(y[1], y[2]));
-    const int8 first_x = max((left + 127) >> 8, 0), last_x = min((right - 128) >> 8, width - 1);
-    const int8 first_y = max((top + 127) >> 8, 0), last_y = min((bottom - 128) >> 8, height - 1);
-    int8 keep = (first_x <= last_x) & (first_y <= last_y);
+    const int8 left = LESSER(x[0], LESSER(x[1], x[2])), right = GREATER(x[0], GREATER(x[1], x[2]));
+    const int8 top = LESSER(y[0], LESSER(y[1], y[2])), bottom = GREATER(y[0], GREATER(y[1], y[2]));
+    const int8 begin_x = (left + 127) >> 8, first_x = GREATER(begin_x, 0);
+    const int8 begin_y = (top + 127) >> 8, first_y = GREATER(begin_y, 0);
+    const int8 end_x = (right - 128) >> 8, last_x = LESSER(end_x, width - 1);
+    const int8 end_y = (bottom - 128) >> 8, last_y = LESSER(end_y, height - 1);
+    int8 keep = good ? ((first_x <= last_x) & (first_y <= last_y)) : (int8)0;
     if (!any8(keep))
         return keep;
     const uint8 abx = as_uint8(x[1] - x[0]), aby = as_uint8(y[1] - y[0]);
@@ -168,30 +184,29 @@ inline int8 worth_drawing(const int8 *x, const int8 *y, const int8 two_sided, co
 }
 
 // The 8 triangles of a group.
-inline void add_group(Output *out, __global const float *group, __global const uchar *group_flags, const int triangle,
-                      const float8 eye, const float16 rows)
+INLINE void add_group(Output *out, __global const float8 *group, const uint group_flags, const int triangle,
+                      const float4 eye, const float16 rows)
 {
     const int2 middle = (int2)(out->width * (SUBPIXELS / 2), out->height * (SUBPIXELS / 2));
     float8 cx[3], cy[3], cz[3], cw[3], depth[3];
     int8 x[3], y[3], good = -1, out_near = -1, out_left = -1, out_right = -1, out_top = -1, out_bottom = -1,
                      out_far = -1;
     for (int i = 0; i < 3; i++) {
-        const float8 dx = (vload8(3 * i, group) - eye.s0) - eye.s4;
-        const float8 dy = (vload8(3 * i + 1, group) - eye.s1) - eye.s5;
-        const float8 dz = (vload8(3 * i + 2, group) - eye.s2) - eye.s6;
+        const float8 dx = group[3 * i] - eye.s0;
+        const float8 dy = group[3 * i + 1] - eye.s1;
+        const float8 dz = group[3 * i + 2] - eye.s2;
         cx[i] = ((rows.s0 * dx + rows.s1 * dy) + rows.s2 * dz) + rows.s3;
         cy[i] = ((rows.s4 * dx + rows.s5 * dy) + rows.s6 * dz) + rows.s7;
         cz[i] = ((rows.s8 * dx + rows.s9 * dy) + rows.sa * dz) + rows.sb;
         cw[i] = ((rows.sc * dx + rows.sd * dy) + rows.se * dz) + rows.sf;
-        const int8 inside = (cz[i] <= cw[i]) & (fabs(cx[i]) <= GUARD * cw[i]) & (fabs(cy[i]) <= GUARD * cw[i]);
-        const float8 inverse = 1.0f / ((cw[i] > 0.0f) ? cw[i] : (float8)1.0f);
-        x[i] = as_int8((inside ? cx[i] * inverse : (float8)0.0f) + ROUND) - as_int(ROUND) + middle.x;
-        y[i] = as_int8((inside ? cy[i] * inverse : (float8)0.0f) + ROUND) - as_int(ROUND) + middle.y;
+        const float8 inverse = 1.0f / cw[i], sx = cx[i] * inverse, sy = cy[i] * inverse;
+        x[i] = as_int8(sx + ROUND) + (middle.x - as_int(ROUND));
+        y[i] = as_int8(sy + ROUND) + (middle.y - as_int(ROUND));
         depth[i] = cz[i] * inverse;
-        good &= inside;
+        good &= (cz[i] <= cw[i]) & (sx <= GUARD) & (sx >= -GUARD) & (sy <= GUARD) & (sy >= -GUARD);
     }
-    const int8 flags = convert_int8(vload8(0, group_flags));
-    int8 keep = good & worth_drawing(x, y, (flags & DOUBLE_SIDED) != 0, out->width, out->height);
+    const int8 flags = (as_int8((uint8)group_flags >> (uint8)(0, 4, 8, 12, 16, 20, 24, 28))) & 15;
+    int8 keep = worth_drawing(x, y, good, (flags & DOUBLE_SIDED) != 0, out->width, out->height);
     if (any8(~good)) {
         for (int i = 0; i < 3; i++) {
             const float8 edge_x = cw[i] * (float)middle.x, edge_y = cw[i] * (float)middle.y;
@@ -206,57 +221,48 @@ inline void add_group(Output *out, __global const float *group, __global const u
     }
     if (!any8(keep))
         return;
-    int kept[8], unclipped[8], lane_x[24], lane_y[24], lane_flags[8];
-    float lane_depth[24];
-    vstore8(keep, 0, kept);
-    vstore8(good, 0, unclipped);
-    vstore8(flags, 0, lane_flags);
-    for (int i = 0; i < 3; i++) {
-        vstore8(x[i], i, lane_x);
-        vstore8(y[i], i, lane_y);
-        vstore8(depth[i], i, lane_depth);
-    }
     for (int lane = 0; lane < 8; lane++) {
-        if (!kept[lane])
+        if (!((const int *)&keep)[lane])
             continue;
         int2 xy[3];
         float d[3];
         for (int i = 0; i < 3; i++) {
-            xy[i] = (int2)(lane_x[8 * i + lane], lane_y[8 * i + lane]);
-            d[i] = lane_depth[8 * i + lane];
+            xy[i] = (int2)(((const int *)&x[i])[lane], ((const int *)&y[i])[lane]);
+            d[i] = ((const float *)&depth[i])[lane];
         }
-        if (unclipped[lane]) {
-            add_record(out, xy[0], xy[1], xy[2], d[0], d[1], d[2], triangle + lane, lane_flags[lane]);
+        if (((const int *)&good)[lane]) {
+            add_record(out, xy[0], xy[1], xy[2], d[0], d[1], d[2], triangle + lane, ((const int *)&flags)[lane]);
         } else {
             float4 corners[3];
             for (int i = 0; i < 3; i++) {
-                const float3 p = (float3)(group[24 * i + lane], group[24 * i + 8 + lane], group[24 * i + 16 + lane]);
-                corners[i] = project(from_eye(p, eye), rows);
+                corners[i] = (float4)(((const float *)&cx[i])[lane], ((const float *)&cy[i])[lane],
+                                      ((const float *)&cz[i])[lane], ((const float *)&cw[i])[lane]);
             }
-            add_clipped(out, corners, xy, d, middle, triangle + lane, lane_flags[lane]);
+            add_clipped(out, corners, xy, d, middle, triangle + lane, ((const int *)&flags)[lane]);
         }
     }
 }
 
 // Records of a chunk of the listed clusters, in triangle order, and how many each tile gets from it.
 // counts (chunks, tiles) is scratch; tile_counts (tiles, chunks) and written (chunks) are results.
-__kernel void set_up(const int chunks, const int clusters, __global const int *list, __global const float *groups,
-                     __global const uchar *flags, const float8 eye, const float16 rows, const int width,
-                     const int height, const int tiles_x, const int tiles, const int capacity, __global int *records,
+__kernel void set_up(const int chunks, const int clusters, __global const int *list, __global const float8 *groups,
+                     __global const uint *flags, const float4 eye, const float16 rows, const int width,
+                     const int height, const int tiles_x, const int tiles, const int resumes,
+                     __global const float *farthest, const int capacity, __global int *records,
                      __global int *counts, __global int *tile_counts, __global int *written)
 {
     const int chunk = get_global_id(0);
     if (chunk >= chunks)
         return;
     Output out = {width, height, tiles_x, capacity, records + (size_t)chunk * capacity * RECORD,
-                  counts + (size_t)chunk * tiles, 0};
+                  counts + (size_t)chunk * tiles, 0, resumes, farthest};
     for (int tile = 0; tile < tiles; tile++)
         out.counts[tile] = 0;
     const int end = (long)clusters * (chunk + 1) / chunks;
     for (int i = (long)clusters * chunk / chunks; i < end; i++)
         for (int k = 0; k < CLUSTER; k += 8) {
             const int triangle = list[i] * CLUSTER + k;
-            add_group(&out, groups + (size_t)triangle * 9, flags + triangle, triangle, eye, rows);
+            add_group(&out, groups + (size_t)(triangle / 8) * 9, flags[triangle / 8], triangle, eye, rows);
         }
     for (int tile = 0; tile < tiles; tile++)
         tile_counts[(size_t)tile * chunks + chunk] = out.counts[tile];
