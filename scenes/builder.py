@@ -6,6 +6,8 @@ so that every surface of a material shows the same texel density. Everything is 
 
 from __future__ import annotations
 
+import functools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -122,6 +124,7 @@ def moved(part: Mesh, point, yaw: float = 0.0, scale=1.0, tilt: float = 0.0) -> 
     return repeat(part, placement([point], yaw, np.broadcast_to(scale, (1, 3)), tilt))
 
 
+@functools.cache
 def _unit_box(faces: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Corners (F, 4, 3) of the unit box's faces, their normals (F, 3) and the axes (F, 2) that u and v run along."""
     corners, normals, axes = [], [], []
@@ -315,13 +318,13 @@ def tube(points, radius, sides: int, material: int, tint=WHITE, closed: bool = F
 
 def _transported(tangents: np.ndarray) -> np.ndarray:
     """Frames (N, 2, 3) across unit tangents (N, 3), turning as little as possible from one to the next."""
-    frames = np.empty((len(tangents), 2, 3))
+    sides = np.empty_like(tangents)
     side = aim(tangents[:1])[0, :, 0]
     for k, tangent in enumerate(tangents):
         side = side - tangent * (side @ tangent)
-        side = side / np.linalg.norm(side)
-        frames[k] = side, np.cross(tangent, side)
-    return frames
+        side /= math.sqrt(side @ side)
+        sides[k] = side
+    return np.stack([sides, np.cross(tangents, sides)], axis=1)
 
 
 def sagging(start, end, drop: float, count: int) -> np.ndarray:

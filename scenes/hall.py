@@ -1054,10 +1054,12 @@ def make_hall(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
         ((12.0, 6.4, 1.0), (-0.2, -1, -0.1)),
     ]
     eye = ROUTE[0]
+    route = np.stack([ROUTE[:, 0], 0 * ROUTE[:, 0], ROUTE[:, 1]], axis=1)
     return palette.assemble(
         "hall",
         parts,
         lights=[Light("spot", (150.0, 138.0, 118.0), position, direction, 66.0) for position, direction in spots],
         sky=Sky((0.16, 0.18, 0.21), (0.23, 0.24, 0.25), (0.15, 0.14, 0.125)),
         cameras=[Camera((float(eye[0]), EYE_HEIGHT, float(eye[1])), (1.0, -0.04, -0.06), name="aisle")],
+        route=route,
     )

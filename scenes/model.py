@@ -131,6 +131,7 @@ class Scene:
     metres_per_unit: scale of the positions.
     notes: sentences for the report: repairs made, things the file has that are not supported.
     place: whether a person can walk in it (walk); objects are orbited instead.
+    route: float64 (N, 3), floor points of a walk designed with the scene, origin-relative; None where there is none.
     """
 
     name: str
@@ -151,6 +152,7 @@ class Scene:
     cameras: list[Camera] = field(default_factory=list)
     animations: list[CameraAnimation] = field(default_factory=list)
     place: bool = True
+    route: np.ndarray | None = None
     features: Features = field(default_factory=Features)
     notes: list[str] = field(default_factory=list)
     content_hash: str = ""

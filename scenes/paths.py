@@ -1,0 +1,321 @@
+"""Camera paths: walk, orbit, turntable, the scene's own animation, or a text file.
+
+A text file has one pose per line: time in milliseconds, position x y z in the scene's own coordinates and units, and
+the camera-to-world quaternion x y z w (the camera looks along its -z, y is up), separated by blanks or commas. `#`
+starts a comment; empty lines are skipped; times grow strictly. Quaternions of any length but zero are normalised.
+"""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenes.model import Scene
+from scenes.quaternions import about, looking, multiply, slerp
+from scenes.walking import EYE_HEIGHT, route_from, viewpoints
+
+RATE = 60.0  # frames per second
+WALK_FRAMES, ORBIT_FRAMES = 660, 300
+LEAD_OUT = 60  # frames that a path goes on after its last one: a second, more than any latency
+SPEED = 1.0  # of a person who looks around, metres per second
+TURNTABLE_STEP = 5.0  # degrees per frame
+# Half angles, in degrees, of the view that an orbit fits its object in: 60 degrees across in 16:9.
+HALF_ACROSS, HALF_UP = 30.0, 18.0
+
+_PATHS = {
+    "walk": "a person's walk through the scene with head bob and a look around, 660 frames at 60 Hz; objects: orbit",
+    "orbit": "once around the scene, 300 frames at 60 Hz",
+    "turntable": "about the object, 5 degrees per frame, 72 frames at 60 Hz",
+    "animation": "the camera animation that came with the scene, at 60 Hz",
+}
+
+
+class PathError(ValueError):
+    """A camera path or head motion that cannot be used; the message is one sentence."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """Poses in time: times_ms float64 (N), positions float64 (N, 3), orientations float64 (N, 4) x, y, z, w."""
+
+    times_ms: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+
+    def part(self, start: int, stop: int | None) -> Poses:
+        """The poses start..stop-1."""
+        return Poses(self.times_ms[start:stop], self.positions[start:stop], self.orientations[start:stop])
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """The server camera's pose for every frame, and where it goes after the last one.
+
+    times_ms: float64 (N), growing. positions: float64 (N, 3), relative to the scene's origin, in scene units.
+    orientations: float64 (N, 4), unit quaternions x, y, z, w, camera to world; the camera looks along -z, y is up.
+    beyond: the poses after the last frame. notes: sentences for the report.
+    """
+
+    name: str
+    times_ms: np.ndarray
+    positions: np.ndarray
+    orientations: np.ndarray
+    beyond: Poses | None = None
+    notes: tuple[str, ...] = ()
+
+    @property
+    def frames(self) -> int:
+        return len(self.times_ms)
+
+    @property
+    def hash(self) -> str:
+        """16 hex digits over the exact bytes of all poses."""
+        digest = hashlib.blake2b(digest_size=8)
+        for poses in (self, self.beyond):
+            if poses is not None:
+                for array in (poses.times_ms, poses.positions, poses.orientations):
+                    digest.update(np.ascontiguousarray(array, np.float64).tobytes())
+        return digest.hexdigest()
+
+    def pose_at(self, t_ms: float) -> tuple[np.ndarray, np.ndarray]:
+        """Position (3) and orientation (4) at a time: interpolated, and going on at the last speed after the end.
+
+        Before the first pose it is the first pose.
+        """
+        poses = self if self.beyond is None or t_ms <= self.times_ms[-1] else self._end()
+        times = poses.times_ms
+        if t_ms <= times[0] or len(times) == 1:
+            return poses.positions[0].copy(), poses.orientations[0].copy()
+        k = int(np.clip(np.searchsorted(times, t_ms, side="right") - 1, 0, len(times) - 2))
+        share = (t_ms - times[k]) / (times[k + 1] - times[k])
+        if share == 0:
+            return poses.positions[k].copy(), poses.orientations[k].copy()
+        position = poses.positions[k] + share * (poses.positions[k + 1] - poses.positions[k])
+        return position, slerp(poses.orientations[k], poses.orientations[k + 1], share)
+
+    def _end(self) -> Poses:
+        """The last frame and all beyond."""
+        return Poses(
+            *(
+                np.concatenate([getattr(self, name)[-1:], getattr(self.beyond, name)])
+                for name in ("times_ms", "positions", "orientations")
+            )
+        )
+
+
+def list_paths() -> dict[str, str]:
+    """Names of the built-in paths and what each is."""
+    return dict(_PATHS)
+
+
+def make_path(scene: Scene, name_or_file: str, frames: int | None = None, seed: int = 0) -> CameraPath:
+    """The first `frames` poses (None: all) of a built-in path or of a text file, for a scene.
+
+    walk: objects, and scenes without room to walk, are orbited instead, and a note says so. Raises PathError for an
+    unknown name, a scene without animation, a malformed file (naming its line) or a number of frames below 1.
+    """
+    if frames is not None and frames < 1:
+        raise PathError(f"A path needs at least one frame, not {frames}.")
+    notes: list[str] = []
+    name = name_or_file
+    if name == "walk":
+        poses = _walk(scene, seed, notes)
+        name = "orbit" if poses is None else "walk"
+        poses = _orbit(scene) if poses is None else poses
+        whole = len(poses.times_ms) - LEAD_OUT
+    elif name == "orbit":
+        poses, whole = _orbit(scene), ORBIT_FRAMES
+    elif name == "turntable":
+        poses, whole = _turntable(scene), round(360 / TURNTABLE_STEP)
+    elif name == "animation":
+        poses = _animation(scene)
+        whole = len(poses.times_ms)
+    else:
+        poses = read_path(_file(name), scene.origin)
+        name, whole = Path(name).stem, len(poses.times_ms)
+    if frames is not None and frames > whole:
+        notes.append(f"The path {name} has {whole} frames; {frames} were asked for.")
+    count = whole if frames is None else min(frames, whole)
+    here, beyond = poses.part(0, count), poses.part(count, None)
+    return CameraPath(
+        name,
+        here.times_ms,
+        here.positions,
+        here.orientations,
+        beyond if len(beyond.times_ms) else None,
+        tuple(notes),
+    )
+
+
+def _file(name: str) -> Path:
+    """The path's file; PathError with the nearest known name otherwise."""
+    file = Path(name)
+    if file.is_file():
+        return file
+    near = difflib.get_close_matches(name, _PATHS, 1)
+    hint = f"; did you mean {near[0]}?" if near else "."
+    raise PathError(f"There is no path or file {name!r}; the paths are {', '.join(_PATHS)}{hint}")
+
+
+def read_path(file: Path, origin: np.ndarray) -> Poses:
+    """Poses of a text file (see above) relative to `origin`, or PathError naming the file and the line."""
+    rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw")
+    table = np.array([row for _, row in rows])
+    lengths = np.linalg.norm(table[:, 4:], axis=1)
+    for (line, _), length in zip(rows, lengths, strict=True):
+        if not length > 0:
+            raise PathError(f"{file}, line {line}: the quaternion is zero.")
+    return Poses(table[:, 0].copy(), table[:, 1:4] - origin, table[:, 4:] / lengths[:, None])
+
+
+def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -> list[tuple[int, list[float]]]:
+    """Line numbers and values of a text table whose first column grows strictly.
+
+    `#` starts a comment, values are separated by blanks or commas. header: the first line is not read.
+    Raises PathError naming the file and the line where there are not `columns` finite numbers.
+    """
+    try:
+        lines = Path(file).read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise PathError(f"{file} cannot be read as text: {error}.") from error
+    rows: list[tuple[int, list[float]]] = []
+    for number, line in enumerate(lines, 1):
+        words = line.split("#")[0].replace(",", " ").split()
+        if not words or (header and number == 1):
+            continue
+        try:
+            values = [float(word) for word in words]
+        except ValueError:
+            values = []
+        if len(values) != columns or not np.isfinite(values).all():
+            raise PathError(f"{file}, line {number}: expected {columns} numbers ({meaning}), found {line.strip()!r}.")
+        if rows and not values[0] > rows[-1][1][0]:
+            raise PathError(f"{file}, line {number}: time {values[0]:g} does not follow {rows[-1][1][0]:g}.")
+        rows.append((number, values))
+    if not rows:
+        raise PathError(f"{file} has no poses; each line needs {columns} numbers ({meaning}).")
+    return rows
+
+
+def _frame_times(count: int) -> np.ndarray:
+    return np.arange(count) * 1000.0 / RATE
+
+
+def _circle(scene: Scene, degrees: np.ndarray, elevation: float) -> Poses:
+    """Poses on a circle around the scene at angles (N), `elevation` degrees above it, framing its bounds."""
+    low, high = _extent(scene)
+    centre, half = (low + high) / 2, (high - low) / 2
+    across = max(np.hypot(half[0], half[2]), 1e-3 * half[1])
+    fits = across / np.sin(np.radians(HALF_ACROSS)), across + half[1] / np.tan(np.radians(HALF_UP))
+    distance = 1.1 * max(fits)
+    angle, tilt = np.radians(degrees), np.radians(elevation)
+    outwards = np.stack(
+        [np.sin(angle) * np.cos(tilt), np.full(len(angle), np.sin(tilt)), np.cos(angle) * np.cos(tilt)], axis=1
+    )
+    return Poses(_frame_times(len(degrees)), centre + outwards * distance, looking(-outwards))
+
+
+def _extent(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+    """What an orbit frames: an object's bounds; of a place the middle nine tenths of its triangles along each axis."""
+    if not scene.place:
+        return scene.bounds
+    step = max(1, scene.triangle_count // 200_000)
+    centres = scene.positions[scene.indices[::step]].mean(axis=1, dtype=np.float64)
+    low, high = np.quantile(centres, 0.05, axis=0), np.quantile(centres, 0.95, axis=0)
+    return (low, high) if np.any(high > low) else scene.bounds
+
+
+def _orbit(scene: Scene) -> Poses:
+    degrees = np.arange(ORBIT_FRAMES + LEAD_OUT) * 360 / ORBIT_FRAMES
+    return _circle(scene, degrees, 30.0 if scene.place else 15.0)
+
+
+def _turntable(scene: Scene) -> Poses:
+    degrees = np.arange(round(360 / TURNTABLE_STEP) + LEAD_OUT) * TURNTABLE_STEP
+    return _circle(scene, degrees, 5.0)
+
+
+def _animation(scene: Scene) -> Poses:
+    """The scene's first camera animation at 60 Hz."""
+    if not scene.animations:
+        raise PathError(f"The scene {scene.name} has no camera animation; choose walk, orbit or turntable.")
+    animation = scene.animations[0]
+    keys = CameraPath(
+        animation.name,
+        np.asarray(animation.times, np.float64),
+        np.asarray(animation.positions, np.float64),
+        np.asarray(animation.orientations, np.float64),
+    )
+    start, end = keys.times_ms[0], keys.times_ms[-1]
+    times = _frame_times(int((end - start) * RATE / 1000 + 1e-6) + 1)
+    poses = [keys.pose_at(start + t) for t in times]
+    return Poses(times, np.array([p for p, _ in poses]), np.array([q for _, q in poses]))
+
+
+def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
+    """A walk with a lead-out, or None with a note where nobody can walk."""
+    if not scene.place:
+        notes.append("The scene is an object, not a place: walk falls back to orbit.")
+        return None
+    length = SPEED * (WALK_FRAMES + LEAD_OUT) / RATE + 0.5
+    if scene.route is not None:
+        eyes = scene.route + np.array([0.0, EYE_HEIGHT / scene.metres_per_unit, 0.0])
+        direction = np.asarray(scene.cameras[0].direction) if scene.cameras else eyes[1] - eyes[0]
+        return _stroll(_rounded(eyes), direction, scene.metres_per_unit, seed)
+    for camera in scene.cameras[:1]:
+        route = route_from(scene, np.array(camera.position), np.array(camera.direction), length)
+        if route is not None:
+            return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
+    for eye, direction in viewpoints(scene):
+        route = route_from(scene, eye, direction, length)
+        if route is not None:
+            notes.append("The walk starts at a viewpoint found inside the scene.")
+            return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
+    notes.append("The scene has no room to walk: walk falls back to orbit.")
+    return None
+
+
+def _rounded(points: np.ndarray) -> np.ndarray:
+    """A polyline (N, 3) as a smooth line with a point about every twentieth of a leg."""
+    from scipy.interpolate import PchipInterpolator
+
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+    fine = np.linspace(0, along[-1], 20 * len(points))
+    return PchipInterpolator(along, points)(fine)
+
+
+def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, seed: int) -> Poses:
+    """A walk with the eyes along a line (N, 3), looking along `direction` first: steps, sway, a look around.
+
+    Steps: 1.9 a second, 2 cm up and down; sway half as often. The gaze follows the way with a lag and wanders by about
+    10 degrees aside and 4 up and down.
+    """
+    from scipy.ndimage import gaussian_filter1d
+
+    count = WALK_FRAMES + LEAD_OUT
+    t = np.arange(count) / RATE
+    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(eyes, axis=0), axis=1))]) * metres_per_unit
+    track = np.stack([np.interp(t * SPEED, along, eyes[:, k]) for k in range(3)], axis=1)
+    heading = np.gradient(gaussian_filter1d(track, 0.15 * RATE, axis=0, mode="nearest"), axis=0)
+    yaw = np.unwrap(np.arctan2(-heading[:, 0], -heading[:, 2]))
+    yaw = gaussian_filter1d(yaw, 0.6 * RATE, mode="nearest")
+    phase = np.random.default_rng([seed, 660]).uniform(0, 2 * np.pi, 4)
+    yaw += np.radians(7) * np.sin(2 * np.pi * 0.11 * t + phase[0]) + np.radians(3) * np.sin(
+        2 * np.pi * 0.29 * t + phase[1]
+    )
+    pitch = np.radians(-3) + np.radians(3) * np.sin(2 * np.pi * 0.17 * t + phase[2])
+    first = direction / np.linalg.norm(direction)
+    settled = np.clip(t / 3.0, 0, 1)
+    settled = settled * settled * (3 - 2 * settled)
+    off = np.arctan2(-first[0], -first[2]) - yaw[0]
+    yaw += (1 - settled) * ((off + np.pi) % (2 * np.pi) - np.pi)
+    pitch = settled * pitch + (1 - settled) * np.arcsin(np.clip(first[1], -0.5, 0.5))
+    right = np.stack([np.cos(yaw), 0 * yaw, -np.sin(yaw)], axis=1)
+    bob = 0.02 * np.sin(2 * np.pi * 1.9 * t)
+    sway = 0.012 * np.sin(2 * np.pi * 0.95 * t + phase[3])
+    track = track + (right * sway[:, None] + np.array([0.0, 1.0, 0.0]) * bob[:, None]) / metres_per_unit
+    return Poses(_frame_times(count), track, multiply(about(1, yaw), about(0, pitch)))
