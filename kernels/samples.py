@@ -40,3 +40,27 @@ class Samples:
         room = max(1, -(-count // WIDTH)) * WIDTH
         real = [device.empty(room, np.float32) for _ in range(3)]
         return cls(count, device.empty(room, np.int32), *real, device.empty(room, np.int32))
+
+    @classmethod
+    def upload(
+        cls,
+        device: Device,
+        triangle: np.ndarray,
+        bary1: np.ndarray,
+        bary2: np.ndarray,
+        footprint: np.ndarray,
+        texel: np.ndarray,
+    ) -> Samples:
+        """Samples from host arrays of equal length."""
+        samples = cls.allocate(device, len(triangle))
+        for array, values in (
+            (samples.triangle, triangle),
+            (samples.bary1, bary1),
+            (samples.bary2, bary2),
+            (samples.footprint, footprint),
+            (samples.texel, texel),
+        ):
+            padded = np.zeros(array.shape, array.dtype)
+            padded[: len(values)] = values
+            array.set(padded)
+        return samples

@@ -143,17 +143,30 @@ class Allocator:
         return self.used.get().astype(np.int64) - self.free
 
 
+def request_twin(sizes: np.ndarray, bias: int, top: int, words: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Classes of the blocks that patches with these sizes and words want and release, -1 for none."""
+    w, h = levels_at(sizes & 0xFF, bias, top), levels_at(sizes >> 8, bias, top)
+    now, held = h * (top + 1) + w, classes_of(words, top)
+    return np.where(held == now, -1, now), np.where(held == now, -1, held)
+
+
+def classes_of(words: np.ndarray, top: int) -> np.ndarray:
+    """The class of each location word's block, -1 for a word of 0."""
+    _, _, w, h = unpack_location(words)
+    return np.where(words > 0, h * (top + 1) + w, -1)
+
+
 class AllocatorTwin:
-    """The same on the host: words uint32 (P), and the same method."""
+    """Allocator on the host: words uint32 (P), resets, and `allocate`."""
 
     def __init__(self, grid: Grid, patch_count: int, reuse: bool) -> None:
         self.grid, self.reuse, self.resets = grid, reuse, 0
         self.words = np.zeros(patch_count, np.uint32)
+        self.slot = np.full(patch_count, -1)
         self._clear()
 
     def _clear(self) -> None:
         self.words[:] = 0
-        self.slot = np.full(len(self.words), -1)
         self.used = np.zeros(self.grid.classes, np.int64)
         self.owned: list[list[int]] = [[] for _ in range(self.grid.classes)]
         self.free: list[list[int]] = [[] for _ in range(self.grid.classes)]
@@ -169,16 +182,13 @@ class AllocatorTwin:
         self.shown = patches
 
     def _try(self, patches: np.ndarray, sizes: np.ndarray, bias: int) -> bool:
-        top = self.grid.top
-        w, h = levels_at(sizes & 0xFF, bias, top), levels_at(sizes >> 8, bias, top)
-        now = h * (top + 1) + w
-        held = self._classes(patches)
+        wanted, released = request_twin(sizes, bias, self.grid.top, self.words[patches])
         if self.reuse:
-            for patch in self.shown[~np.isin(self.shown, patches)]:
-                self._release(patch)
-            for patch in patches[(held >= 0) & (held != now)]:
-                self._release(patch)
-        wanted = np.where(held == now, -1, now)
+            for patch in (*self.shown[~np.isin(self.shown, patches)], *patches[released >= 0]):
+                if self.words[patch]:
+                    c = classes_of(self.words[[patch]], self.grid.top)[0]
+                    self.free[c].append(self.slot[patch])
+                    self.words[patch] = 0
         ranks, requests = rank_by_class_twin(wanted, self.grid.classes)
         fits = self._provision(requests)
         for i in np.flatnonzero(wanted >= 0):
@@ -186,16 +196,6 @@ class AllocatorTwin:
         for c, asked in enumerate(requests):
             self.free[c] = self.free[c][: max(0, len(self.free[c]) - asked)]
         return fits
-
-    def _classes(self, patches: np.ndarray) -> np.ndarray:
-        """Class of each patch's block, -1 without one."""
-        _, _, w, h = unpack_location(self.words[patches])
-        return np.where(self.words[patches] > 0, h * (self.grid.top + 1) + w, -1)
-
-    def _release(self, patch: int) -> None:
-        if self.words[patch]:
-            self.free[self._classes(np.array([patch]))[0]].append(self.slot[patch])
-            self.words[patch] = 0
 
     def _provision(self, requests: np.ndarray) -> bool:
         capacity, fits = self.grid.capacity, True

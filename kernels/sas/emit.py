@@ -59,34 +59,51 @@ def emit_samples(
     return s
 
 
-def emit_block_twin(
-    word: int, mask: int, members: np.ndarray, codes: np.ndarray, corners: np.ndarray, atlas_width: int, complete: bool
+def emit_samples_twin(
+    patches: np.ndarray,
+    masks: np.ndarray,
+    words: np.ndarray,
+    members: np.ndarray,
+    codes: np.ndarray,
+    indices: np.ndarray,
+    positions: np.ndarray,
+    atlas_width: int,
+    complete: bool,
 ) -> dict[str, np.ndarray]:
-    """The samples of one block: triangle, bary1, bary2, footprint and texel, in order.
+    """The samples by the names of Samples, float64."""
+    blocks = []
+    for patch, mask in zip(patches, masks, strict=True):
+        if words[patch]:
+            own = members[patch][members[patch] >= 0]
+            corners = positions[indices[own]].astype(np.float64)
+            blocks.append(_emit_block(words[patch], 7 if complete else mask, own, codes[own], corners, atlas_width))
+    names = ("triangle", "bary1", "bary2", "footprint", "texel")
+    return {name: np.concatenate([block[name] for block in blocks]) if blocks else np.empty(0) for name in names}
 
-    members: int64 (1 to 3) triangles; codes: uint8 and corners: float64 (3, 3), one of each per member.
-    """
+
+def _emit_block(
+    word: np.uint32, mask: int, members: np.ndarray, codes: np.ndarray, corners: np.ndarray, atlas_width: int
+) -> dict[str, np.ndarray]:
+    """The samples of one block; members (1 to 3) are triangles, codes and corners (3, 3) one of each per member."""
     x0, y0, w, h = (int(value[0]) for value in unpack_location(np.array([word])))
     w, h = 1 << w, 1 << h
     column, row = (grid.reshape(-1) for grid in np.meshgrid(np.arange(w), np.arange(h)))
-    if not complete:
+    if mask != 7:
         kept = _touched(w, h, mask, codes)
         column, row = column[kept], row[kept]
     u = column / (w - 1) if w > 1 else np.full(len(column), 0.5)
     v = row / (h - 1) if h > 1 else np.full(len(row), 0.5)
-    if len(members) == 1:  # the middle of the triangle, not of its rectangle
-        half_u, half_v = (1 - v) / 2, (1 - u) / 2
-        if w == h == 1:
-            u, v = np.full(1, 1 / 3), np.full(1, 1 / 3)
-        elif w == 1:
-            u = half_u
-        elif h == 1:
-            v = half_v
-    owner = _owner(u, v, len(members), mask, complete)
+    if len(members) == 1 and w == h == 1:  # the middle of the triangle, not of its rectangle
+        u, v = np.full(1, 1 / 3), np.full(1, 1 / 3)
+    elif len(members) == 1 and w == 1:
+        u = (1 - v) / 2
+    elif len(members) == 1 and h == 1:
+        v = (1 - u) / 2
+    owner = _owner(u, v, len(members), mask)
     weights = [ROLE_WEIGHTS[code // 3][(np.arange(3) - code % 3) % 3] for code in codes.astype(int)]
     basis = np.stack([np.ones_like(u), u, v])
     bary = np.stack([weight @ basis for weight in weights])[owner, :, np.arange(len(u))]
-    sides = [(weight[:, 1:].T @ corner) for weight, corner in zip(weights, corners, strict=True)]
+    sides = [weight[:, 1:].T @ corner for weight, corner in zip(weights, corners, strict=True)]
     sizes = [np.linalg.norm(side, axis=1) / [max(w - 1, 1), max(h - 1, 1)] for side in sides]
     return {
         "triangle": members[owner],
@@ -97,9 +114,9 @@ def emit_block_twin(
     }
 
 
-def _owner(u: np.ndarray, v: np.ndarray, members: int, mask: int, complete: bool) -> np.ndarray:
+def _owner(u: np.ndarray, v: np.ndarray, members: int, mask: int) -> np.ndarray:
     """Slot of the triangle that owns each position; on a shared edge the first, if it is in the set."""
-    margin = 1e-9 if complete or mask & 1 else -1e-9
+    margin = 1e-9 if mask & 1 else -1e-9
     owner = np.zeros(len(u), np.int64)
     if members == 2:
         owner[u + v - 1 > margin] = 1

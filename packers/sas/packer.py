@@ -145,12 +145,17 @@ class ShadingAtlasStreaming(Packer):
 def choose_grid(width: int, height: int, superblock: int) -> Grid:
     """The superblocks of an atlas; a side of 0 is chosen for it. What their rows and columns leave over is not used.
 
-    Raises ValueError for a side that is not a power of two from 1 to 256.
+    Raises ValueError for a side that is not a power of two from 1 to 256, or does not fit.
     """
+    side = superblock
     if superblock == 0:
-        superblock = 256 if width * height >= 8_000_000 else 128
-        while superblock > 1 and (width // superblock) * (height // superblock) < FEWEST_SUPERBLOCKS:
-            superblock //= 2
-    if superblock not in (1, 2, 4, 8, 16, 32, 64, 128, 256):
+        side = 256 if width * height >= 8_000_000 else 128
+        while side > 1 and (width // side) * (height // side) < FEWEST_SUPERBLOCKS:
+            side //= 2
+    if side not in (1, 2, 4, 8, 16, 32, 64, 128, 256):
         raise ValueError(f"The superblock side {superblock} is not a power of two from 1 to 256 (0 chooses one).")
-    return Grid(superblock.bit_length() - 1, width // superblock, height // superblock)
+    if side > min(width, height):
+        raise ValueError(
+            f"A superblock of {side} texels does not fit into a {width}x{height} atlas: give a smaller side, or 0."
+        )
+    return Grid(side.bit_length() - 1, width // side, height // side)

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,27 +51,21 @@ class Patches:
 
 
 def cached_patches(scene: Scene) -> Patches:
-    """The scene's patches, from the cache if they were found before."""
-    method = hashlib.sha256(_method().encode()).hexdigest()[:12]
-    path = cache_folder("patches") / f"{scene.content_hash}-{method}.npz"
+    """The scene's patches, from the cache if they were found before; a scene without a hash is not cached."""
+    if not scene.content_hash:
+        return find_patches(scene.positions, scene.indices)
+    method = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]  # other methods find other patches
+    path = cache_folder("patches") / f"{scene.content_hash}-{method}.npy"
     try:
-        with np.load(path) as stored:
-            of_triangle, codes = stored["of_triangle"], stored["codes"]
-        if len(of_triangle) == len(scene.indices) == len(codes):
-            return _with_members(scene.indices, of_triangle, codes)
-    except (OSError, ValueError, KeyError, EOFError):
-        pass  # absent or unreadable: found again below
+        packed = np.load(path)
+        if packed.shape == (scene.triangle_count,):
+            return _with_members(scene.indices, (packed >> 4).astype(np.int32), (packed & 15).astype(np.uint8))
+    except (OSError, ValueError, EOFError):
+        pass  # absent or broken: found again below
     found = find_patches(scene.positions, scene.indices)
-    if scene.content_hash:
-        write_atomically(path, lambda file: np.savez(file, of_triangle=found.of_triangle, codes=found.codes))
+    packed = found.of_triangle.astype(np.uint32) << 4 | found.codes
+    write_atomically(path, lambda file: np.save(file, packed))
     return found
-
-
-def _method() -> str:
-    """The text of this module: a cached result of another text is not used."""
-    from pathlib import Path
-
-    return Path(__file__).read_text()
 
 
 def find_patches(positions: np.ndarray, indices: np.ndarray) -> Patches:

@@ -1,0 +1,57 @@
+"""Bilinear lookups against their twin: within half a step of rounding, plus 1e-2 for float32 coordinates."""
+
+import numpy as np
+import pytest
+
+from kernels.atlas.lookup import look_up, look_up_twin
+from kernels.samples import Samples
+
+
+def samples_of(device, triangle: np.ndarray, bary: np.ndarray) -> Samples:
+    samples = Samples.allocate(device, len(triangle))
+    room = len(samples.triangle)
+    for name, values in (("triangle", triangle), ("bary1", bary[:, 0]), ("bary2", bary[:, 1])):
+        array = getattr(samples, name)
+        padded = np.zeros(room, array.dtype)
+        padded[: len(values)] = values
+        array.set(padded)
+    samples.texel.set(np.arange(room, dtype=np.int32)[::-1].copy())
+    return samples
+
+
+@pytest.mark.parametrize(("size", "count"), [(64, 1000), (64, 1003), (1, 9), (2, 1)])
+def test_matches_its_twin(device, size, count):
+    rng = np.random.default_rng(size + count)
+    plane = rng.integers(0, 256, (size, size, 4), dtype=np.uint8)
+    corners = rng.uniform(0.5, size - 0.5, (20, 3, 2)).astype(np.float32)
+    corners[::2] = np.round(corners[::2] - 0.5) + 0.5  # texel centres
+    corners[3] = np.nan
+    triangle, bary = rng.integers(0, 20, count), rng.dirichlet(np.ones(3), count)[:, 1:].astype(np.float32)
+    bary[::5] = 0
+    samples = samples_of(device, triangle, bary)
+    room = len(samples.triangle)
+    rgb, drawn = device.zeros((1, room, 4), np.uint8), device.zeros((1, room), np.int32)
+    ids = rng.permutation(20).astype(np.int32) + 100
+    look_up(
+        device, samples, device.upload(corners), device.upload(ids), device.upload(plane), rgb, drawn, "client/test"
+    )
+    found, drawn = rgb.get()[0][::-1][:count], drawn.get()[0][::-1][:count]
+    expected = look_up_twin(corners, triangle, bary, plane)
+    placed = np.isfinite(expected[:, 0])
+    assert placed.sum() + (triangle == 3).sum() == count
+    # A whole number of texels away from a centre, float32 errs by 1e-5 texels of up to 255 steps each.
+    np.testing.assert_allclose(found[placed, :3], expected[placed], atol=0.5 + 1e-2)
+    assert (found[placed, 3] == 255).all()
+    np.testing.assert_array_equal(drawn, np.where(placed, ids[triangle], 0))
+    assert (found[~placed] == 0).all()
+
+
+def test_texel_centres_give_the_texels_themselves(device):
+    plane = np.random.default_rng(0).integers(0, 256, (8, 8, 4), dtype=np.uint8)
+    corners = np.zeros((64, 3, 2), np.float32)
+    corners[:] = (np.stack(np.meshgrid(np.arange(8), np.arange(8)), axis=-1).reshape(64, 1, 2)) + 0.5
+    samples = samples_of(device, np.arange(64), np.zeros((64, 2), np.float32))
+    rgb, drawn = device.zeros((8, 8, 4), np.uint8), device.zeros((8, 8), np.int32)
+    ids = device.upload(np.arange(64, dtype=np.int32))
+    look_up(device, samples, device.upload(corners), ids, device.upload(plane), rgb, drawn, "client/test")
+    np.testing.assert_array_equal(rgb.get().reshape(64, 4)[::-1, :3], plane.reshape(64, 4)[:, :3])

@@ -1,0 +1,54 @@
+"""Geometry messages: what was encoded is what the client has, and nothing is sent twice."""
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from kernels.triangles import Triangles
+from packers.geometry import GeometryDecoder, GeometryEncoder, shuffle, unshuffle
+
+
+@given(values=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=40))
+def test_unshuffle_inverts_shuffle(values):
+    array = np.array(values, np.int32)
+    data = b"ab" + shuffle(array)
+    np.testing.assert_array_equal(unshuffle(data, np.int32, len(values), 2), array)
+
+
+@settings(max_examples=40, deadline=None)
+@given(seed=st.integers(0, 10_000), count=st.integers(1, 120))
+def test_the_client_has_every_set_in_full(seed, count):
+    rng = np.random.default_rng(seed)
+    positions, uvs = rng.normal(size=(3 * count, 3)).astype(np.float32), rng.random((3 * count, 2), np.float32)
+    indices = rng.integers(0, 3 * count, (count, 3)).astype(np.int32)
+    flags, materials = rng.integers(0, 4, count).astype(np.uint8), rng.integers(0, 300, count)
+    patch = rng.integers(0, 1 << 20, count).astype(np.int32)
+    encoder = GeometryEncoder(positions, indices, flags, uvs, materials, {"patch": patch})
+    decoder = GeometryDecoder({"patch": np.int32})
+    sent = 0
+    for share in (0.3, 0.3, 0, 1, 0.7, 1):
+        pvs = np.flatnonzero(rng.random(count) < share).astype(np.int32)
+        message = encoder.encode(pvs)
+        decoder.decode(message)
+        sent += len(message)
+        np.testing.assert_array_equal(decoder.pvs, pvs)
+        np.testing.assert_array_equal(decoder.current("positions"), positions[indices[pvs]].reshape(-1, 9))
+        np.testing.assert_array_equal(decoder.current("flags"), flags[pvs])
+        np.testing.assert_array_equal(decoder.current("patch"), patch[pvs])
+        masked = (flags[pvs] & Triangles.MASKED) > 0
+        np.testing.assert_array_equal(decoder.current("uvs")[masked], uvs[indices[pvs[masked]]].reshape(-1, 6))
+        np.testing.assert_array_equal(decoder.current("materials")[masked], materials[pvs[masked]])
+    assert sent <= count * (36 + 1 + 26 + 4) + 6 * (4 + 4 * count)
+
+
+def test_an_unchanged_set_costs_a_count():
+    encoder = GeometryEncoder(
+        np.zeros((3, 3), np.float32),
+        np.array([[0, 1, 2]], np.int32),
+        np.zeros(1, np.uint8),
+        np.zeros((3, 2), np.float32),
+        np.zeros(1, np.int32),
+        {},
+    )
+    encoder.encode(np.zeros(1, np.int32))
+    assert encoder.encode(np.zeros(1, np.int32)) == b"\0\0\0\0"

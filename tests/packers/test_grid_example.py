@@ -1,0 +1,51 @@
+"""The documented example of a packer is what is tested here, and it is sound."""
+
+import numpy as np
+import pytest
+
+from harness.reference import ForwardRenderer
+from harness.validity import check
+from packers.interface import Decoded
+from tests.packers.grid_packer import Grid
+from tests.packers.rooms import frame_of, novel_view, room, server_of
+
+README = "packers/README.md"
+
+
+def test_the_documentation_shows_this_packer(request):
+    root = request.config.rootpath
+    assert (root / "tests/packers/grid_packer.py").read_text() in (root / README).read_text()
+
+
+def received(packer: Grid, frame, client):
+    payload = packer.pack(frame)
+    planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
+    client.receive(Decoded(planes, payload.blobs, payload.geometry))
+    return payload
+
+
+@pytest.mark.parametrize(("size", "error"), [((512, 512), 4), ((300, 200), 12)])
+def test_grid_is_valid_and_looks_like_the_reference(device, size, error):
+    scene = server_of(device, room())
+    packer = Grid()
+    packer.prepare(scene)
+    client = packer.client(scene)
+    frame = frame_of(scene, *size)
+    payload = received(packer, frame, client)
+    assert check(frame, payload, packer.owners(payload), client) == []
+    image = client.draw(novel_view())
+    reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame.server.eye)
+    assert (image.triangle.get() == reference.triangle.get()).mean() > 0.99
+    assert np.abs(image.rgb.get().astype(int) - reference.rgb.get())[..., :3].mean() < error
+
+
+@pytest.mark.parametrize("size", [(16, 16), (37, 8)])
+def test_more_triangles_than_texels_are_named(device, size):
+    scene = server_of(device, room())
+    packer = Grid()
+    packer.prepare(scene)
+    client = packer.client(scene)
+    frame = frame_of(scene, *size)
+    payload = received(packer, frame, client)
+    assert len(payload.unplaced) == len(frame.pvs) - size[0] * size[1]
+    assert check(frame, payload, packer.owners(payload), client) == []

@@ -1,0 +1,187 @@
+"""Shading Atlas Streaming on a small room: valid, deterministic, honest about its bytes, and it looks right."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from harness.reference import ForwardRenderer
+from harness.validity import check
+from kernels.sas.layout import unpack_location
+from packers.interface import Decoded, Frame, Payload, ServerScene
+from packers.sas import ShadingAtlasStreaming
+from packers.sas.packer import choose_grid
+from tests.packers.rooms import frame_of, novel_view, room, server_of
+
+
+@pytest.fixture(scope="module")
+def scene(device) -> ServerScene:
+    return server_of(device, room())
+
+
+class Stream:
+    """A packer and its client over some frames."""
+
+    def __init__(self, scene: ServerScene, **parameters) -> None:
+        self.packer = ShadingAtlasStreaming(**parameters)
+        self.packer.prepare(scene)
+        self.client = self.packer.client(scene)
+
+    def send(self, frame: Frame) -> Payload:
+        payload = self.packer.pack(frame)
+        planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
+        self.client.receive(Decoded(planes, payload.blobs, payload.geometry))
+        return payload
+
+    def violations(self, frame: Frame, payload: Payload) -> list:
+        return check(frame, payload, self.packer.owners(payload), self.client)
+
+
+@pytest.mark.parametrize("parameters", [{}, {"reuse": True}, {"complete": True}, {"superblock": 32, "fit": 0.5}])
+def test_a_walk_is_valid(scene, parameters):
+    stream = Stream(scene, **parameters)
+    for step in range(4):
+        frame = frame_of(scene, 1024, 512, 4 * step)
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.unplaced == {}
+
+
+def test_the_client_sees_what_the_reference_shows(scene):
+    stream = Stream(scene)
+    stream.send(frame_of(scene, 1024, 1024))
+    image = stream.client.draw(novel_view())
+    reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    assert (image.triangle.get() == reference.triangle.get()).mean() > 0.995
+    error = np.abs(image.rgb.get().astype(int) - reference.rgb.get())
+    assert error.mean() < 2.5
+    empty = reference.triangle.get() < 0
+    assert (error[empty & (image.triangle.get() < 0)] == 0).all()
+
+
+def test_more_samples_bring_the_client_closer_to_the_reference(scene):
+    errors = []
+    reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    for side in (64, 256, 1024):
+        stream = Stream(scene)
+        stream.send(frame_of(scene, side, side))
+        image = stream.client.draw(novel_view())
+        errors.append(np.abs(image.rgb.get().astype(int) - reference.rgb.get()).mean())
+    assert errors[0] > errors[1] > errors[2]
+
+
+@settings(max_examples=12, deadline=None)
+@given(seed=st.integers(0, 1000), reuse=st.booleans(), side=st.sampled_from([16, 64, 200, 512]))
+def test_any_sequence_of_sets_is_valid(scene, seed, reuse, side):
+    """Sets that change a little, entirely, to nothing and back; blocks that stay keep their texels."""
+    rng = np.random.default_rng(seed)
+    stream = Stream(scene, reuse=reuse)
+    count = scene.triangles.count
+    chosen = rng.random(count) < 0.4
+    for kind in rng.permutation(["little", "all", "none", "one", "little"]):
+        match kind:
+            case "little":
+                chosen = chosen ^ (rng.random(count) < 0.05)
+            case "all":
+                chosen = ~chosen
+            case "none":
+                chosen = np.zeros(count, bool)
+            case "one":
+                chosen = np.arange(count) == rng.integers(count)
+        frame = frame_of(scene, side, side, 0, np.flatnonzero(chosen).astype(np.int32))
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.sample_count == payload.statistics["used_texels"] <= side * side
+        assert (len(payload.unplaced) > 0) <= (payload.statistics["bias"] > 15)
+
+
+def test_blocks_stay_while_nothing_changes(scene):
+    stream = Stream(scene)
+    frame = frame_of(scene, 512, 512)
+    first = stream.send(frame)
+    second = stream.send(frame)
+    assert second.planes["atlas"].get().tobytes() == first.planes["atlas"].get().tobytes()
+    assert not any(second.blobs["locations"])
+    assert len(second.geometry) < 8 < len(first.geometry)
+    assert second.statistics["resets"] == 0
+
+
+@pytest.mark.parametrize(("local_size", "chunks"), [(1, 3), (32, 64), (256, 1000)])
+def test_work_groups_and_chunks_change_no_byte(device, scene, local_size, chunks, monkeypatch):
+    frames = [frame_of(scene, 256, 256, step) for step in (0, 8)]
+    plain = [Stream(scene, reuse=True)] * 2
+    expected = [as_bytes(stream.send(frame)) for stream, frame in zip(plain, frames, strict=True)]
+    monkeypatch.setattr(device, "local_size", local_size)
+    monkeypatch.setattr(device, "chunks", chunks)
+    other = [Stream(scene, reuse=True)] * 2
+    found = [as_bytes(stream.send(frame)) for stream, frame in zip(other, frames, strict=True)]
+    assert found == expected
+
+
+def as_bytes(payload: Payload) -> tuple:
+    return payload.planes["atlas"].get().tobytes(), payload.blobs["locations"], payload.geometry, payload.statistics
+
+
+def test_an_atlas_too_small_for_one_texel_each_names_the_rest(scene):
+    stream = Stream(scene)
+    pvs = np.arange(scene.triangles.count, dtype=np.int32)
+    frame = frame_of(scene, 16, 16, 0, pvs)
+    payload = stream.send(frame)
+    assert payload.sample_count == 256
+    patches = stream.packer.patches.of_triangle
+    assert len(np.unique(patches[sorted(set(pvs) - set(payload.unplaced))])) == 256
+    assert stream.violations(frame, payload) == []
+    image = stream.client.draw(novel_view())
+    assert not np.isin(image.triangle.get(), list(payload.unplaced)).any()
+
+
+def test_the_client_gets_by_with_what_was_sent(scene):
+    """A client that joins with the first frame locates the triangles of every later set, and no others."""
+    stream = Stream(scene)
+    half = scene.triangles.count // 2
+    for low, high in ((0, half), (half // 2, 2 * half), (0, 10)):
+        pvs = np.arange(low, high, dtype=np.int32)
+        stream.send(frame_of(scene, 512, 512, 0, pvs))
+        bary = np.full((scene.triangles.count, 2), 1 / 3, np.float32)
+        place = stream.client.locate(np.arange(scene.triangles.count), bary)
+        np.testing.assert_array_equal(np.flatnonzero(np.isfinite(place).all(axis=1)), pvs)
+
+
+def test_statistics_add_up(scene):
+    stream = Stream(scene, complete=True)
+    frame = frame_of(scene, 1000, 600)
+    payload = stream.send(frame)
+    found = payload.statistics
+    patches = sum(found[f"patches_of_{k}"] for k in (1, 2, 3))
+    assert patches == len(np.unique(stream.packer.patches.of_triangle[frame.pvs])) == found["blocks"]
+    assert found["location_bytes"] == 4 * patches == len(payload.blobs["locations"])
+    words = stream.packer.allocator.words.get()
+    _, _, w, h = unpack_location(words[words > 0])
+    assert payload.sample_count == (1 << w + h).sum() <= found["reserved_texels"]
+
+
+@pytest.mark.parametrize(
+    ("size", "superblock", "side", "total"),
+    [
+        ((4096, 2048), 0, 256, 128),
+        ((2048, 2048), 0, 128, 256),
+        ((2048, 1024), 0, 128, 128),
+        ((512, 512), 0, 32, 256),
+        ((16, 16), 0, 1, 256),
+        ((1000, 600), 128, 128, 28),
+    ],
+)
+def test_superblocks_follow_the_atlas(size, superblock, side, total):
+    grid = choose_grid(*size, superblock)
+    assert (1 << grid.top, grid.total) == (side, total)
+
+
+@pytest.mark.parametrize("superblock", [-1, 3, 100, 512])
+def test_a_superblock_that_is_no_power_of_two_is_refused(superblock):
+    with pytest.raises(ValueError, match=f"superblock side {superblock}"):
+        choose_grid(2048, 2048, superblock)
+
+
+def test_a_superblock_larger_than_the_atlas_is_refused():
+    with pytest.raises(ValueError, match="does not fit"):
+        choose_grid(100, 2048, 128)
