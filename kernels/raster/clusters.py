@@ -50,7 +50,7 @@ class Clusters:
         inputs = (triangles.positions, triangles.indices, triangles.flags)
         arguments = (triangles.count, count, *inputs, groups, flags, boxes)
         device.launch(stage, clusters._kernels(8).build_clusters, count, *arguments, local=1 if device.is_cpu else None)
-        wrong = np.flatnonzero(boxes.get()[:count, 3])
+        wrong = np.flatnonzero(boxes.get()[:count, 3]) if count else []
         if len(wrong):
             first, last = wrong[0] * size, min(wrong[0] * size + size, triangles.count) - 1
             where = f"A corner of one of the triangles {first} to {last}"
