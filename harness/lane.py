@@ -113,8 +113,7 @@ class Lane:
         self.packer, self.scene, self.settings = packer, scene, settings
         self.method, self.variant = packer.name, variant_string(packer)
         self.dead: tuple[str, str] | None = None
-        values = {name: getattr(packer, name) for name in packer.parameters}
-        self.repeated = [type(packer)(**values) for _ in range(settings.repeat - 1)]
+        self.repeated = [self._another() for _ in range(settings.repeat - 1)]
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
         self.fillers: dict[str, Filler] = {}
@@ -130,6 +129,26 @@ class Lane:
         self.lossless = self.packer.client(self.scene)
         self.displayed = None if self.settings.codec == "none" else self.packer.client(self.scene)
         return spent
+
+    def _another(self) -> Packer:
+        """A packer of the same parameters and no past."""
+        packer = self.packer
+        return type(packer)(**{name: getattr(packer, name) for name in packer.parameters})
+
+    def warm_up(self, work: Work) -> None:
+        """Build and run every kernel once, with a packer and a client of their own, so that no timer sees a compiler.
+
+        Twice, because the second frame of a method that keeps state runs other kernels than the first.
+        """
+        packer = self._another()
+        packer.prepare(self.scene)
+        client = packer.client(self.scene)
+        for _ in range(2):
+            payload = packer.pack(work.frame)
+            planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
+            client.receive(Decoded(planes, payload.blobs, payload.geometry))
+            client.draw(work.novel)
+        self.scene.device.finish()
 
     @property
     def display_key(self) -> Key:

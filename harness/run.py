@@ -8,7 +8,7 @@ import os
 import platform
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -105,7 +105,7 @@ class Run:
             task = progress.add_task("preparing", total=self.frames * len(self.lanes))
             for lane in self.lanes:
                 progress.update(task, description=f"preparing {lane.method}")
-                self._prepare(lane)
+                self._prepare(lane, finished[lane.method, lane.variant])
             for index in range(self.frames):
                 self._one_frame(index, done, finished, progress, task)
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
@@ -124,8 +124,9 @@ class Run:
             lane.dead = stopped.get(key)
         return counts
 
-    def _prepare(self, lane: Lane) -> None:
-        if lane.dead:
+    def _prepare(self, lane: Lane, finished: int) -> None:
+        """Prepare a lane that has frames left, and warm its kernels up."""
+        if lane.dead or finished == self.frames:
             return
         reason = lane.packer.skip(self.session.scene.host)
         if reason:
@@ -133,6 +134,14 @@ class Run:
             return
         with self._guarded(lane, "preparing"):
             self.store.notes[f"prepare_ms/{lane.method}[{lane.variant}]"] = f"{lane.prepare():.1f}"
+        if not lane.dead:
+            work = self.session.source.work(0)
+            with self._guarded(lane, "warming up"), self._limited(lane, 0, packs=2):
+                lane.warm_up(work)
+
+    def _limited(self, lane: Lane, index: int, packs: int) -> AbstractContextManager[None]:
+        """The time limit of so many packings."""
+        return time_limit(packs * self.settings.timeout, lambda: self._give_up(lane, index))
 
     def _one_frame(
         self, index: int, done: set, finished: dict[tuple[str, str], int], progress: Progress, task: Any
@@ -143,7 +152,8 @@ class Run:
         for lane in fresh:
             if lane.dead:
                 self._commit_stopped(lane, index)
-        replayed = [lane for lane in alive if lane not in fresh and finished[lane.method, lane.variant] < self.frames]
+        unfinished = [lane for lane in alive if finished[lane.method, lane.variant] < self.frames]
+        replayed = [lane for lane in unfinished if lane not in fresh]
         novel = None
         if replayed or any(not lane.dead for lane in fresh):
             progress.update(task, description=f"frame {index + 1}: visible set")
@@ -168,7 +178,7 @@ class Run:
     def _measure(self, lane: Lane, work: Work, novel: NovelView) -> None:
         index = work.frame.index
         with self._guarded(lane, f"frame {index}"):
-            with time_limit(self.settings.timeout, lambda: self._give_up(lane, index)):
+            with self._limited(lane, index, packs=1 + len(lane.repeated)):
                 packed = lane.pack(work.frame)
             measured = lane.measure(work, novel, self.metrics, packed, lane.advance(packed.payload))
         if lane.dead:
