@@ -6,7 +6,7 @@ from collections import defaultdict
 from statistics import median
 from typing import Any
 
-from reports.columns import BY_NAME, Column
+from reports.columns import BY_NAME, MEASURED_STATUSES, Column
 
 Key = tuple[str, str]  # method and variant
 Labels = dict[Key, str]
@@ -141,7 +141,7 @@ def _over_frames(rows: list[Row], labels: Labels, column: Column) -> Figure | No
         codings = displayed_codings([row for row in rows if _key(row) == key])
         drawn: list[list] = []
         for coding, frames in codings.items():
-            values = [row[column.name] if row["status"] == "ok" else None for row in frames]
+            values = [row[column.name] if row["status"] in MEASURED_STATUSES else None for row in frames]
             if all(value is None for value in values) or values in drawn:
                 continue
             drawn.append(values)

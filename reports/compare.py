@@ -8,7 +8,7 @@ from pathlib import Path
 from statistics import median
 from typing import Any
 
-from reports.columns import MEASURES, Column
+from reports.columns import MEASURED_STATUSES, MEASURES, Column
 from reports.store import Store
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
@@ -17,6 +17,7 @@ ALPHA = 0.01
 TIME_THRESHOLD = 0.10
 OTHER_THRESHOLD = 0.01
 
+ALL = "all"  # in place of a codec
 OK = Column("ok", "0..1", "share of frames with status ok", "status", float, "higher")
 
 Coding = tuple[str | None, int | None]
@@ -32,8 +33,8 @@ class CompareError(ValueError):
 class Comparison:
     """One metric of one method in two runs.
 
-    variant: of run a, and `A -> B` where the runs differ in it. codec, crf: both None for a metric that is the same for
-        every coding. a, b: medians over the paired frames (for `ok` the shares). change: median of the paired
+    variant: of run a, and `A -> B` where the runs differ in it. codec: `all`, with crf None, for a metric that is the
+        same for every coding. a, b: medians over the paired frames (for `ok` the shares). change: median of the paired
         differences b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all
         pairs are equal. frames: pairs compared.
     verdict: `better` or `worse` (of b) where p < ALPHA and the change reaches the threshold (TIME_THRESHOLD for times,
@@ -42,7 +43,7 @@ class Comparison:
 
     method: str
     variant: str
-    codec: str | None
+    codec: str
     crf: int | None
     metric: str
     unit: str
@@ -58,8 +59,8 @@ class Comparison:
 def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
     """All metrics with a better direction of all methods in both runs, sorted by method, variant, then metric.
 
-    Frames are paired by their number; frames that are not ok in both runs count only for the metric `ok`. Methods are
-    matched by their variant; where both runs hold a single, different variant of a method, these two are compared.
+    Frames are paired by their number; frames without numbers in either run count only for the metric `ok`. Methods
+    are matched by their variant; where both runs hold a single, different variant of a method, these two are compared.
 
     Raises StoreError if a folder has no results, CompareError if the runs differ in scene or path or share no method.
     """
@@ -115,7 +116,7 @@ def _compare_method(name_a: Method, name_b: Method, a: dict, b: dict) -> list[Co
         pairs = {coding: _pairs(metric, a[coding], b[coding]) for coding in codings}
         pairs = {coding: values for coding, values in pairs.items() if values}
         if len(pairs) > 1 and len({tuple(values) for values in pairs.values()}) == 1:
-            pairs = {(None, None): next(iter(pairs.values()))}
+            pairs = {(ALL, None): next(iter(pairs.values()))}
         found += [_judge(name_a[0], variant, coding, metric, values) for coding, values in pairs.items()]
     return found
 
@@ -124,8 +125,8 @@ def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple
     common = sorted(a.keys() & b.keys())
     if metric is OK:
         return [(float(a[frame]["status"] == "ok"), float(b[frame]["status"] == "ok")) for frame in common]
-    good = [frame for frame in common if a[frame]["status"] == b[frame]["status"] == "ok"]
-    values = [(a[frame][metric.name], b[frame][metric.name]) for frame in good]
+    measured = [f for f in common if a[f]["status"] in MEASURED_STATUSES and b[f]["status"] in MEASURED_STATUSES]
+    values = [(a[frame][metric.name], b[frame][metric.name]) for frame in measured]
     return [pair for pair in values if None not in pair]
 
 

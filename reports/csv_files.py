@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from itertools import groupby
 from math import comb
@@ -15,6 +16,7 @@ from typing import Any
 from reports.columns import (
     FRAME_COLUMNS,
     FRAME_KEY,
+    MEASURED_STATUSES,
     MEASURES,
     STAGE_COLUMNS,
     STATISTIC_COLUMNS,
@@ -55,7 +57,7 @@ def replace_file(path: Path, text: str) -> None:
 def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The rows of summary.csv from those of frames.csv, which are sorted by their key.
 
-    Medians and intervals are over the frames with status ok; a measure without a value in any of them is None.
+    Medians and intervals are over the frames with status ok or overflow; a measure without any value is None.
     """
     return [_summary(list(group)) for _, group in groupby(rows, lambda row: [row[name] for name in SUMMARY_KEY])]
 
@@ -63,16 +65,17 @@ def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
 def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     carried = [column.name for column in summary_columns() if column.name in rows[0]]
     summary = {name: rows[0][name] for name in carried}
-    good = [row for row in rows if row["status"] == "ok"]
-    skipped = sum(row["status"] == "skipped" for row in rows)
+    measured = [row for row in rows if row["status"] in MEASURED_STATUSES]
+    counts = Counter(row["status"] for row in rows)
     summary |= {
         "frames": len(rows),
-        "frames_ok": len(good),
-        "frames_skipped": skipped,
-        "frames_failed": len(rows) - len(good) - skipped,
+        "frames_ok": counts["ok"],
+        "frames_overflow": counts["overflow"],
+        "frames_skipped": counts["skipped"],
+        "frames_failed": counts["invalid"] + counts["timeout"] + counts["failed"],
     }
     for measure in MEASURES:
-        values = sorted(row[measure.name] for row in good if row[measure.name] is not None)
+        values = sorted(row[measure.name] for row in measured if row[measure.name] is not None)
         low, high = median_interval(values)
         summary |= {
             f"{measure.name}_median": float(median(values)) if values else None,

@@ -16,6 +16,7 @@ from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store
 from reports.tables import headline_tables, number, ranges, table
 
+NOTES = ("environment", "device", "warning", "skipped", "scene", "prepare_ms")
 PARTS = ("page.css", "charts.js", "viewer.js")
 
 Row = dict[str, Any]
@@ -29,7 +30,7 @@ def write_report(folder: Path) -> Path:
     folder = Path(folder)
     with Store(folder, must_exist=True) as store:
         rows, stages, statistics = store.rows(), store.stages(), store.statistics()
-        notes = {name: store.notes.under(name) for name in ("environment", "warning", "skipped", "scene")}
+        notes = {name: store.notes.under(name) for name in NOTES}
         settings = (store.plan() or {}).get("settings", {})
     pictures = find_pictures(folder)
     labels = charts.method_labels(list({(row["method"], row["variant"]) for row in rows}))
@@ -48,7 +49,7 @@ def write_report(folder: Path) -> Path:
     page = files("reports").joinpath("page.html").read_text(encoding="utf-8")
     slots = {
         "title": escape(_title(rows)),
-        "header": _header(rows, notes["environment"]),
+        "header": _header(rows, notes),
         "body": "\n".join(sections),
         "figures": _json(_figures(rows, summaries, stages, labels)),
         "pictures": _json(embedded),
@@ -75,7 +76,7 @@ def _title(rows: list[Row]) -> str:
     return f"{rows[0]['scene']}, {rows[0]['path']}" if rows else "No frame finished"
 
 
-def _header(rows: list[Row], environment: dict[str, str]) -> str:
+def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
     """The title, and the facts that say what was measured and where."""
     if not rows:
         return "<h1>No frame is finished yet</h1>"
@@ -89,8 +90,11 @@ def _header(rows: list[Row], environment: dict[str, str]) -> str:
         "Seed": _joined(row, "{seed}"),
         "Scene": _joined(row, "{scene_hash:.12}"),
         "Path": _joined(row, "{path_hash:.12}"),
-    } | {name.capitalize(): text for name, text in environment.items()}
-    facts.setdefault("Device", row["device"] or "")
+        "Device": notes["device"].get("name") or row["device"] or "",
+        "Driver": notes["device"].get("version", ""),
+        "Machine": notes["environment"].get("machine", ""),
+        "Date": notes["environment"].get("date", ""),
+    }
     items = "".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in facts.items() if text
     )
@@ -121,7 +125,7 @@ def _warnings(warnings: dict[str, str], rows: list[Row]) -> str:
     texts = list(warnings.values())
     bad = {(row["method"], row["variant"], row["frame"]) for row in rows if row["status"] not in ("ok", "skipped")}
     if bad:
-        texts.append(f"{len(bad)} of the frames are not ok: see Failures. Medians leave them out.")
+        texts.append(f"{len(bad)} of the frames are not ok: see Failures. Of these, only overflows enter medians.")
     items = "".join(f"<li>{escape(text)}</li>" for text in texts)
     return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
 
@@ -228,7 +232,9 @@ def _failures(rows: list[Row], labels: charts.Labels) -> str:
     return _section(
         "failures",
         "Failures",
-        _caption("Frames that are neither ok nor skipped, and why; they enter no median. None is best."),
+        _caption(
+            "Frames that are neither ok nor skipped, and why: fewer is better. Of these, only overflows enter medians."
+        ),
         table(["method", "status", "frames", "reason"], lines, texts=4),
     )
 
@@ -244,17 +250,17 @@ def _reasons(rows: list[Row], labels: charts.Labels) -> list[list[str]]:
 
 
 def _skipped(skipped: dict[str, str], rows: list[Row], labels: charts.Labels) -> str:
-    """What did not run because the scene does not need it: whole methods, and stages noted as METHOD/STAGE."""
+    """What did not run because the scene does not need it: whole methods, and stages."""
     methods = _reasons([row for row in rows if row["status"] == "skipped"], labels)
-    lines = [[method, f"frames {frames}", reason] for method, _, frames, reason in methods]
-    lines += [[*key.partition("/")[::2], reason] for key, reason in skipped.items()]
+    lines = [[f"{method}, frames {frames}", reason] for method, _, frames, reason in methods]
+    lines += [[stage, reason] for stage, reason in skipped.items()]
     if not lines:
         return ""
     return _section(
         "skipped",
         "Skipped",
         _caption("What the scene does not need, and why: it cost nothing and changes no number."),
-        table(["method", "skipped", "reason"], lines, texts=3),
+        table(["skipped", "reason"], lines, texts=2),
     )
 
 
@@ -263,7 +269,10 @@ def _details(notes: dict[str, dict[str, str]], settings: dict[str, Any], labels:
     lists = {
         "Scene": notes["scene"],
         "Parameters": {label: variant or "none" for (_, variant), label in labels.items()},
+        "Preparation, once per scene (ms)": notes["prepare_ms"],
         "Settings": {name: json.dumps(value, ensure_ascii=False) for name, value in settings.items()},
+        "Device": notes["device"],
+        "Machine and software": notes["environment"],
     }
     folded = [
         f"<details><summary>{title}</summary>{table(['name', 'value'], [list(item) for item in values.items()], 2)}"

@@ -1,7 +1,8 @@
 """Pictures of a run: where they lie in its folder, and how they get into the report.
 
 `pictures/reference/frame_0000.png` is the reference of a frame; `pictures/FOLDER/frame_0000_NAME.png` are those of one
-method and variant, NAME being client, flip, atlas or anything else. `pictures/pictures.json` says whose FOLDER is.
+method and variant, NAME being client, flip, atlas or anything else. `pictures/pictures.json` says whose each FOLDER is:
+{FOLDER: {"method": ..., "variant": ...}}.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reports.csv_files import replace_file
+from reports.store import StoreError
 
 EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
 ATLAS_SIDE = 1024
@@ -40,17 +41,8 @@ class Pictures:
         return sorted({frame for frames in self.methods.values() for frame in frames})
 
 
-def register_pictures(folder: Path, name: str, method: str, variant: str) -> Path:
-    """Make `folder`/pictures/`name` for the pictures of a method and variant, and return its path."""
-    place = folder / "pictures" / name
-    place.mkdir(parents=True, exist_ok=True)
-    known = _known(folder) | {name: {"method": method, "variant": variant}}
-    replace_file(folder / "pictures" / "pictures.json", json.dumps(known, indent=1, sort_keys=True) + "\n")
-    return place
-
-
 def find_pictures(folder: Path) -> Pictures:
-    """The pictures in `folder`/pictures; none where there is no such folder."""
+    """The pictures in `folder`/pictures; none where there is no such folder. Raises StoreError for a broken list."""
     references: dict[int, Path] = {}
     for path in sorted((folder / "pictures" / "reference").glob("*.png")):
         if match := _REFERENCE.fullmatch(path.name):
@@ -66,7 +58,10 @@ def find_pictures(folder: Path) -> Pictures:
 
 def _known(folder: Path) -> dict[str, dict[str, str]]:
     file = folder / "pictures" / "pictures.json"
-    return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    try:
+        return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    except json.JSONDecodeError as error:
+        raise StoreError(f"{file} is broken ({error}): run the same command again, or remove the file.") from error
 
 
 def embed(pictures: Pictures, frames: Iterable[int], labels: dict[tuple[str, str], str]) -> dict:

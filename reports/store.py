@@ -199,7 +199,8 @@ class Notes(MutableMapping[str, str]):
     """Texts about a run, by key; each is committed as it is set, and iteration is sorted by key.
 
     Keys are PREFIX/NAME. The report shows `environment/...` (machine, device, versions), `warning/...`,
-    `skipped/METHOD/STAGE` (the reason as value) and `scene/...` (what was found, repaired or is not supported).
+    `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...` and
+    `prepare_ms/METHOD`.
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:
@@ -225,8 +226,9 @@ class Notes(MutableMapping[str, str]):
         return self._connection.execute("SELECT count(*) FROM notes").fetchone()[0]
 
     def under(self, prefix: str) -> dict[str, str]:
-        """The notes whose key starts with `prefix`/, by the rest of their key."""
-        return {key.removeprefix(f"{prefix}/"): self[key] for key in self if key.startswith(f"{prefix}/")}
+        """The notes whose key starts with `prefix`/ (the slash may be given), by the rest of their key."""
+        start = f"{prefix.rstrip('/')}/"
+        return {key.removeprefix(start): self[key] for key in self if key.startswith(start)}
 
 
 def _of_frames(table: str, values: str, order: str) -> str:

@@ -7,7 +7,7 @@ from html import escape
 from typing import Any
 
 from reports.charts import Key, Labels, arrow, coding_label, displayed_codings
-from reports.columns import BY_NAME
+from reports.columns import BY_NAME, MEASURED_STATUSES
 from reports.csv_files import median_interval
 
 Row = dict[str, Any]
@@ -69,9 +69,9 @@ class Line:
         return self.summary["codec"], self.summary["crf"]
 
     def values(self, name: str) -> dict[int, float]:
-        """The values of a measure in the frames that are ok, by frame."""
-        good = (row for row in self.rows if row["status"] == "ok")
-        return {row["frame"]: row[name] for row in good if row[name] is not None}
+        """The values of a measure in the frames that were measured, by frame."""
+        measured = (row for row in self.rows if row["status"] in MEASURED_STATUSES)
+        return {row["frame"]: row[name] for row in measured if row[name] is not None}
 
 
 def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> list[tuple[str, str]]:
@@ -82,7 +82,7 @@ def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> li
     coded = [line for line in judged if line.coding[0] != "none" or len(shown[line.key]) == 1]
     frames = {key: _frames(rows, key) for key in labels}
     return [
-        (f"Work and time per frame: medians of frames that are ok, below them their 95 % interval. {MARK}",
+        (f"Work and time per frame: medians of the measured frames, below them their 95 % interval. {MARK}",
          _measures(firsts, WORK, labels, frames, coding=False)),
         ("Error of the client's picture against the reference, with and without video coding.",
          _measures(judged, QUALITY, labels, frames)),

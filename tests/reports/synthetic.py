@@ -59,13 +59,15 @@ def make_store(folder: Path, frames: int = FRAMES, slower: float = 1.0, order: i
     """Fill a new store; `order` -1 commits the frames backwards, which must change no file."""
     with Store(folder) as store:
         store.set_plan(PLAN)
-        store.notes["environment/device"] = "cpu-skylake (PoCL 7.1), 2 compute units"
-        store.notes["environment/versions"] = "Python 3.11.7, NumPy 2.4.1, PyOpenCL 2026.1"
-        store.notes["environment/kernels"] = "1f9ac02b7"
+        store.notes["device/name"] = "cpu-skylake"
+        store.notes["device/version"] = "OpenCL 3.0 PoCL 7.1"
+        store.notes["environment/machine"] = "x86_64, 2 cores"
+        store.notes["environment/numpy"] = "2.4.1"
+        store.notes["prepare_ms/sas"] = "412.0"
         store.notes["environment/date"] = "2030-01-02 03:04 UTC"
         store.notes["warning/noise"] = "Repeated timings spread by 14 %: other programs were running."
-        store.notes["skipped/all/shade/normal_map"] = "no material has a normal map"
-        store.notes["skipped/bins/structs/slanted"] = "no slanted triangle is in view <of any frame>"
+        store.notes["skipped/normal maps"] = "no material has a normal map"
+        store.notes["skipped/slanted triangles"] = "no slanted triangle is in view <of any frame>"
         store.notes["scene/repair"] = "12 degenerate triangles were dropped."
         for method, (variant, cost, _) in METHODS.items():
             for frame in range(frames)[::order]:

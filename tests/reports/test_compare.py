@@ -33,7 +33,7 @@ def test_a_run_is_the_same_as_itself_and_metrics_of_all_codings_are_merged(tmp_p
     assert {item.verdict for item in found} == {"same"}
     assert {item.method for item in found} == {"grid", "sas", "bins"}
     server = [item for item in found if (item.method, item.metric) == ("sas", "server_ms")]
-    assert [(item.codec, item.crf, item.frames) for item in server] == [(None, None, 12)]
+    assert [(item.codec, item.crf, item.frames) for item in server] == [("all", None, 12)]
     video = [(item.codec, item.crf) for item in found if (item.method, item.metric) == ("sas", "bytes_video")]
     assert video == [("h264", 5), ("h264", 10), ("h264", 25), ("h264", 35), ("none", None)]
 

@@ -15,7 +15,7 @@ import pytest
 from reports.charts import method_labels
 from reports.csv_files import write_all
 from reports.html import chosen_frames, write_report
-from reports.pictures import find_pictures, register_pictures
+from reports.pictures import find_pictures
 from reports.store import Store, StoreError
 from reports.tables import number, ranges
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
@@ -34,15 +34,19 @@ def write_png(path: Path, pixels: np.ndarray) -> None:
 
 def add_pictures(folder: Path, frames: tuple[int, ...]) -> None:
     (folder / "pictures" / "reference").mkdir(parents=True)
+    owners = {}
     for frame in frames:
         write_png(folder / f"pictures/reference/frame_{frame:04d}.png", make_picture(0, 64, 36))
         for index, (method, (variant, _, _)) in enumerate(METHODS.items()):
-            place = register_pictures(folder, f"{method}-1a2b", method, variant)
+            place = folder / "pictures" / f"{method}-1a2b"
+            place.mkdir(exist_ok=True)
+            owners[place.name] = {"method": method, "variant": variant}
             atlas = make_picture(0, 1100, 300)
             write_png(place / f"frame_{frame:04d}_client.png", make_picture(index + 1, 64, 36))
             write_png(place / f"frame_{frame:04d}_flip.png", make_picture(index + 2, 64, 36))
             write_png(place / f"frame_{frame:04d}_atlas.png", np.dstack([atlas, atlas[..., :1]]))
             write_png(place / f"frame_{frame:04d}_owners.png", atlas)
+    (folder / "pictures" / "pictures.json").write_text(json.dumps(owners))
 
 
 @pytest.fixture(scope="module")
