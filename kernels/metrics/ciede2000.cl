@@ -57,6 +57,13 @@ inline float16 rotation_term(const float16 c, const float16 s, const float16 chr
     return -2.0f * small_sine(1.04719755f * spread) * chroma_weight(chroma);
 }
 
+// Unfused, so that it is exactly 0 for equal and for opposite hues.
+inline float16 cross_product(const wide3 p, const wide3 q)
+{
+    #pragma OPENCL FP_CONTRACT OFF
+    return p.y * q.z - q.y * p.z;
+}
+
 inline float16 ciede2000(const wide3 p, const wide3 q)
 {
     const float16 mean_ab = 0.5f * (sqrt(p.y * p.y + p.z * p.z) + sqrt(q.y * q.y + q.z * q.z));
@@ -69,7 +76,7 @@ inline float16 ciede2000(const wide3 p, const wide3 q)
     // Cosine and sine of the hue difference, times both chromas. The sign of the sine decides which way round the mean
     // hue lies, so it comes from a and b before the stretch, where opposite hues cancel exactly.
     const float16 dot_pq = pa * qa + p.z * q.z;
-    const float16 cross_pq = stretch * (p.y * q.z - q.y * p.z);
+    const float16 cross_pq = stretch * cross_product(p, q);
     // 2 sqrt(C1 C2) sin(dh / 2), from the sine where the cosine is safe to add, else from the cosine.
     const float16 near_hue = 1.41421356f * cross_pq / sqrt(larger(safe + dot_pq, 0.5f * safe));
     const float16 far_hue = sqrt(larger(2.0f * (safe - dot_pq), 0.0f));

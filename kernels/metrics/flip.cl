@@ -5,14 +5,14 @@
 
 #include "metrics/colour.cl"
 
-// Halves of symmetric filters (k = 0..radius), one after the other in `taps`.
-#define LUMINANCE 0
-#define RED_GREEN (LUMINANCE + SHARP_RADIUS + 1)
-#define YELLOW_1 (RED_GREEN + SHARP_RADIUS + 1)
-#define YELLOW_2 (YELLOW_1 + BLUR_RADIUS + 1)
-#define SMOOTH (YELLOW_2 + BLUR_RADIUS + 1)
-#define EDGE (SMOOTH + FEATURE_RADIUS + 1)
-#define POINT (EDGE + FEATURE_RADIUS + 1)
+// Where the middle of each filter lies in `taps`: one after the other, ROWS - 1 zeros on both sides of each.
+#define LUMINANCE (ROWS - 1 + SHARP_RADIUS)
+#define RED_GREEN (LUMINANCE + 2 * (ROWS - 1 + SHARP_RADIUS) + 1)
+#define YELLOW_1 (RED_GREEN + 2 * (ROWS - 1) + SHARP_RADIUS + BLUR_RADIUS + 1)
+#define YELLOW_2 (YELLOW_1 + 2 * (ROWS - 1 + BLUR_RADIUS) + 1)
+#define SMOOTH (YELLOW_2 + 2 * (ROWS - 1) + BLUR_RADIUS + FEATURE_RADIUS + 1)
+#define EDGE (SMOOTH + 2 * (ROWS - 1 + FEATURE_RADIUS) + 1)
+#define POINT (EDGE + 2 * (ROWS - 1 + FEATURE_RADIUS) + 1)
 
 // Opponent planes: Y, X - Y and Y - Z, relative to white. YCxCz is 116 Y - 16, 500 (X - Y), 200 (Y - Z); the filters
 // are linear with sum 1, so the scale may wait. Margins repeat the border pixels.
@@ -35,7 +35,6 @@ __kernel void opponents(const int width, const int height, const int stride, __g
 // One symmetric filter along `step` elements (1: the row).
 inline float16 filtered(__global const float *p, const int radius, __global const float *taps)
 {
-    #pragma OPENCL FP_CONTRACT ON
     float16 sum = taps[0] * vload16(0, p);
     for (int k = 1; k <= radius; k++)
         sum = taps[k] * (vload16(0, p - k) + vload16(0, p + k)) + sum;
@@ -46,7 +45,6 @@ inline float16 filtered(__global const float *p, const int radius, __global cons
 __kernel void filter_rows(const int width, const int height, const int stride, __global const float *planes,
                           __global const float *taps, __global float *rows)
 {
-    #pragma OPENCL FP_CONTRACT ON
     const int pieces = (width + PIECE - 1) / PIECE;
     const int row = get_global_id(0) / pieces;
     if (row >= height)
@@ -81,23 +79,6 @@ __kernel void filter_rows(const int width, const int height, const int stride, _
     vstore16(point, 0, out + 6 * size);
 }
 
-// Offset of a row, the first and last repeated beyond the border.
-inline int row_offset(const int row, const int height, const int stride)
-{
-    return clamp(row, 0, height - 1) * stride;
-}
-
-inline float16 filtered_down(__global const float *p, const int row, const int height, const int stride,
-                             const int radius, __global const float *taps)
-{
-    #pragma OPENCL FP_CONTRACT ON
-    float16 sum = taps[0] * vload16(0, p + row * stride);
-    for (int k = 1; k <= radius; k++)
-        sum = taps[k] * (vload16(0, p + row_offset(row - k, height, stride)) +
-                         vload16(0, p + row_offset(row + k, height, stride))) + sum;
-    return sum;
-}
-
 // Filtered opponents to Hunt-adjusted CIELAB: out of gamut colours are clamped to the display's.
 inline wide3 hunt_lab(const wide3 opponents, __global const float *to_rgb, __global const float *to_xyz)
 {
@@ -112,43 +93,54 @@ inline wide3 hunt_lab(const wide3 opponents, __global const float *to_rgb, __glo
     return lab;
 }
 
-// The vertical passes and what is compared. out: 5 planes: L, a, b (Hunt-adjusted), edge and point magnitude.
+// The vertical passes over colours. features: planes 0..2: L, a, b (Hunt-adjusted).
 // share: of the first of the two Gaussians of blue-yellow.
-__kernel void filter_columns(const int width, const int height, const int stride, __global const float *rows,
+__kernel void colour_columns(const int width, const int height, const int stride, __global const float *rows,
                              __global const float *taps, const float share, __global const float *to_rgb,
                              __global const float *to_xyz, __global float *features)
 {
-    #pragma OPENCL FP_CONTRACT ON
     const int pieces = (width + PIECE - 1) / PIECE;
-    const int row = get_global_id(0) / pieces;
+    const int row = get_global_id(0) / pieces * ROWS;
     if (row >= height)
         return;
     const int size = height * stride;
     const int column = plane_offset(stride, 0, (get_global_id(0) % pieces) * PIECE);
     __global const float *in = rows + column;
-    const float16 first = filtered_down(in + 2 * size, row, height, stride, BLUR_RADIUS, taps + YELLOW_1);
-    const float16 second = filtered_down(in + 3 * size, row, height, stride, BLUR_RADIUS, taps + YELLOW_2);
-    const wide3 opponents = {filtered_down(in, row, height, stride, SHARP_RADIUS, taps + LUMINANCE),
-                             filtered_down(in + size, row, height, stride, SHARP_RADIUS, taps + RED_GREEN),
-                             second + share * (first - second)};
-    const wide3 lab = hunt_lab(opponents, to_rgb, to_xyz);
-    __global float *out = features + column + row * stride;
-    vstore16(lab.x, 0, out);
-    vstore16(lab.y, 0, out + size);
-    vstore16(lab.z, 0, out + 2 * size);
-
-    const float16 edge_x = filtered_down(in + 5 * size, row, height, stride, FEATURE_RADIUS, taps + SMOOTH);
-    const float16 point_x = filtered_down(in + 6 * size, row, height, stride, FEATURE_RADIUS, taps + SMOOTH);
-    __global const float *smooth = in + 4 * size;
-    float16 edge_y = 0.0f, point_y = taps[POINT] * vload16(0, smooth + row * stride);
-    for (int k = 1; k <= FEATURE_RADIUS; k++) {
-        const float16 above = vload16(0, smooth + row_offset(row - k, height, stride));
-        const float16 below = vload16(0, smooth + row_offset(row + k, height, stride));
-        edge_y = taps[EDGE + k] * (below - above) + edge_y;
-        point_y = taps[POINT + k] * (above + below) + point_y;
+    const wide_rows luminance = filtered_down(in, row, height, stride, SHARP_RADIUS, taps + LUMINANCE);
+    const wide_rows red_green = filtered_down(in + size, row, height, stride, SHARP_RADIUS, taps + RED_GREEN);
+    const wide_rows first = filtered_down(in + 2 * size, row, height, stride, BLUR_RADIUS, taps + YELLOW_1);
+    const wide_rows second = filtered_down(in + 3 * size, row, height, stride, BLUR_RADIUS, taps + YELLOW_2);
+    for (int k = 0; k < ROWS && row + k < height; k++) {
+        const wide3 opponents = {luminance.row[k], red_green.row[k],
+                                 second.row[k] + share * (first.row[k] - second.row[k])};
+        const wide3 lab = hunt_lab(opponents, to_rgb, to_xyz);
+        __global float *out = features + column + (row + k) * stride;
+        vstore16(lab.x, 0, out);
+        vstore16(lab.y, 0, out + size);
+        vstore16(lab.z, 0, out + 2 * size);
     }
-    vstore16(sqrt(edge_x * edge_x + edge_y * edge_y), 0, out + 3 * size);
-    vstore16(sqrt(point_x * point_x + point_y * point_y), 0, out + 4 * size);
+}
+
+// The vertical passes over features. features: planes 3 and 4: magnitudes of edges and points.
+__kernel void feature_columns(const int width, const int height, const int stride, __global const float *rows,
+                              __global const float *taps, __global float *features)
+{
+    const int pieces = (width + PIECE - 1) / PIECE;
+    const int row = get_global_id(0) / pieces * ROWS;
+    if (row >= height)
+        return;
+    const int size = height * stride;
+    const int column = plane_offset(stride, 0, (get_global_id(0) % pieces) * PIECE);
+    __global const float *smooth = rows + 4 * size + column;
+    const wide_rows edge_x = filtered_down(smooth + size, row, height, stride, FEATURE_RADIUS, taps + SMOOTH);
+    const wide_rows point_x = filtered_down(smooth + 2 * size, row, height, stride, FEATURE_RADIUS, taps + SMOOTH);
+    const wide_rows edge_y = filtered_down(smooth, row, height, stride, FEATURE_RADIUS, taps + EDGE);
+    const wide_rows point_y = filtered_down(smooth, row, height, stride, FEATURE_RADIUS, taps + POINT);
+    for (int k = 0; k < ROWS && row + k < height; k++) {
+        __global float *out = features + 3 * size + column + (row + k) * stride;
+        vstore16(sqrt(edge_x.row[k] * edge_x.row[k] + edge_y.row[k] * edge_y.row[k]), 0, out);
+        vstore16(sqrt(point_x.row[k] * point_x.row[k] + point_y.row[k] * point_y.row[k]), 0, out + size);
+    }
 }
 
 // Features of two pictures to the FLIP value of each pixel, 0..1, and the sum over each piece.

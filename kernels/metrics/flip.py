@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.metrics.colour import RGB_TO_RELATIVE, lab_from_relative, linear_values
-from kernels.metrics.planes import MARGIN, Layout, total
+from kernels.metrics.planes import MARGIN, Layout, padded_taps, total
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -74,9 +74,9 @@ class Filters:
 
     @property
     def taps(self) -> np.ndarray:
-        """The halves k = 0..radius of all filters, one after the other, float32; `edge` is odd: its right half."""
+        """All filters one after the other, float32, each between the zeros that `filtered_down` wants."""
         whole = (self.luminance, self.red_green, self.yellow_1, self.yellow_2, self.smooth, self.edge, self.point)
-        return np.concatenate([f[len(f) // 2 :] for f in whole]).astype(np.float32)
+        return np.concatenate([padded_taps(taps) for taps in whole])
 
 
 def _halves_sum_to_one(values: np.ndarray) -> np.ndarray:
@@ -128,8 +128,9 @@ class Flip:
         launch("metrics/flip/opponents", kernels.opponents, pieces, *size, image, self.linear, self.to_xyz, self.planes)
         launch("metrics/flip/rows", kernels.filter_rows, at.items, *size, self.planes, self.taps, self.rows)
         colour = (self.share, self.to_rgb, self.to_xyz)
-        columns = kernels.filter_columns
-        launch("metrics/flip/columns", columns, at.items, *size, self.rows, self.taps, *colour, features)
+        filtered, stage = (self.rows, self.taps), "metrics/flip/columns"
+        launch(stage, kernels.colour_columns, at.row_items(at.height), *size, *filtered, *colour, features)
+        launch(stage, kernels.feature_columns, at.row_items(at.height), *size, *filtered, features)
 
     def reference(self, image: Array) -> None:
         """Take the picture that all others are compared with."""

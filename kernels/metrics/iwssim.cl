@@ -35,7 +35,6 @@ inline int reflected(const int row, const int height, const int skip)
 // 16 columns of the vertical pass around `row`.
 inline float16 binomial_column(__global const float *p, const int row, const int height, const int stride)
 {
-    #pragma OPENCL FP_CONTRACT ON
     const float16 far = vload16(0, p + reflected(row - 2, height, 1) * stride) +
                         vload16(0, p + reflected(row + 2, height, 1) * stride);
     const float16 near = vload16(0, p + reflected(row - 1, height, 1) * stride) +
@@ -47,7 +46,6 @@ inline float16 binomial_column(__global const float *p, const int row, const int
 __kernel void reduce(const int height, const int stride, const int coarse_width, const int coarse_height,
                      const int coarse_stride, __global const float *fine, __global float *coarse)
 {
-    #pragma OPENCL FP_CONTRACT ON
     const int pieces = (coarse_width + PIECE - 1) / PIECE;
     const int row = get_global_id(0) / pieces;
     if (row >= coarse_height)
@@ -154,7 +152,6 @@ __kernel void whitened_energy(const int width, const int height, const int strid
                               __global const float *band, __global const float *parent,
                               __global const float *whiten, __global float *energy)
 {
-    #pragma OPENCL FP_CONTRACT ON
     const int pieces = (width + PIECE - 1) / PIECE;
     const int row = get_global_id(0) / pieces + 1;
     if (row >= height - 1)
@@ -179,28 +176,25 @@ typedef struct {
     float16 gain, variance;
 } channel_model;
 
-inline channel_model fitted(__global const float *reference, __global const float *test, const int at,
-                            const int stride, const float least)
+inline channel_model fitted(__global const float *reference, __global const float *test, const int stride,
+                            const float least)
 {
-    float16 mean_r = 0.0f, mean_t = 0.0f;
+    // Moments about the middle pixel: small numbers, so that nothing is lost in the difference of squares.
+    const float16 middle_r = vload16(0, reference), middle_t = vload16(0, test);
+    float16 mean_r = 0.0f, mean_t = 0.0f, rr = 0.0f, tt = 0.0f, rt = 0.0f;
     for (int k = 0; k < 9; k++) {
-        const int i = at + (k / 3 - 1) * stride + k % 3 - 1;
-        mean_r += vload16(0, reference + i);
-        mean_t += vload16(0, test + i);
-    }
-    mean_r *= 1.0f / 9;
-    mean_t *= 1.0f / 9;
-    float16 rr = 0.0f, tt = 0.0f, rt = 0.0f;
-    for (int k = 0; k < 9; k++) {
-        const int i = at + (k / 3 - 1) * stride + k % 3 - 1;
-        const float16 r = vload16(0, reference + i) - mean_r, t = vload16(0, test + i) - mean_t;
+        const int i = (k / 3 - 1) * stride + k % 3 - 1;
+        const float16 r = vload16(0, reference + i) - middle_r, t = vload16(0, test + i) - middle_t;
+        mean_r += r;
+        mean_t += t;
         rr += r * r;
         tt += t * t;
         rt += r * t;
     }
-    rr *= 1.0f / 9;
-    tt *= 1.0f / 9;
-    rt *= 1.0f / 9;
+    const float ninth = 1.0f / 9;
+    rr = (rr - mean_r * mean_r * ninth) * ninth;
+    tt = (tt - mean_t * mean_t * ninth) * ninth;
+    rt = (rt - mean_r * mean_t * ninth) * ninth;
     const int16 no_reference = rr < least, no_test = tt < least;
     const float16 gain = rt / larger(rr, least);
     const float16 variance = larger(tt - gain * rt, 0.0f);
@@ -225,7 +219,7 @@ inline float16 information(const channel_model m, const float16 energy, const in
     return convert_float16(exponents) + logarithm2(product);
 }
 
-// The vertical window pass of the test, and per piece the sums of weight * contrast-structure and of weight.
+// The vertical window pass of the test, and per work-item the sums of weight * contrast-structure and of weight.
 __kernel void weighted_sums(const int width, const int height, const int stride, const int neighbours,
                             __global const float *moments, __global const float *rows, __global const float *taps,
                             const float c1, const float c2, __global const float *reference,
@@ -234,20 +228,27 @@ __kernel void weighted_sums(const int width, const int height, const int stride,
 {
     const int pieces = (width + PIECE - 1) / PIECE;
     const int id = get_global_id(0);
-    const int row = id / pieces + RADIUS;
+    const int row = id / pieces * ROWS + RADIUS;
     if (row >= height - RADIUS)
         return;
-    const int column = (id % pieces) * PIECE;
-    const int at = plane_offset(stride, row, column);
+    const int first = (id % pieces) * PIECE;
+    const int column = plane_offset(stride, 0, first);
     const int size = height * stride;
-    const similarity s = similarity_of(
-        vload16(0, moments + at), vload16(0, moments + at + size), window_column(rows + at, stride, taps),
-        window_column(rows + at + size, stride, taps), window_column(rows + at + 2 * size, stride, taps), 0.0f, c1,
-        c2);
-    const channel_model model = fitted(reference, test, at, stride, least);
-    const float16 weight = information(model, vload16(0, energy + at), neighbours, eigenvalues);
-    partial[2 * id] = sum_of_lanes(inside_only(weight * s.contrast_structure, column, RADIUS, width - RADIUS));
-    partial[2 * id + 1] = sum_of_lanes(inside_only(weight, column, RADIUS, width - RADIUS));
+    const wide_rows mean = window_columns(rows + column, row, height, stride, taps);
+    const wide_rows square = window_columns(rows + column + size, row, height, stride, taps);
+    const wide_rows product = window_columns(rows + column + 2 * size, row, height, stride, taps);
+    float16 weighted = 0.0f, weights = 0.0f;
+    for (int k = 0; k < ROWS && row + k < height - RADIUS; k++) {
+        const int at = column + (row + k) * stride;
+        const similarity s = similarity_of(vload16(0, moments + at), vload16(0, moments + at + size), mean.row[k],
+                                           square.row[k], product.row[k], 0.0f, c1, c2);
+        const channel_model model = fitted(reference + at, test + at, stride, least);
+        const float16 weight = information(model, vload16(0, energy + at), neighbours, eigenvalues);
+        weighted += weight * s.contrast_structure;
+        weights += weight;
+    }
+    partial[2 * id] = sum_of_lanes(inside_only(weighted, first, RADIUS, width - RADIUS));
+    partial[2 * id + 1] = sum_of_lanes(inside_only(weights, first, RADIUS, width - RADIUS));
 }
 
 // SSIM on the coarsest plane, whose values reach thousands: moments about the window's own middle pixel.
@@ -256,6 +257,8 @@ __kernel void coarsest_similarity(const int width, const int height, const int s
                                   __global const float *test, __global const float *taps, const float origin,
                                   const float c1, const float c2, __global float *ssim)
 {
+    // Unfused, so that identical pictures give exactly 1.
+    #pragma OPENCL FP_CONTRACT OFF
     const int across = width - 2 * RADIUS;
     const int id = get_global_id(0);
     const int row = id / across + RADIUS;
@@ -266,7 +269,7 @@ __kernel void coarsest_similarity(const int width, const int height, const int s
     float mu_a = 0.0f, mu_b = 0.0f, aa = 0.0f, bb = 0.0f, ab = 0.0f;
     for (int y = -RADIUS; y <= RADIUS; y++)
         for (int x = -RADIUS; x <= RADIUS; x++) {
-            const float w = taps[y + RADIUS] * taps[x + RADIUS];
+            const float w = taps[MIDDLE + y] * taps[MIDDLE + x];
             const float a = reference[at + y * stride + x] - middle_a, b = test[at + y * stride + x] - middle_b;
             mu_a += w * a;
             mu_b += w * b;

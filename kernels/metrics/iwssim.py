@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.metrics.colour import luma
-from kernels.metrics.planes import Layout
+from kernels.metrics.planes import Layout, padded_taps
 from kernels.metrics.ssim import C1, C2, ORIGIN, RADIUS, similarity_twin, window
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ class IwSsim:
         if min(width, height) < SMALLEST_SIDE:
             raise ValueError(f"IW-SSIM needs {SMALLEST_SIDE} pixels a side, and the picture has {width}x{height}.")
         self.device, self.kernels = device, device.build("metrics/iwssim.cl")
-        self.taps = device.upload(window().astype(np.float32))
+        self.taps = device.upload(padded_taps(window()))
         self.layouts = [Layout(-(-width // 2**k), -(-height // 2**k)) for k in range(SCALES)]
         self.levels = [layout.empty(device) for layout in self.layouts]
         self.bands = [self._band(k) for k in range(SCALES - 1)]
@@ -90,7 +90,7 @@ class IwSsim:
 
     def _band(self, k: int) -> _Band:
         layout, device = self.layouts[k], self.device
-        inner = (layout.height - 2 * RADIUS) * layout.pieces
+        inner = layout.row_items(layout.height - 2 * RADIUS)
         planes = [layout.empty(device, count) for count in (1, 1, 3, 2, 1)]
         return _Band(layout, *planes, device.empty((inner, 2), np.float32), 9 + (k < WITH_PARENT))
 

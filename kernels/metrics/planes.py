@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 PIECE = 16
 MARGIN = 16
+ROWS = 4
 
 
 @dataclass(frozen=True)
@@ -36,6 +37,10 @@ class Layout:
         """Work-items of a kernel that handles one piece each."""
         return self.height * self.pieces
 
+    def row_items(self, rows: int) -> int:
+        """Work-items of a kernel that handles the pieces of ROWS rows each, for `rows` rows."""
+        return -(-rows // ROWS) * self.pieces
+
     @property
     def stride(self) -> int:
         """Elements from one row to the next."""
@@ -48,6 +53,11 @@ class Layout:
     def image(self, planes: Array) -> np.ndarray:
         """The pixels without margins, float32 (planes, height, width) on the host."""
         return planes.get()[:, :, MARGIN : MARGIN + self.width]
+
+
+def padded_taps(taps: np.ndarray) -> np.ndarray:
+    """A filter between ROWS - 1 zeros on either side, float32, as `filtered_down` wants it."""
+    return np.pad(taps, ROWS - 1).astype(np.float32)
 
 
 def total(partial: Array) -> float:

@@ -3,6 +3,7 @@
 #include "metrics/colour.cl"
 
 #define RADIUS 5  // an 11 x 11 window
+#define MIDDLE (RADIUS + ROWS - 1)  // of `taps`, which has ROWS - 1 zeros on both sides
 
 // BT.601 luma less 128: the variances that follow are small differences of squares, so the numbers are kept small.
 __kernel void centred_luma(const int width, const int height, const int stride, __global const uint *image,
@@ -20,7 +21,6 @@ __kernel void centred_luma(const int width, const int height, const int stride, 
 __kernel void window_rows(const int width, const int height, const int stride, __global const float *a,
                           __global const float *b, __global const float *taps, __global float *rows)
 {
-    #pragma OPENCL FP_CONTRACT ON
     const int pieces = (width + PIECE - 1) / PIECE;
     const int row = get_global_id(0) / pieces;
     if (row >= height)
@@ -29,7 +29,7 @@ __kernel void window_rows(const int width, const int height, const int stride, _
     float16 mean = 0.0f, square = 0.0f, product = 0.0f;
     for (int k = -RADIUS; k <= RADIUS; k++) {
         const float16 first = vload16(0, a + at + k), second = vload16(0, b + at + k);
-        const float16 weighted = taps[k + RADIUS] * second;
+        const float16 weighted = taps[MIDDLE + k] * second;
         mean += weighted;
         square = weighted * second + square;
         product = weighted * first + product;
@@ -40,14 +40,10 @@ __kernel void window_rows(const int width, const int height, const int stride, _
     vstore16(product, 0, rows + at + 2 * size);
 }
 
-// Vertical pass over the rows around one row, which must all be inside the picture.
-inline float16 window_column(__global const float *p, const int stride, __global const float *taps)
+inline wide_rows window_columns(__global const float *rows, const int row, const int height, const int stride,
+                                __global const float *taps)
 {
-    #pragma OPENCL FP_CONTRACT ON
-    float16 sum = taps[0] * vload16(0, p - RADIUS * stride);
-    for (int k = 1; k <= 2 * RADIUS; k++)
-        sum = taps[k] * vload16(0, p + (k - RADIUS) * stride) + sum;
-    return sum;
+    return filtered_down(rows, row, height, stride, RADIUS, taps + MIDDLE);
 }
 
 // What SSIM compares: contrast and structure together, and luminance.
@@ -60,6 +56,8 @@ typedef struct {
 inline similarity similarity_of(const float16 mu_a, const float16 aa, const float16 mu_b, const float16 bb,
                                 const float16 ab, const float origin, const float c1, const float c2)
 {
+    // Unfused, so that identical pictures give exactly 1.
+    #pragma OPENCL FP_CONTRACT OFF
     const float16 variance_a = larger(aa - mu_a * mu_a, 0.0f);
     const float16 variance_b = larger(bb - mu_b * mu_b, 0.0f);
     const float16 covariance = ab - mu_a * mu_b;
@@ -73,31 +71,41 @@ __kernel void reference_moments(const int width, const int height, const int str
                                 __global const float *taps, __global float *moments)
 {
     const int pieces = (width + PIECE - 1) / PIECE;
-    const int row = get_global_id(0) / pieces + RADIUS;
+    const int row = get_global_id(0) / pieces * ROWS + RADIUS;
     if (row >= height - RADIUS)
         return;
-    const int at = plane_offset(stride, row, (get_global_id(0) % pieces) * PIECE);
+    const int column = plane_offset(stride, 0, (get_global_id(0) % pieces) * PIECE);
     const int size = height * stride;
-    vstore16(window_column(rows + at, stride, taps), 0, moments + at);
-    vstore16(window_column(rows + at + size, stride, taps), 0, moments + at + size);
+    const wide_rows mean = window_columns(rows + column, row, height, stride, taps);
+    const wide_rows square = window_columns(rows + column + size, row, height, stride, taps);
+    for (int k = 0; k < ROWS && row + k < height - RADIUS; k++) {
+        vstore16(mean.row[k], 0, moments + column + (row + k) * stride);
+        vstore16(square.row[k], 0, moments + column + (row + k) * stride + size);
+    }
 }
 
-// The vertical pass of the test, and the sum of SSIM over the pixels of each piece whose window is inside.
+// The vertical pass of the test, and the sum of SSIM over the pixels of each work-item whose window is inside.
 __kernel void similarity_sums(const int width, const int height, const int stride, __global const float *moments,
                               __global const float *rows, __global const float *taps, const float origin,
                               const float c1, const float c2, __global float *partial)
 {
     const int pieces = (width + PIECE - 1) / PIECE;
     const int id = get_global_id(0);
-    const int row = id / pieces + RADIUS;
+    const int row = id / pieces * ROWS + RADIUS;
     if (row >= height - RADIUS)
         return;
-    const int column = (id % pieces) * PIECE;
-    const int at = plane_offset(stride, row, column);
+    const int first = (id % pieces) * PIECE;
+    const int column = plane_offset(stride, 0, first);
     const int size = height * stride;
-    const similarity s = similarity_of(
-        vload16(0, moments + at), vload16(0, moments + at + size), window_column(rows + at, stride, taps),
-        window_column(rows + at + size, stride, taps), window_column(rows + at + 2 * size, stride, taps), origin, c1,
-        c2);
-    partial[id] = sum_of_lanes(inside_only(s.contrast_structure * s.luminance, column, RADIUS, width - RADIUS));
+    const wide_rows mean = window_columns(rows + column, row, height, stride, taps);
+    const wide_rows square = window_columns(rows + column + size, row, height, stride, taps);
+    const wide_rows product = window_columns(rows + column + 2 * size, row, height, stride, taps);
+    float16 sum = 0.0f;
+    for (int k = 0; k < ROWS && row + k < height - RADIUS; k++) {
+        __global const float *reference = moments + column + (row + k) * stride;
+        const similarity s = similarity_of(vload16(0, reference), vload16(0, reference + size), mean.row[k],
+                                           square.row[k], product.row[k], origin, c1, c2);
+        sum += s.contrast_structure * s.luminance;
+    }
+    partial[id] = sum_of_lanes(inside_only(sum, first, RADIUS, width - RADIUS));
 }

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.metrics.colour import luma
-from kernels.metrics.planes import Layout, total
+from kernels.metrics.planes import Layout, padded_taps, total
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -42,10 +42,10 @@ class Ssim:
             raise ValueError(f"SSIM needs {SMALLEST_SIDE} pixels a side, and the picture has {width}x{height}.")
         self.device, self.layout = device, Layout(width, height)
         self.kernels = device.build("metrics/ssim.cl")
-        self.taps = device.upload(window().astype(np.float32))
+        self.taps = device.upload(padded_taps(window()))
         self.luma_reference, self.luma_test = (self.layout.empty(device) for _ in range(2))
         self.rows, self.moments = self.layout.empty(device, 3), self.layout.empty(device, 2)
-        self.inner = (height - 2 * RADIUS) * self.layout.pieces
+        self.inner = self.layout.row_items(height - 2 * RADIUS)
         self.partial = device.empty(self.inner, np.float32)
 
     def _rows(self, image: Array, plane: Array) -> tuple[int, int, int]:
