@@ -47,7 +47,8 @@ def read_gltf(path: Path) -> RawScene:
     materials = GltfMaterials(document, raw)
     nodes = GltfNodes(document)
     _add_parts(document, nodes, materials, raw)
-    raw.cameras = [_camera(document, nodes, node) for node in nodes.drawn if "camera" in nodes.entries[node]]
+    cameras = [_camera(document, nodes, node) for node in nodes.drawn if "camera" in nodes.entries[node]]
+    raw.cameras = sorted(cameras, key=lambda camera: -round(camera.up[1], 1))  # upright ones first: people walk upright
     raw.lights = [
         _light(document, nodes, node) for node in nodes.drawn if _light_index(nodes.entries[node]) is not None
     ]

@@ -59,6 +59,9 @@ class GltfMaterials:
         roughness, metallic = self._surface(pbr)
         strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
         factor = tuple(float(c) for c in entry.get("emissiveFactor", (0, 0, 0)))
+        glow = self._texture(emissive, source, True) if any(factor) else -1
+        if emissive and glow < 0:
+            factor = (0.0, 0.0, 0.0)  # its texture says where it glows, so without it nothing does
         transmission = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)
         if "occlusionTexture" in entry:
             self._raw.note("Occlusion textures, not used: {}.")
@@ -71,7 +74,7 @@ class GltfMaterials:
             normal_texture=self._texture(normal, source, False),
             normal_scale=float((normal or {}).get("scale", 1.0)),
             emissive=tuple(c * float(strength) for c in factor),
-            emissive_texture=self._texture(emissive, source, True) if any(factor) else -1,
+            emissive_texture=glow,
             roughness=roughness,
             metallic=metallic,
             alpha_mode={"MASK": "mask", "BLEND": "blend"}.get(entry.get("alphaMode"), "opaque"),

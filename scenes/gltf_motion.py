@@ -14,7 +14,7 @@ _LONGEST = 36_000  # frames: ten minutes
 
 
 def camera_animations(document: GltfDocument, nodes: GltfNodes) -> list[CameraAnimation]:
-    """Every camera that an animation moves, itself or through an ancestor, in world coordinates."""
+    """Every camera that an animation moves, itself or through an ancestor, in world coordinates; upright ones first."""
     found = []
     for number, animation in enumerate(document.items("animations")):
         channels: dict[int, list[tuple[str, dict]]] = {}
@@ -30,7 +30,13 @@ def camera_animations(document: GltfDocument, nodes: GltfNodes) -> list[CameraAn
                 name = camera.get("name") or nodes.entries[node].get("name") or f"camera {node}"
                 title = animation.get("name") or f"animation {number}"
                 found.append(_sample(document, nodes, lineage, channels, f"{name}, {title}"))
-    return found
+    return sorted(found, key=lambda animation: -round(_uprightness(animation), 1))
+
+
+def _uprightness(animation: CameraAnimation) -> float:
+    """Mean height of the camera's up vector, 1 where it never tilts."""
+    x, _, z, _ = animation.orientations.T
+    return float((1 - 2 * (x * x + z * z)).mean())
 
 
 def _sample(

@@ -7,22 +7,23 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.model import Light, Scene, Sky
+from scenes.model import Camera, Light, Scene, Sky
 from scenes.rays import Rays
 
 _SUN = (3.6, 3.35, 2.95)  # irradiance facing the sun: somewhat warm, about three times that of the sky
 _SUN_HEIGHT = 50.0  # degrees above the horizon
-_SUN_ASIDE = 50.0  # degrees from over the viewer's shoulder, so that shadows are seen
+_SUN_ASIDE = (50.0, -50.0, 110.0, -110.0)  # degrees from the viewer's heading, in order of preference
 _SKY = Sky((0.24, 0.34, 0.52), (0.42, 0.47, 0.52), (0.18, 0.165, 0.15))
 _INDOOR_SKY = Sky((0.20, 0.22, 0.25), (0.27, 0.28, 0.29), (0.17, 0.155, 0.14))
 _LAMP = (3.4, 3.1, 2.7)  # irradiance on the floor below a lamp
 _LAMP_CONE = 65.0  # degrees; a shadow map of twice that still has even texels
-_LAMP_RISE = 5.0  # metres above the viewer at most: lamps hang, they are not stuck to a vault
-_FARTHEST = 15.0  # metres from the viewer to where a room is explored
+_LAMP_RISE = 8.0  # metres above the viewer at most: lamps hang, they are not stuck to a vault
+_FARTHEST = 25.0  # metres from the viewer to where a room is explored
 _HIGHEST_ROOF = 30.0  # metres above the viewer; what closes the sky higher up is a painted dome, not a roof
 _NARROWEST = 3.0  # metres: less is an object on a table
 _MIDDLE_GREY = 0.18
-_EXPOSURES = (0.6, 2.5)  # how far a light rig of known strength is corrected for dark and bright scenes
+_EXPOSURES = (0.45, 1.6)  # how far the light rigs are corrected for bright and dark surfaces
+_RECEIVED_OUTSIDE, _RECEIVED_INSIDE = 1.0, 0.6  # usual irradiance / pi of what is seen under either rig
 
 
 def add_lights(scene: Scene) -> str:
@@ -34,13 +35,15 @@ def add_lights(scene: Scene) -> str:
     eye = _viewpoint(scene)
     if eye is not None and _covered(rays, eye, _HIGHEST_ROOF / scene.metres_per_unit):
         scene.lights, scene.sky = _lamps(scene, rays, eye), _INDOOR_SKY
+        received = _RECEIVED_INSIDE
         done = f"The file has no lights: {len(scene.lights)} lamps with shadows were hung in the room."
     else:
+        received = _RECEIVED_OUTSIDE
         under_dome = eye is not None and _covered(rays, eye, np.inf)
-        scene.lights, scene.sky = [_sun(scene, shadows=not under_dome)], _SKY
+        scene.lights, scene.sky = [_sun(scene, rays, eye, shadows=not under_dome)], _SKY
         done = f"The file has no lights: a sun with{'out' if under_dome else ''} shadows and a sky were added."
     low, high = _EXPOSURES
-    scene.exposure = float(np.clip(_MIDDLE_GREY / (0.6 * mean_albedo(scene)), low, high))
+    scene.exposure = float(np.clip(_MIDDLE_GREY / (received * mean_albedo(scene)), low, high))
     return done
 
 
@@ -107,13 +110,34 @@ def _covered(rays: Rays, eye: np.ndarray, height: float) -> bool:
     return sum(rays.distance(eye, direction) * direction[1] < height for direction in directions) >= 6
 
 
-def _sun(scene: Scene, shadows: bool) -> Light:
-    """The sun over the viewer's left shoulder, so that what the first camera sees is lit and shadows show."""
-    heading = np.array(scene.cameras[0].direction) if scene.cameras else np.array([-0.35, 0.0, -0.94])
-    azimuth = np.arctan2(heading[2], heading[0]) + np.radians(_SUN_ASIDE)
+def _sun(scene: Scene, rays: Rays, eye: np.ndarray | None, shadows: bool) -> Light:
+    """The sun over one of the viewer's shoulders, or from ahead where more of what the viewer sees would be lit."""
+    camera = next(iter(scene.cameras), Camera((0.0, 0.0, 0.0), (-0.35, 0.0, -0.94)))
+    heading = np.arctan2(camera.direction[2], camera.direction[0])
+    directions = [_sun_direction(heading + np.radians(aside)) for aside in _SUN_ASIDE]
+    best = 0
+    if eye is not None and shadows:
+        seen = _seen_points(rays, eye, heading)
+        lit = [sum(np.isinf(rays.distance(point, -direction)) for point in seen) for direction in directions]
+        best = int(np.argmax(lit))
+    return Light("directional", _SUN, direction=tuple(directions[best].tolist()), shadows=shadows)
+
+
+def _sun_direction(azimuth: float) -> np.ndarray:
     height = np.radians(_SUN_HEIGHT)
-    direction = (np.cos(azimuth) * np.cos(height), -np.sin(height), np.sin(azimuth) * np.cos(height))
-    return Light("directional", _SUN, direction=tuple(float(d) for d in direction), shadows=shadows)
+    return np.array([np.cos(azimuth) * np.cos(height), -np.sin(height), np.sin(azimuth) * np.cos(height)])
+
+
+def _seen_points(rays: Rays, eye: np.ndarray, heading: float) -> list[np.ndarray]:
+    """A few surface points around the middle of what a viewer sees, somewhat in front of their surfaces."""
+    points = []
+    for turn in np.radians([-24, -12, 0, 12, 24]):
+        way = np.array([np.cos(heading + turn), -0.15, np.sin(heading + turn)])
+        way /= np.linalg.norm(way)
+        distance = rays.distance(eye, way)
+        if np.isfinite(distance):
+            points.append(eye + way * distance * 0.99)
+    return points
 
 
 def _lamps(scene: Scene, rays: Rays, eye: np.ndarray) -> list[Light]:
@@ -122,14 +146,14 @@ def _lamps(scene: Scene, rays: Rays, eye: np.ndarray) -> list[Light]:
     angles = np.arange(24) * 2 * np.pi / 24
     ways = np.stack([np.cos(angles), np.zeros(24), np.sin(angles)], axis=1)
     hits = eye + ways * np.array([min(rays.distance(eye, way), reach) for way in ways])[:, None]
-    centre = hits.mean(axis=0)
-    spread = (hits - centre)[:, [0, 2]]
+    spread = (hits - hits.mean(axis=0))[:, [0, 2]]
     along = np.linalg.eigh(spread.T @ spread)[1][:, 1]
     axis = np.array([along[0], 0.0, along[1]])
+    low, high = (hits @ axis).min(), (hits @ axis).max()
+    across = hits.mean(axis=0) - axis * (hits.mean(axis=0) @ axis)
     lights = []
-    for share in (0.0, 0.55, -0.55):
-        extent = np.quantile(np.abs((hits - centre) @ axis), 0.75)
-        goal = centre + axis * share * extent - eye
+    for share in (0.0, 0.6, -0.6):
+        goal = across + axis * ((low + high) / 2 + share * (high - low) / 2) - eye
         length = np.linalg.norm(goal)
         way = goal / length if length > 0 else ways[0]
         place = eye + way * min(length, 0.8 * rays.distance(eye, way))
@@ -159,4 +183,4 @@ def _expose_own_lights(scene: Scene) -> None:
     strength = max(sum(arriving), 1e-6) / max(_SUN)
     sky = (tuple(c * strength for c in colour) for colour in (_SKY.zenith, _SKY.horizon, _SKY.ground))
     scene.sky = Sky(*sky)
-    scene.exposure = _MIDDLE_GREY / (0.6 * mean_albedo(scene) * strength)
+    scene.exposure = _MIDDLE_GREY / (_RECEIVED_OUTSIDE * mean_albedo(scene) * strength)

@@ -37,7 +37,8 @@ def _is_ear(flat: np.ndarray, left: list[int], i: int) -> bool:
     a, b, c = left[i - 1], left[i], left[(i + 1) % len(left)]
     if _turn(flat[a], flat[b], flat[c]) <= 0:
         return False
-    others = flat[[j for j in left if j not in (a, b, c)]]
+    others = flat[left]
+    others = others[~(others[:, None] == flat[[a, b, c]]).all(axis=2).any(axis=1)]  # bridges to holes pass points twice
     sides = [_turn(flat[p], flat[q], others) >= 0 for p, q in ((a, b), (b, c), (c, a))]
     return not np.logical_and.reduce(sides).any()
 
