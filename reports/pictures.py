@@ -25,6 +25,8 @@ QUALITY = 92  # of JPEG, for what is not embedded as it is
 MOST_FRAMES = 3
 FIRST = ("client", "flip", "atlas")
 
+PNG_END = b"IEND\xaeB`\x82"  # the last chunk of every PNG file
+
 _NAME = re.compile(r"frame_(\d+)_(\w+)\.png")
 _REFERENCE = re.compile(r"frame_(\d+)\.png")
 
@@ -42,18 +44,25 @@ class Pictures:
 
 
 def find_pictures(folder: Path) -> Pictures:
-    """The pictures in `folder`/pictures; none where there is no such folder. Raises StoreError for a broken list."""
+    """The whole pictures in `folder`/pictures: none where there is no such folder, and none that a kill cut off.
+
+    Raises StoreError if the list of folders is broken.
+    """
     references: dict[int, Path] = {}
-    for path in sorted((folder / "pictures" / "reference").glob("*.png")):
+    for path in _whole_pictures(folder / "pictures" / "reference"):
         if match := _REFERENCE.fullmatch(path.name):
             references[int(match[1])] = path
     methods: dict[tuple[str, str], dict[int, dict[str, Path]]] = {}
     for name, owner in _known(folder).items():
         frames = methods.setdefault((owner["method"], owner["variant"]), {})
-        for path in sorted((folder / "pictures" / name).glob("*.png")):
+        for path in _whole_pictures(folder / "pictures" / name):
             if match := _NAME.fullmatch(path.name):
                 frames.setdefault(int(match[1]), {})[match[2]] = path
     return Pictures(references, methods)
+
+
+def _whole_pictures(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.glob("*.png")) if path.read_bytes().endswith(PNG_END)]
 
 
 def _known(folder: Path) -> dict[str, dict[str, str]]:
@@ -94,7 +103,7 @@ def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], s
     """One frame for the viewer, and how many bytes its pictures have."""
     reference = pictures.references.get(frame)
     entry: dict = {"frame": frame, "reference": reference and _data_url(reference, exact), "methods": {}}
-    for key, by_frame in pictures.methods.items():
+    for key, by_frame in sorted(pictures.methods.items()):
         files = by_frame.get(frame, {})
         names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
         if names and key in labels:

@@ -46,6 +46,9 @@ def add_pictures(folder: Path, frames: tuple[int, ...]) -> None:
             write_png(place / f"frame_{frame:04d}_flip.png", make_picture(index + 2, 64, 36))
             write_png(place / f"frame_{frame:04d}_atlas.png", np.dstack([atlas, atlas[..., :1]]))
             write_png(place / f"frame_{frame:04d}_owners.png", atlas)
+    cut = make_picture(1, 64, 36)
+    write_png(place / "frame_0005_client.png", cut)
+    (place / "frame_0005_client.png").write_bytes((place / "frame_0005_client.png").read_bytes()[:-20])
     (folder / "pictures" / "pictures.json").write_text(json.dumps(owners))
 
 
@@ -116,6 +119,7 @@ def test_figures_hold_the_medians(page: str) -> None:
 def test_pictures_are_embedded_for_chosen_frames(folder: Path, page: str) -> None:
     with Store(folder) as store:
         assert chosen_frames(find_pictures(folder), store.rows()) == [0, 9, 11]
+    assert find_pictures(folder).frames() == [0, 3, 9, 11], "a picture that was cut off counts for nothing"
     embedded = data(page, "picture-data")
     assert embedded["exact"]
     assert [entry["frame"] for entry in embedded["frames"]] == [0, 9, 11]
