@@ -29,6 +29,7 @@ class ForwardRenderer:
         visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="reference/raster")
         samples = resolve(scene.device, scene.triangles, visible, view.view, view.projection, stage="reference/resolve")
         rgb = scene.device.empty((view.height, view.width, 4), np.uint8)
-        scene.shader.sky(view.view, view.projection, rgb, stage="reference/sky")
+        if samples.count < view.width * view.height:
+            scene.shader.sky(view.view, view.projection, rgb, stage="reference/sky")
         scene.shader.shade(samples, view.eye if eye is None else eye, rgb, stage="reference/shade")
         return Image(rgb, visible.triangle), visible

@@ -1,0 +1,127 @@
+"""Forward rendering: what is drawn is where it should be, lit as it should be, and the same every time."""
+
+import numpy as np
+import pytest
+
+from harness.reference import ForwardRenderer
+from harness.upload import upload_scene
+from harness.views import Pose, projection_matrix, view_matrix
+from packers.interface import View
+from scenes.model import Light, Material, Scene, Sky, Texture
+
+BLACK = Sky((0, 0, 0), (0, 0, 0), (0, 0, 0))
+
+
+def card(materials=None, textures=(), lights=(), sky=BLACK, normals=(0, 0, 1)):
+    """A square from -1 to 1 at z = 0 that faces +z, its texture upright."""
+    positions = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
+    uvs = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
+    return Scene(
+        "card",
+        positions,
+        np.array([[0, 1, 2], [0, 2, 3]], np.int32),
+        np.tile(np.array(normals, np.float32), (4, 1)),
+        uvs,
+        np.ones((4, 4), np.float32),
+        np.zeros(2, np.int32),
+        materials or [Material(base_colour=(1, 1, 1, 1))],
+        list(textures),
+        lights=list(lights),
+        sky=sky,
+    )
+
+
+def view_from(z, size=32, turned=False):
+    """A camera on the z axis that looks at the origin and sees -1..1 at a distance of 2."""
+    pose = Pose(np.array([0.0, 0.0, z]), np.array([0.0, 1.0, 0.0, 0.0] if turned else [0.0, 0.0, 0.0, 1.0]))
+    return View(view_matrix(pose), projection_matrix(0.5, 0.5, 0.01), size, size)
+
+
+def drawn(device, scene, view):
+    image, visible = ForwardRenderer(upload_scene(device, scene)).draw(view)
+    return image.rgb.get(), visible.triangle.get()
+
+
+def test_textures_are_upright(device):
+    texels = np.zeros((2, 2, 4), np.uint8)
+    texels[...] = [[[255, 0, 0, 255], [0, 255, 0, 255]], [[0, 0, 255, 255], [255, 255, 255, 255]]]
+    scene = card(
+        [Material(base_colour=(1, 1, 1, 1), base_texture=0)],
+        [Texture("t", texels, True, "clamp", "clamp")],
+        [front_light()],
+    )
+    rgb, _ = drawn(device, scene, view_from(2.0))
+    assert (rgb[4, 4, 1:3] < 20).all()  # red above on the left
+    assert (rgb[4, 27, [0, 2]] < 20).all()  # green above on the right
+    assert (rgb[27, 4, :2] < 20).all()  # blue below on the left
+    assert rgb[27, 27].min() > 150
+
+
+def front_light(**changes):
+    return Light("directional", (3.0, 3.0, 3.0), direction=(0.0, 0.0, -1.0), shadows=False, **changes)
+
+
+def test_sky_is_painted_where_nothing_is_drawn(device):
+    sky = Sky((0, 0, 1), (0, 0, 1), (1, 0, 0))
+    rgb, triangle = drawn(device, card(sky=sky), view_from(4.0))
+    empty = triangle < 0
+    assert 0 < empty.sum() < empty.size
+    assert (rgb[..., 3] == 255).all()
+    assert (rgb[0, :, 2] > 200).all()
+    assert (rgb[0, :, 0] == 0).all()
+    assert (rgb[-1, :, 0] > 200).all()
+
+
+def test_double_sided_surfaces_are_lit_on_the_side_that_is_seen(device):
+    back = [Light("directional", (3.0, 3.0, 3.0), direction=(0.0, 0.0, 1.0), shadows=False)]
+    for double_sided, seen in [(True, True), (False, False)]:
+        scene = card([Material(base_colour=(1, 1, 1, 1), double_sided=double_sided)], lights=back)
+        rgb, triangle = drawn(device, scene, view_from(-2.0, turned=True))
+        assert (triangle[16, 16] >= 0) == seen
+        assert (rgb[16, 16, 0] > 100) == seen
+
+
+def test_a_normal_map_turns_the_light(device):
+    """A texel that leans to the tangent (+x) is lit from the right and not from the left; up is green."""
+    for texel, light_from in [((255, 128, 128), (1, 0, 0)), ((128, 255, 128), (0, 1, 0))]:
+        flat = np.zeros((1, 1, 4), np.uint8)
+        flat[..., :3] = texel
+        brightness = []
+        for sign in (1, -1):
+            sun = Light("directional", (3.0,) * 3, direction=tuple(-sign * d for d in light_from), shadows=False)
+            scene = card([Material(normal_texture=0)], [Texture("n", flat, srgb=False)], [sun])
+            scene.tangents = np.tile(np.array([1, 0, 0, 1], np.float32), (4, 1))
+            brightness.append(int(drawn(device, scene, view_from(2.0))[0][16, 16, 0]))
+        assert brightness[0] > 150
+        assert brightness[1] < 20
+
+
+def test_blended_surfaces_cast_no_shadow(device):
+    lamp = [Light("directional", (3.0,) * 3, direction=(0.0, 0.0, -1.0))]
+    for mode, dark in [("opaque", True), ("blend", False)]:
+        scene = card([Material(base_colour=(1,) * 4), Material(alpha_mode=mode)], lights=lamp)
+        pane = scene.positions + np.float32([0, 0, 5])
+        scene.positions = np.concatenate([scene.positions, pane])
+        scene.indices = np.concatenate([scene.indices, scene.indices + 4])
+        for name in ("normals", "uvs", "colours"):
+            setattr(scene, name, np.concatenate([getattr(scene, name)] * 2))
+        scene.material_ids = np.array([0, 0, 1, 1], np.int32)
+        assert (drawn(device, scene, view_from(2.0))[0][16, 16, 0] < 20) == dark
+
+
+def test_the_highlight_is_seen_from_the_eye_that_is_given(device):
+    scene = upload_scene(device, card([Material(roughness=0.2)], lights=[front_light()]))
+    view = view_from(2.0)
+    own, _ = ForwardRenderer(scene).draw(view)
+    same, _ = ForwardRenderer(scene).draw(view, eye=view.eye)
+    aside, _ = ForwardRenderer(scene).draw(view, eye=np.array([3.0, 0.0, 2.0]))
+    np.testing.assert_array_equal(own.rgb.get(), same.rgb.get())
+    assert own.rgb.get()[16, 16, 0] > aside.rgb.get()[16, 16, 0] + 20
+
+
+@pytest.mark.parametrize("size", [1, 33])
+def test_the_same_view_gives_the_same_bytes(device, size):
+    scene = upload_scene(device, card([Material(roughness=0.3)], lights=[front_light()], sky=Sky()))
+    view = view_from(3.0, size=size)
+    pictures = [ForwardRenderer(scene).draw(view)[0].rgb.get().tobytes() for _ in range(2)]
+    assert pictures[0] == pictures[1]
