@@ -183,16 +183,17 @@ def _twin_half_edges(welded: np.ndarray, indices: np.ndarray) -> np.ndarray:
     key = (np.minimum(start, end).astype(np.uint64) << np.uint64(32)) | np.maximum(start, end).astype(np.uint64)
     order = np.argsort(key, kind="stable")
     key = key[order]
-    forward = (start < end)[order]
-    joined = (key[1:] == key[:-1]) & (forward[1:] != forward[:-1]) & (start != end)[order[1:]]
-    joined &= order[1:] // 3 != order[:-1] // 3
-    # A run of joints takes every other one, so that no half-edge has two twins.
-    position = np.arange(len(joined))
-    since = position - np.maximum.accumulate(np.where(joined, 0, position + 1))
-    joined &= since % 2 == 0
+    pairs = np.flatnonzero(key[1:] == key[:-1])
+    one, other = order[pairs], order[pairs + 1]
+    opposite = (start[one] == end[other]) & (start[one] != end[one]) & (one // 3 != other // 3)
+    pairs, one, other = pairs[opposite], one[opposite], other[opposite]
+    # Where pairs overlap every other one counts, so that no half-edge has two twins.
+    new_run = np.diff(pairs, prepend=-2) > 1
+    position = np.arange(len(pairs))
+    single = (position - np.maximum.accumulate(np.where(new_run, position, 0))) % 2 == 0
     twin = np.full(len(start), -1, np.int64)
-    twin[order[:-1][joined]] = order[1:][joined]
-    twin[order[1:][joined]] = order[:-1][joined]
+    twin[one[single]] = other[single]
+    twin[other[single]] = one[single]
     return twin
 
 
@@ -210,8 +211,9 @@ class Shapes:
         self.indices = indices
         count = len(indices)
         self.normal = np.zeros((count, 3), np.float32)
-        self.rectangle = np.zeros(count)
-        self.longest_opposite = np.zeros(count, np.int64)
+        self.lengths = np.zeros((count, 3), np.float32)
+        self.rectangle = np.zeros(count, np.float32)
+        self.longest_opposite = np.zeros(count, np.int8)
         for k in range(0, count, CHUNK):
             self._measure(slice(k, k + CHUNK))
 
@@ -223,6 +225,7 @@ class Shapes:
         normal = np.cross(sides[:, 0], sides[:, 1])
         size = np.linalg.norm(normal, axis=1, keepdims=True)
         self.normal[rows] = np.divide(normal, size, out=np.zeros_like(normal), where=size > 0)
+        self.lengths[rows] = lengths
         self.longest_opposite[rows] = (longest + 2) % 3
         row = np.arange(len(p))
         self.rectangle[rows] = lengths[row, (longest + 1) % 3] * lengths[row, (longest + 2) % 3]
@@ -233,11 +236,9 @@ class Shapes:
 
     def pair_gain(self, edge: np.ndarray, twin: np.ndarray) -> np.ndarray:
         """Atlas area that joining the triangles at `edge` saves: alone over together, times the fold's cosine."""
-        p, e0, e1, q = self.corner(edge, 2), self.corner(edge, 0), self.corner(edge, 1), self.corner(twin, 2)
-        area = self._pair_area(p, e0, e1, q)
         a, b = edge // 3, twin // 3
         alone = self.rectangle[a] + self.rectangle[b]
-        return _ratio(alone, area) * self._fold(a, b)
+        return _ratio(alone, self._pair_area(edge, twin)) * self._fold(a, b)
 
     def fan_gain(self, right: np.ndarray, left: np.ndarray, single: np.ndarray, twin: np.ndarray) -> np.ndarray:
         """The same for a single triangle that joins a pair; `right` and `left` are half-edges of the centre."""
@@ -249,13 +250,16 @@ class Shapes:
         centre, right_triangle, left_triangle = right // 3, twin[right] // 3, twin[left] // 3
         single_is_right = right_triangle == single
         inner = np.where(single_is_right, left, right)
-        p, e0, e1 = self.corner(inner, 2), self.corner(inner, 0), self.corner(inner, 1)
-        alone = self._pair_area(p, e0, e1, self.corner(twin[inner], 2)) + self.rectangle[single]
+        alone = self._pair_area(inner, twin[inner]) + self.rectangle[single]
         fold = np.minimum(self._fold(centre, right_triangle), self._fold(centre, left_triangle))
         return _ratio(alone, width * height) * fold
 
-    def _pair_area(self, p: np.ndarray, e0: np.ndarray, e1: np.ndarray, q: np.ndarray) -> np.ndarray:
-        return np.maximum(_length(p, e0), _length(e1, q)) * np.maximum(_length(p, e1), _length(e0, q))
+    def _pair_area(self, edge: np.ndarray, twin: np.ndarray) -> np.ndarray:
+        """Area of the rectangle of two triangles: the longer ones of the sides opposite to each other."""
+        a, b, k, m = edge // 3, twin // 3, edge % 3, twin % 3
+        width = np.maximum(self.lengths[a, (k + 2) % 3], self.lengths[b, (m + 2) % 3])
+        height = np.maximum(self.lengths[a, (k + 1) % 3], self.lengths[b, (m + 1) % 3])
+        return width * height
 
     def _fold(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
         return (self.normal[a] * self.normal[b]).sum(axis=1)
@@ -267,7 +271,7 @@ def _length(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """a / b, 0 where b is 0."""
-    return np.divide(a, b, out=np.zeros_like(a), where=b > 0)
+    return np.divide(a, b, out=np.zeros(len(a)), where=b > 0)
 
 
 def _with_members(indices: np.ndarray, of_triangle: np.ndarray, codes: np.ndarray) -> Patches:
