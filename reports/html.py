@@ -187,7 +187,8 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
             "rates",
             "Bytes per CRF",
             _caption(
-                "Median size of the encoded planes of a frame at each rate, on a logarithmic axis: lower is better."
+                "Size of the encoded planes of a frame at each rate, on a logarithmic axis: lower is better. "
+                "The mean holds the keyframe at the start, the median hardly does."
             ),
             '<div class="chart" data-figure="rates"></div>',
         ),
@@ -200,7 +201,7 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: c
         "error": charts.error_over_time(summaries, labels),
         "stages": charts.stage_times(stages, labels),
         "frames": charts.per_frame(rows, labels),
-        "rates": charts.bytes_per_rate(summaries, labels),
+        "rates": charts.bytes_per_rate(rows, labels),
     }
 
 

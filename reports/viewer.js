@@ -76,7 +76,7 @@
     ];
     if (!state.side) groups.push(group("Picture", pictures, state.layer, (index) => { state.layer = index; show(); }));
     const focused = bar.contains(document.activeElement) ? document.activeElement.dataset.name : null;
-    bar.replaceChildren(...groups);
+    bar.replaceChildren(...groups.filter((made) => made.querySelectorAll("button").length > 1));
     if (focused) [...bar.querySelectorAll("button")].find((button) => button.dataset.name === focused)?.focus();
   }
 

@@ -105,7 +105,9 @@ def test_every_section_has_a_caption(page: str) -> None:
 
 def test_figures_hold_the_medians(page: str) -> None:
     figures = data(page, "figures")
-    assert [trace["name"] for trace in figures["rates"]["data"]] == ["bins", "grid", "sas"]
+    assert [trace["name"] for trace in figures["rates"]["data"]] == [
+        f"{method}, {middle}" for method in ("bins", "grid", "sas") for middle in ("median", "mean")
+    ]
     assert figures["rates"]["data"][0]["x"] == ["CRF 5", "CRF 10", "CRF 25", "CRF 35"]
     shade = next(trace for trace in figures["stages"]["data"] if trace["name"] == "gather/shade")
     assert shade["x"] == [14.0, 14.0, 14.0]
