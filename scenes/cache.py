@@ -6,6 +6,7 @@ and this package's own source. It is written beside and renamed, so that concurr
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import json
 import shutil
@@ -34,7 +35,7 @@ def scene_key(options: dict, files: Iterable[Path]) -> str:
 
 
 def store(folder: Path, scene: Scene) -> None:
-    """Write a scene as `folder`; where another run was faster, its result stays."""
+    """Write a scene as `folder`; a whole one that is there already stays, because it is the same."""
     folder.parent.mkdir(parents=True, exist_ok=True)
     temporary = Path(tempfile.mkdtemp(dir=folder.parent, suffix=".part"))
     try:
@@ -45,11 +46,10 @@ def store(folder: Path, scene: Scene) -> None:
         for name, array in arrays.items():
             np.save(temporary / f"{name}.npy", np.ascontiguousarray(array))
         (temporary / _RECORD).write_text(json.dumps(_record(scene)))
-        try:
-            temporary.rename(folder)
-        except OSError:
-            if not (folder / _RECORD).is_file():
-                raise
+        if fetch(folder) is None:
+            shutil.rmtree(folder, ignore_errors=True)  # damaged, or not there at all
+            with contextlib.suppress(OSError):  # another run was faster
+                temporary.rename(folder)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
 
@@ -80,7 +80,7 @@ def fetch(folder: Path) -> Scene | None:
             sky=Sky(**_tupled(record["sky"])),
             features=Features(**record["features"]),
         )
-    except (OSError, ValueError, KeyError, TypeError):
+    except (OSError, ValueError, KeyError, TypeError, EOFError):
         return None
 
 

@@ -1,0 +1,90 @@
+"""The cache of loaded scenes, repair and decimation."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import trimesh
+
+from scenes.load import load_scene
+from tests.scenes.glb_files import square_scene
+
+
+def assert_same(a, b) -> None:
+    for item in dataclasses.fields(a):
+        one, other = getattr(a, item.name), getattr(b, item.name)
+        if item.name in ("textures", "animations"):
+            one, other = ([vars(entry) for entry in entries] for entries in (one, other))
+            np.testing.assert_equal(one, other)
+        else:
+            np.testing.assert_equal(np.asarray(one) if isinstance(one, np.ndarray) else one, other)
+
+
+def textured_obj(folder, png: bytes):
+    (folder / "a.png").write_bytes(png)
+    (folder / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n")
+    text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
+    (folder / "a.obj").write_text(text)
+    return folder / "a.obj"
+
+
+def test_cached_scenes_are_the_same_and_mapped(tmp_path, png):
+    file, cache = textured_obj(tmp_path, png), tmp_path / "cache"
+    first, second = (load_scene(str(file), cache=cache) for _ in range(2))
+    assert_same(first, second)
+    assert isinstance(second.positions, np.memmap)
+    assert len(second.content_hash) == 16
+    assert [folder.suffix for folder in cache.iterdir()] == [""]
+
+
+@pytest.mark.parametrize("changed", ["a.obj", "a.mtl", "a.png", "cameras.json"])
+def test_every_input_file_counts(tmp_path, png, changed):
+    file, cache = textured_obj(tmp_path, png), tmp_path / "cache"
+    load_scene(str(file), cache=cache)
+    extra = b"{}" if changed == "cameras.json" else b"\n"
+    with (tmp_path / changed).open("ab") as target:
+        target.write(extra)
+    load_scene(str(file), cache=cache)
+    assert len(list(cache.iterdir())) == 2
+
+
+def test_options_count_and_damaged_entries_are_remade(tmp_path):
+    file, cache = square_scene().write(tmp_path / "a.glb"), tmp_path / "cache"
+    whole = load_scene(file, cache=cache)
+    assert load_scene(file, unit=2.0, cache=cache).content_hash != whole.content_hash
+    for folder in cache.iterdir():
+        (folder / "positions.npy").write_bytes(b"")
+    assert_same(load_scene(file, cache=cache), whole)
+
+
+def test_repair_counts_what_it_drops(tmp_path):
+    """A box with a doubled face, a collapsed one and a fin on an edge that two faces share already."""
+    box = trimesh.creation.box()
+    vertices = np.vstack([box.vertices, [[2, 2, 2]]])
+    edge = box.faces[0][:2]
+    faces = np.vstack([box.faces, box.faces[:1], [[1, 1, 2]], [[*edge, 8]]])
+    text = "\n".join(["v {} {} {}".format(*v) for v in vertices] + ["f {} {} {}".format(*f) for f in faces + 1])
+    (tmp_path / "a.obj").write_text(text)
+    assert load_scene(str(tmp_path / "a.obj")).triangle_count == 14
+    scene = load_scene(str(tmp_path / "a.obj"), repair=True)
+    assert scene.triangle_count == 12
+    notes = " ".join(scene.notes)
+    assert "duplicate triangles: 1." in notes
+    assert "degenerate triangles: 1." in notes
+    assert "non-manifold edges: 1." in notes
+
+
+def test_decimation_keeps_shape_and_texture_coordinates(tmp_path):
+    """A textured 40x40 grid with a bump: a fifth of the triangles, u and v still follow x and y."""
+    steps = np.linspace(0, 1, 41)
+    points = [(x, y, 0.1 * np.exp(-40 * ((x - 0.5) ** 2 + (y - 0.5) ** 2))) for x in steps for y in steps]
+    number = np.arange(41 * 41).reshape(41, 41) + 1
+    corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
+    lines = [f"v {x} {y} {z}\nvt {x} {y}" for x, y, z in points]
+    lines += ["f " + " ".join(f"{corner}/{corner}" for corner in face) for face in corners]
+    (tmp_path / "a.obj").write_text("\n".join(lines))
+    scene = load_scene(str(tmp_path / "a.obj"), decimate=0.2)
+    assert 500 <= scene.triangle_count <= 660
+    positions = scene.positions + scene.origin
+    assert np.abs(scene.uvs - np.stack([positions[:, 0], 1 - positions[:, 1]], axis=1)).max() < 0.02
+    assert any("Decimation removed" in note for note in scene.notes)

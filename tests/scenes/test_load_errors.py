@@ -1,0 +1,88 @@
+"""Whatever is wrong with a file or a name ends in one sentence, never in another exception."""
+
+import contextlib
+import struct
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from scenes.load import list_scenes, load_scene
+from scenes.model import SceneError
+from tests.scenes.glb_files import square_scene
+
+OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\nusemtl m\nf 1/1/1 2/1/1 3/1/1\nf -1 1 2\n"
+OFF = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
+PLY = (
+    b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
+    b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
+    + np.float32([0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes()
+    + struct.pack("<B3i", 3, 0, 1, 2)
+)
+STL = b"\0" * 80 + struct.pack("<I", 1) + np.float32([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes() + b"\0\0"
+WHOLE = {"glb": square_scene().bytes(), "obj": OBJ, "off": OFF, "ply": PLY, "stl": STL}
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+def test_whole_files_load(tmp_path, kind):
+    (tmp_path / f"a.{kind}").write_bytes(WHOLE[kind])
+    assert load_scene(str(tmp_path / f"a.{kind}")).triangle_count >= 1
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("a.glb", None, "no scene file"),
+        ("a.fbx", b"x", "cannot be read; readable are"),
+        ("a.obj", b"", "no usable triangles"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle of positive area"),
+        ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "does not have"),
+        ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not a number, dropped: 1"),
+        ("a.stl", b"solid nothing\nendsolid\n", "."),
+        ("a.glb", b"glTF", "cut off"),
+        ("a.gltf", b"[]", "not an object"),
+        ("a.ply", b"ply\n", "a.ply"),
+        ("a.off", b"OFF\n3 1 0\n0 0 0\n", "a.off"),
+    ],
+)
+def test_bad_files_give_one_sentence(tmp_path, name, content, words):
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(SceneError, match=words) as caught:
+        load_scene(str(tmp_path / name))
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_names_are_answered_with_the_nearest(tmp_path):
+    with pytest.raises(SceneError, match=r"did you mean 'hall'.*village"):
+        load_scene("hal")
+    with pytest.raises(SceneError, match="is a folder"):
+        load_scene(str(tmp_path))
+    assert set(list_scenes()) == {"hall", "village"}
+
+
+@pytest.mark.parametrize("options", [{"unit": 0.0}, {"unit": float("nan")}, {"decimate": 1.5}, {"detail": 0}])
+def test_unusable_options_are_named(tmp_path, options):
+    (tmp_path / "a.obj").write_bytes(OBJ)
+    with pytest.raises(SceneError, match="must be"):
+        load_scene(str(tmp_path / "a.obj"), **options)
+
+
+@pytest.mark.parametrize("kind", WHOLE)
+@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture], derandomize=True)
+@given(data=st.data())
+def test_damaged_files_raise_nothing_else(tmp_path, kind, data):
+    """Cut off anywhere, with bits flipped anywhere: a scene or a SceneError."""
+    content = bytearray(WHOLE[kind])
+    length = data.draw(st.one_of(st.just(len(content)), st.integers(0, len(content))))
+    flips = data.draw(st.lists(st.tuples(st.integers(0, len(content) - 1), st.integers(0, 7)), max_size=6))
+    for position, bit in flips:
+        content[position] ^= 1 << bit
+    file = tmp_path / f"a.{kind}"
+    file.write_bytes(content[:length])
+    with contextlib.suppress(SceneError):
+        scene = load_scene(str(file))
+        assert np.isfinite(scene.positions).all()
+        assert scene.indices.max() < len(scene.positions)
+        assert np.abs(np.linalg.norm(scene.normals, axis=1) - 1).max() < 1e-3
