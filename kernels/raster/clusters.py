@@ -26,7 +26,8 @@ class Clusters:
     """Runs of `size` triangles in file order.
 
     groups: float32 (count * size / 8, 9, 8), positions of 8 triangles each: x, y, z of corner 0, then 1, then 2.
-    flags: uint32 (count * size / 8), their flags, 4 bits each. boxes: float32 (count, 8): low corner, 0, high corner, 0.
+    flags: uint32 (count * size / 8), their flags, 4 bits each.
+    boxes: float32 (count, 8): low corner, 0, high corner, 0.
     last_seen: int32 (count), the number of the draw that showed the cluster last.
     """
 

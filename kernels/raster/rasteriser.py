@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.raster.camera import Camera
+from kernels.raster.camera import SUBPIXELS, Camera
 from kernels.raster.clusters import EVER, Clusters
 from kernels.raster.picture import BLOCK, Picture
 from kernels.raster.setup import Scratch, set_up
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
+    from kernels.texture.mask import AlphaMask
 
 # Speed only; any others give the same picture.
 CLUSTER = 64  # triangles, a multiple of 8
@@ -45,9 +46,9 @@ class Rasteriser:
 
     Front faces are counter-clockwise as seen; back faces are drawn only with Triangles.DOUBLE_SIDED. Corners are
     snapped to 1/256 pixel once; from there coverage is exact: a pixel belongs to a triangle if its centre lies inside,
-    or on a top or left edge. Of equal depths the lowest triangle wins. Large scenes are drawn in two passes: what was
-    seen lately, then what that does not hide; the picture is the same. `cluster` (triangles), `tile` (pixels) and
-    `two_passes_from` (triangles) change the speed only.
+    or on a top or left edge. Of equal depths the lowest triangle wins. Triangles with Triangles.MASKED have the holes
+    of `mask`; without one they have none. Large scenes are drawn in two passes, what was seen lately and then what that
+    does not hide. `cluster` (triangles), `tile` (pixels) and `two_passes_from` (triangles) change the speed only.
     Raises ValueError where a triangle has a corner that is not finite.
     """
 
@@ -55,7 +56,7 @@ class Rasteriser:
         self,
         device: Device,
         triangles: Triangles,
-        mask: None = None,
+        mask: AlphaMask | None = None,
         *,
         cluster: int = CLUSTER,
         tile: int = TILE,
@@ -65,6 +66,7 @@ class Rasteriser:
             raise ValueError(f"The cluster size {cluster} and the tile size {tile} must be multiples of {BLOCK}.")
         self.device = device
         self.triangles = triangles
+        self.mask = mask
         self.tile = tile
         self.two_passes = triangles.count >= two_passes_from
         self.clusters = Clusters.build(device, triangles, cluster)
@@ -102,9 +104,56 @@ class Rasteriser:
         clusters, count = chosen
         if count:
             bins = set_up(self.device, self.clusters, clusters, count, picture, resumes, self._scratch, stage)
-            draw_tiles(self.device, bins, picture, resumes, f"{stage}/draw")
+            draw_tiles(self.device, bins, picture, resumes, self.triangles, self.mask, f"{stage}/draw")
         elif not resumes:
             for image, nothing in ((picture.triangle, -1), (picture.depth, 0)):
                 self.device.fill(image, nothing, f"{stage}/draw")
             for depth in (picture.block_depth, picture.tile_depth):
                 self.device.fill(depth, 0, f"{stage}/draw")
+
+
+@dataclass(frozen=True)
+class ScreenTriangles:
+    """What decides coverage and depth, unsnapped and unclipped, for the twin and for judging differences from it.
+
+    edges: float64 (T, 3, 3): edge i at (column, row, 1), in pixels, is the weight of corner i up to a factor; all
+        three are >= 0 inside. depth: float64 (T, 3): depth at (column, row, 1). drawn: bool (T), false for back faces
+        and for triangles without area.
+    """
+
+    edges: np.ndarray
+    depth: np.ndarray
+    drawn: np.ndarray
+
+    @classmethod
+    def of(cls, triangles: Triangles, camera: Camera) -> ScreenTriangles:
+        """By homogeneous rasterisation (Olano and Greer 1997), which needs no clipping."""
+        x, y, z, w = np.moveaxis(camera.project(triangles.host_positions[triangles.host_indices]), -1, 0)
+        x, y = x / SUBPIXELS + w * camera.width / 2, y / SUBPIXELS + w * camera.height / 2
+        homogeneous = np.stack([x, y, w], axis=-1)
+        edges = np.cross(np.roll(homogeneous, -1, axis=1), np.roll(homogeneous, -2, axis=1))
+        volume = (edges[:, 0] * homogeneous[:, 0]).sum(axis=1)
+        drawn = (volume < 0) | ((volume > 0) & (triangles.host_flags & Triangles.DOUBLE_SIDED > 0))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            depth = (z[..., None] * edges).sum(axis=1) / volume[:, None]
+        return cls(edges * np.sign(volume)[:, None, None], depth, drawn)
+
+
+def draw_twin(
+    triangles: Triangles, view: np.ndarray, projection: np.ndarray, width: int, height: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangle int32 and depth float64 (height, width), as `Rasteriser.draw` without masks, but without snapping.
+
+    The kernels' may differ where moving a corner by 1/256 pixel moves an edge over the pixel's centre or changes which
+    depth is greater.
+    """
+    screen = ScreenTriangles.of(triangles, Camera.of(view, projection, width, height))
+    rows, columns = np.mgrid[:height, :width] + 0.5
+    centres = np.stack([columns, rows, np.ones_like(rows)], axis=-1)
+    triangle, nearest = np.full((height, width), -1, np.int32), np.zeros((height, width))
+    for number in np.flatnonzero(screen.drawn):
+        depth = centres @ screen.depth[number]
+        inside = (centres @ screen.edges[number].T >= 0).all(axis=-1)
+        wins = inside & (depth > nearest) & (depth <= 1)
+        triangle[wins], nearest[wins] = number, depth[wins]
+    return triangle, nearest

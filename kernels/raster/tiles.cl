@@ -1,6 +1,17 @@
 // Drawing: one work-item per tile walks the tile's records in triangle order, with a hierarchical Z of 8 x 8 blocks.
 #include "raster/record.cl"
 
+#if MASKED
+#include "texture/mask.cl"
+#define ALPHA_PARAMETERS                                                                                               \
+    , const float4 eye, const float16 rows, __global const float *positions, __global const int *indices,              \
+        MASK_PARAMETERS
+#define ALPHA_ARGUMENTS , eye, rows, positions, indices, MASK_ARGUMENTS
+#else
+#define ALPHA_PARAMETERS
+#define ALPHA_ARGUMENTS
+#endif
+
 #define BLOCK 8
 #define BLOCKS (TILE / BLOCK) // per tile's side
 #define FAR_EDGE (1 << 30)    // beyond what an edge function can change by across a tile
@@ -51,9 +62,61 @@ INLINE Plane depth_plane(const int2 a, const int2 b, const int2 c, const float3 
     return plane;
 }
 
+#if MASKED
+// A masked triangle's own corners, also where the record is a piece of it: sub-pixels from the image's centre times w,
+// and w; and the level of its mask.
+typedef struct {
+    float x[3], y[3], w[3];
+    int triangle, level;
+} MaskedTriangle;
+
+INLINE MaskedTriangle masked_triangle(const int triangle ALPHA_PARAMETERS)
+{
+    MaskedTriangle masked;
+    float x[3], y[3];
+    int in_front = 1;
+    for (int i = 0; i < 3; i++) {
+        __global const float *p = positions + 3 * (size_t)indices[3 * (size_t)triangle + i];
+        const float dx = p[0] - eye.x, dy = p[1] - eye.y, dz = p[2] - eye.z;
+        masked.x[i] = ((rows.s0 * dx + rows.s1 * dy) + rows.s2 * dz) + rows.s3;
+        masked.y[i] = ((rows.s4 * dx + rows.s5 * dy) + rows.s6 * dz) + rows.s7;
+        masked.w[i] = ((rows.sc * dx + rows.sd * dy) + rows.se * dz) + rows.sf;
+        in_front &= masked.w[i] > 0.0f;
+        x[i] = masked.x[i] / (SUBPIXELS * masked.w[i]);
+        y[i] = masked.y[i] / (SUBPIXELS * masked.w[i]);
+    }
+    const float doubled = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
+    const float pixels = in_front ? 0.5f * GREATER(doubled, -doubled) : 1e12f; // reaches behind the eye: very large
+    masked.triangle = triangle;
+    masked.level = mask_slots[triangle] < 0 ? -1 : mask_level(triangle, pixels, MASK_ARGUMENTS);
+    return masked;
+}
+
+// Clear the lanes of a row of 8 pixels that fall into the mask's holes. px, py: centres, in sub-pixels from the image's.
+INLINE int8 without_holes(int8 draw, const MaskedTriangle *masked, const float8 px, const float py ALPHA_PARAMETERS)
+{
+    const int4 four = draw.lo | draw.hi;
+    if (masked->level < 0 || (four.x | four.y | four.z | four.w) == 0)
+        return draw;
+    float8 u[3], v[3];
+    for (int i = 0; i < 3; i++) {
+        u[i] = masked->x[i] - px * masked->w[i];
+        v[i] = masked->y[i] - py * masked->w[i];
+    }
+    const float8 a0 = u[1] * v[2] - v[1] * u[2], a1 = u[2] * v[0] - v[2] * u[0], a2 = u[0] * v[1] - v[0] * u[1];
+    const float8 sum = (a0 + a1) + a2, b1 = a1 / sum, b2 = a2 / sum;
+    for (int lane = 0; lane < 8; lane++)
+        if (((const int *)&draw)[lane] &&
+            !mask_keeps(masked->triangle, ((const float *)&b1)[lane], ((const float *)&b2)[lane], masked->level,
+                        MASK_ARGUMENTS))
+            ((int *)&draw)[lane] = 0;
+    return draw;
+}
+#endif
+
 // Draw one record into a tile whose first pixel is `origin`; depth and ids are stored block by block.
 INLINE void draw_record(__global const int *record, const int2 origin, const int width, const int height, float8 *depth,
-                        int8 *ids, float *farthest)
+                        int8 *ids, float *farthest ALPHA_PARAMETERS)
 {
     const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
     const float3 d = (float3)(as_float(record[6]), as_float(record[7]), as_float(record[8]));
@@ -75,6 +138,13 @@ INLINE void draw_record(__global const int *record, const int2 origin, const int
     const int reach2 = 7 * (GREATER(e2.along_x, 0) + GREATER(e2.along_y, 0));
     const float slope_x = (float)(plane.along_x * SUBPIXELS), slope_y = (float)(plane.along_y * SUBPIXELS);
 
+#if MASKED
+    const int is_masked = record[9] & MASK_BIT;
+    MaskedTriangle masked;
+    if (is_masked)
+        masked = masked_triangle(id ALPHA_ARGUMENTS);
+    const float2 middle = (float2)(centre.x - width * (SUBPIXELS / 2), centre.y - height * (SUBPIXELS / 2));
+#endif
     for (int by = top / BLOCK; by <= bottom / BLOCK; by++)
         for (int bx = left / BLOCK; bx <= right / BLOCK; bx++) {
             const int block = by * BLOCKS + bx, px = bx * BLOCK, py = by * BLOCK;
@@ -98,7 +168,12 @@ INLINE void draw_record(__global const int *record, const int2 origin, const int
                 z = GREATER(z, plane.farthest);
                 const int at = block * BLOCK + j;
                 const float8 old = depth[at];
-                const int8 draw = ((row0 | row1 | row2) >= 0) & ((z > old) | ((z == old) & (id < ids[at])));
+                int8 draw = ((row0 | row1 | row2) >= 0) & ((z > old) | ((z == old) & (id < ids[at])));
+#if MASKED
+                if (is_masked)
+                    draw = without_holes(draw, &masked, middle.x + (px + lanes) * SUBPIXELS,
+                                         middle.y + (py + j) * SUBPIXELS ALPHA_ARGUMENTS);
+#endif
                 depth[at] = draw ? z : old;
                 ids[at] = draw ? (int8)id : ids[at];
                 row0 += e0.along_y;
@@ -119,7 +194,7 @@ INLINE void draw_record(__global const int *record, const int2 origin, const int
 __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
                          const int resumes, __global const int *ends, __global const int *entries,
                          __global const int *records, __global int *triangles, __global float *depths,
-                         __global float *blocks, __global float *far)
+                         __global float *blocks, __global float *far ALPHA_PARAMETERS)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
@@ -138,9 +213,9 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
     }
     for (int i = 0; i < BLOCKS * BLOCKS; i++)
         farthest[i] = resumes ? tile_blocks[i / BLOCKS * tiles_x * BLOCKS + i % BLOCKS] : 0.0f;
-    const int rows = LESSER(TILE, height - origin.y), columns = LESSER(TILE, width - origin.x);
+    const int lines = LESSER(TILE, height - origin.y), columns = LESSER(TILE, width - origin.x);
     if (resumes)
-        for (int y = 0; y < rows; y++)
+        for (int y = 0; y < lines; y++)
             for (int x = 0; x < columns; x += BLOCK) {
                 const int to = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
                 const size_t from = (size_t)(origin.y + y) * width + origin.x + x;
@@ -156,7 +231,8 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
             }
 
     for (int i = first; i < end; i++)
-        draw_record(records + (size_t)entries[i] * RECORD, origin, width, height, depth, ids, farthest);
+        draw_record(records + (size_t)entries[i] * RECORD, origin, width, height, depth, ids,
+                    farthest ALPHA_ARGUMENTS);
 
     float farthest_of_all = INFINITY;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
@@ -164,7 +240,7 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
         farthest_of_all = LESSER(farthest[i], farthest_of_all);
     }
     far[tile] = farthest_of_all;
-    for (int y = 0; y < rows; y++)
+    for (int y = 0; y < lines; y++)
         for (int x = 0; x < columns; x += BLOCK) {
             const int from = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
             const size_t to = (size_t)(origin.y + y) * width + origin.x + x;

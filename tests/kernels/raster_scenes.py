@@ -1,0 +1,63 @@
+"""Cameras and triangles for the tests of the rasteriser."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kernels.triangles import Triangles
+
+NEAR = 0.1
+
+
+def look_at(eye, target, up=(0.0, 1.0, 0.0)) -> np.ndarray:
+    """A view matrix."""
+    eye = np.asarray(eye, np.float64)
+    back = eye - np.asarray(target, np.float64)
+    back /= np.linalg.norm(back)
+    right = np.cross(up, back)
+    right /= np.linalg.norm(right)
+    view = np.eye(4)
+    view[:3, :3] = [right, np.cross(back, right), back]
+    view[:3, 3] = -view[:3, :3] @ eye
+    return view
+
+
+def perspective(fov_x=90.0, aspect=1.5, shift=(0.0, 0.0)) -> np.ndarray:
+    """Reversed depth, infinite far plane, optionally off-centre."""
+    projection = np.zeros((4, 4))
+    projection[0, 0] = 1 / np.tan(np.radians(fov_x) / 2)
+    projection[1, 1] = projection[0, 0] * aspect
+    projection[:2, 2] = shift
+    projection[2, 3] = NEAR
+    projection[3, 2] = -1
+    return projection
+
+
+def orthographic(half_width, half_height, length) -> np.ndarray:
+    """Depth 1 at the camera, 0 at `length`."""
+    projection = np.diag([1 / half_width, 1 / half_height, 1 / length, 1.0])
+    projection[2, 3] = 1
+    return projection
+
+
+def pixel_points(pixels, width, height, distance=1.0) -> np.ndarray:
+    """Points that an identity view with perspective(90, width / height) projects to pixel positions (..., 2)."""
+    pixels = np.asarray(pixels, np.float64)
+    tangent = np.stack([2 * pixels[..., 0] / width - 1, (1 - 2 * pixels[..., 1] / height) * height / width], axis=-1)
+    return np.concatenate([tangent, np.full((*pixels.shape[:-1], 1), -1.0)], axis=-1) * distance
+
+
+def soup(device, corners, flags=0) -> Triangles:
+    """Triangles (T, 3, 3) that share no corners."""
+    corners = np.asarray(corners, np.float32).reshape(-1, 3)
+    indices = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
+    return Triangles.upload(device, corners, indices, np.full(len(indices), flags, np.uint8))
+
+
+def random_soup(device, rng, count, flags=Triangles.DOUBLE_SIDED) -> Triangles:
+    """Triangles of sizes from 1e-3 to 10 around the origin, some far away, some slivers."""
+    centres = rng.normal(0, 3, (count, 1, 3)) * 10.0 ** rng.uniform(0, 1, (count, 1, 1))
+    sides = rng.normal(0, 1, (count, 3, 3)) * 10.0 ** rng.uniform(-3, 1, (count, 1, 1))
+    thin = rng.random(count) < 0.1
+    sides[thin, 2] = sides[thin, 1] + rng.normal(0, 1e-4, (thin.sum(), 3))
+    return soup(device, centres + sides, flags)
