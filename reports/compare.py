@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 from reports.columns import MEASURED_STATUSES, MEASURES, Column
-from reports.store import Store
+from reports.store import Store, StoreError
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
 ALPHA = 0.01
@@ -25,7 +25,7 @@ Method = tuple[str, str]
 Rows = dict[Method, dict[Coding, dict[int, dict[str, Any]]]]
 
 
-class CompareError(ValueError):
+class CompareError(StoreError):
     """Two runs that cannot be compared; the message says why."""
 
 

@@ -13,7 +13,7 @@ from typing import Any
 from reports import charts
 from reports.csv_files import replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
-from reports.store import Store
+from reports.store import Store, flat
 from reports.tables import headline_tables, number, ranges, table
 
 NOTES = ("environment", "device", "warning", "skipped", "scene", "prepare_ms")
@@ -31,7 +31,7 @@ def write_report(folder: Path) -> Path:
     with Store(folder, must_exist=True) as store:
         rows, stages, statistics = store.rows(), store.stages(), store.statistics()
         notes = {name: store.notes.under(name) for name in NOTES}
-        settings = (store.plan() or {}).get("settings", {})
+        plan = flat(store.plan() or {})
     pictures = find_pictures(folder)
     labels = charts.method_labels(list({(row["method"], row["variant"]) for row in rows}))
     embedded = embed(pictures, chosen_frames(pictures, rows), labels)
@@ -44,7 +44,7 @@ def write_report(folder: Path) -> Path:
         _statistics(statistics, labels),
         _failures(rows, labels),
         _skipped(notes["skipped"], rows, labels),
-        _details(notes, settings, labels),
+        _details(notes, plan, labels),
     ]
     page = files("reports").joinpath("page.html").read_text(encoding="utf-8")
     slots = {
@@ -265,13 +265,13 @@ def _skipped(skipped: dict[str, str], rows: list[Row], labels: charts.Labels) ->
     )
 
 
-def _details(notes: dict[str, dict[str, str]], settings: dict[str, Any], labels: charts.Labels) -> str:
-    """The settings, the parameters of every variant, and what was found in the scene, folded away."""
+def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: charts.Labels) -> str:
+    """The plan, the parameters of every variant, and what was found in the scene, folded away."""
     lists = {
         "Scene": notes["scene"],
         "Parameters": {label: variant or "none" for (_, variant), label in labels.items()},
         "Preparation, once per scene (ms)": notes["prepare_ms"],
-        "Settings": {name: json.dumps(value, ensure_ascii=False) for name, value in settings.items()},
+        "Plan": {name: json.dumps(value, ensure_ascii=False) for name, value in plan.items()},
         "Device": notes["device"],
         "Machine and software": notes["environment"],
     }

@@ -91,7 +91,7 @@ class Store:
             if existing is None:
                 self._connection.execute("INSERT INTO plan VALUES (?)", (json.dumps(wanted, sort_keys=True),))
         if existing is not None and existing != wanted:
-            differences = "; ".join(_differences(_flat(existing), _flat(wanted)))
+            differences = "; ".join(_differences(flat(existing), flat(wanted)))
             raise StoreError(
                 f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments to resume."
             )
@@ -280,13 +280,13 @@ def _number(value: float | None) -> float | None:
     return float(value)
 
 
-def _flat(value: Any, prefix: str = "") -> dict[str, Any]:
+def flat(value: Any, prefix: str = "") -> dict[str, Any]:
     """Nested dicts as one, keys joined by dots."""
     if not isinstance(value, dict):
         return {prefix: value}
     flat: dict[str, Any] = {}
     for key, inner in value.items():
-        flat |= _flat(inner, f"{prefix}.{key}" if prefix else str(key))
+        flat |= flat(inner, f"{prefix}.{key}" if prefix else str(key))
     return flat
 
 
