@@ -250,6 +250,7 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
     const vector8 upright = {0.0f, 1.0f, 0.0f};
     const vector8 face = unit8(s.face, upright);
     vector8 n = unit8(s.normal, face);
+    vector8 smooth = n;
 #if NORMAL_MAPS
     n = bumped8(&s, n, footprint, TEXTURE_ARGUMENTS);
 #endif
@@ -257,6 +258,7 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #if DOUBLE_SIDED
     const float8 side = (s.double_sided > 0.0f && dot8(face, towards) < 0.0f) ? (float8)-1.0f : (float8)1.0f;
     n = (vector8){n.x * side, n.y * side, n.z * side};
+    smooth = (vector8){smooth.x * side, smooth.y * side, smooth.z * side};
 #endif
     vector8 albedo = s.colour;
 #if TEXTURES
@@ -284,8 +286,8 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
             continue;
 #if SHADOWS
         if (light[SHADOW_SIZE] > 0.0f)
-            arriving *= shadow8(light, shadow_maps, s.position.x, s.position.y, s.position.z, face.x, face.y, face.z,
-                                l.x, l.y, l.z, arriving > 0.0f);
+            arriving *= shadow8(light, shadow_maps, s.position.x, s.position.y, s.position.z, smooth.x, smooth.y,
+                                smooth.z, l.x, l.y, l.z, arriving > 0.0f);
 #endif
         const float8 lambert = arriving * INV_PI;
         diffuse.x += light[16] * lambert;

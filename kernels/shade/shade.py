@@ -45,7 +45,7 @@ def shade_twin(
     """
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     towards = np.asarray(eye, np.float32) - points.position
-    n = _shading_normal(tables, textures, points, towards)
+    n, smooth = _shading_normals(tables, textures, points, towards)
     albedo = points.material[:, :3].copy()
     if tables.defines["VERTEX_COLOURS"]:
         albedo *= points.extra[:, 4:7]
@@ -56,7 +56,7 @@ def shade_twin(
     for light in tables.lights.astype(np.float64):
         to_light, arriving = _incident(light, points.position)
         arriving = arriving * np.maximum(_dot(n, to_light), 0)
-        arriving = arriving * lit_share(light, shadow_maps, points.position, points.face, to_light)
+        arriving = arriving * lit_share(light, shadow_maps, points.position, smooth, to_light)
         irradiance = arriving[:, None] * light[16:19]
         diffuse = diffuse + irradiance / np.pi
         if specular:
@@ -106,7 +106,10 @@ def _texture(textures: TextureBuffers, points: Points, texture: np.ndarray) -> n
     return trilinear(textures, texture.astype(int), *points.uv.T, points.footprint)[:, :3]
 
 
-def _shading_normal(tables: Tables, textures: TextureBuffers, points: Points, towards: np.ndarray) -> np.ndarray:
+def _shading_normals(
+    tables: Tables, textures: TextureBuffers, points: Points, towards: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The normal (n, 3) to shade with, and the one without the normal map, on the side that is seen."""
     n = points.normal
     if tables.defines["NORMAL_MAPS"]:
         tangent, sign = points.extra[:, :3], points.extra[:, 3:4]
@@ -115,7 +118,8 @@ def _shading_normal(tables: Tables, textures: TextureBuffers, points: Points, to
         bump = x * scale * tangent + y * scale * sign * np.cross(n, tangent) + z * n
         n = np.where(points.material[:, 12:13] > 0, _unit(bump, n), n)
     away = (points.material[:, 6] > 0) & (_dot(points.face, towards) < 0)
-    return np.where(away[:, None], -n, n)
+    side = np.where(away, -1, 1)[:, None]
+    return n * side, points.normal * side
 
 
 def _incident(light: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -19,7 +19,6 @@
 // shadow itself if it is pushed out by that times sin a: 1 / w is affine on the map, with the normal's part across the
 // axis as its slope.
 #define NORMAL_OFFSET 2.83f
-#define SIDE_STEEPNESS 32.0f
 // Towards the light, for curvature and what depth loses to rounding; in texels.
 #define LIGHT_OFFSET 0.75f
 
@@ -31,26 +30,24 @@ INLINE float8 row8(__global const float *row, float8 x, float8 y, float8 z)
     return row[0] * x + row[1] * y + row[2] * z + row[3];
 }
 
-// The share of light that arrives. x, y, z: position; f: unit geometric normal; l: unit direction to the light;
+// The share of light that arrives. x, y, z: position; n: unit smooth normal on the lit side (the
+// triangle's own would let coarse surfaces shadow themselves where light grazes them); l: unit direction to the light;
 // lanes with `wanted` 0 give 1. Between lit and dark lies a ramp one texel deep instead of a step, so that shading is a
 // continuous function of the position.
 INLINE float8 shadow8(__global const float *light, __global const float *shadow_maps, float8 x, float8 y, float8 z,
-                      float8 fx, float8 fy, float8 fz, float8 lx, float8 ly, float8 lz, int8 wanted)
+                      float8 nx, float8 ny, float8 nz, float8 lx, float8 ly, float8 lz, int8 wanted)
 {
     const int size = (int)light[SHADOW_SIZE];
     __global const float *map = shadow_maps + as_int(light[SHADOW_START]);
     const float8 texel = light[TEXEL_BASE] + light[TEXEL_PER_W] * row8(light + SHADOW_W, x, y, z);
-    const float8 cosine = fx * light[AXIS] + fy * light[AXIS + 1] + fz * light[AXIS + 2];
+    const float8 cosine = nx * light[AXIS] + ny * light[AXIS + 1] + nz * light[AXIS + 2];
     const float8 squared = (cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (float8)0.0f;
     const float8 sine = squared * inverse_sqrt8(squared);
-    // Towards the lit side; through zero where light grazes, or shading would jump there.
-    float8 side = (fx * lx + fy * ly + fz * lz) * SIDE_STEEPNESS;
-    side = (side > -1.0f) ? ((side < 1.0f) ? side : (float8)1.0f) : (float8)-1.0f;
-    const float8 normal_offset = texel * NORMAL_OFFSET * sine * side;
+    const float8 normal_offset = texel * NORMAL_OFFSET * sine;
     const float8 light_offset = texel * LIGHT_OFFSET;
-    x += fx * normal_offset + lx * light_offset;
-    y += fy * normal_offset + ly * light_offset;
-    z += fz * normal_offset + lz * light_offset;
+    x += nx * normal_offset + lx * light_offset;
+    y += ny * normal_offset + ly * light_offset;
+    z += nz * normal_offset + lz * light_offset;
     const float8 w = row8(light + SHADOW_W, x, y, z);
     const float8 inverse = 1.0f / ((w > 0.0f) ? w : (float8)1.0f);
     const float8 column = row8(light + SHADOW_X, x, y, z) * inverse, row = row8(light + SHADOW_Y, x, y, z) * inverse;

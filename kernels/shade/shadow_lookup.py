@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import numpy as np
 
-NORMAL_OFFSET, LIGHT_OFFSET, SIDE_STEEPNESS = 2.83, 0.75, 32  # as in shadow_lookup.cl, in texels
+NORMAL_OFFSET, LIGHT_OFFSET = 2.83, 0.75  # as in shadow_lookup.cl, in texels
 
 
 def lit_share(
-    light: np.ndarray, shadow_maps: np.ndarray, position: np.ndarray, face: np.ndarray, to_light: np.ndarray
+    light: np.ndarray, shadow_maps: np.ndarray, position: np.ndarray, normal: np.ndarray, to_light: np.ndarray
 ) -> np.ndarray:
     """The share (n) of a light that arrives at points: 3x3 bilinear taps, each with a ramp one texel deep.
 
-    light: a light's record (48); position, face (unit geometric normal), to_light: (n, 3). All lit without a map.
+    light: a light's record (48); position, normal (unit, on the lit side), to_light: (n, 3). All lit without a map.
     """
     size = int(light[37])
     if size == 0:
@@ -20,11 +20,8 @@ def lit_share(
     rows = light[20:36].reshape(4, 4)
     start = int(np.float32(light[36]).view(np.int32))
     texel = light[38] + light[39] * (position @ rows[3, :3] + rows[3, 3])
-    sine = np.sqrt(np.maximum(1 - (face @ light[8:11]) ** 2, 0))
-    side = np.clip((face * to_light).sum(axis=1) * SIDE_STEEPNESS, -1, 1)
-    point = (
-        position + face * (texel * NORMAL_OFFSET * sine * side)[:, None] + to_light * (texel * LIGHT_OFFSET)[:, None]
-    )
+    sine = np.sqrt(np.maximum(1 - (normal @ light[8:11]) ** 2, 0))
+    point = position + normal * (texel * NORMAL_OFFSET * sine)[:, None] + to_light * (texel * LIGHT_OFFSET)[:, None]
     x, y, depth, w = (point @ rows[:, :3].T + rows[:, 3]).T
     ahead = w > 0
     x, y, depth = (value / np.where(ahead, w, 1) for value in (x, y, depth))

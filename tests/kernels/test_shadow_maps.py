@@ -35,7 +35,7 @@ def triangles_of(device, *parts, flip=False):
 
 
 def lit(device, triangles, one, points, faces=(0.0, 1.0, 0.0), focus=(0.0, 0.0, 0.0), unit=1.0):
-    """The share of a light that arrives at points with geometric normals `faces`."""
+    """The share of a light that arrives at points with normals `faces`."""
     shadows = ShadowMaps.render(device, triangles, None, [one], np.array(focus), unit)
     row = light_rows([one], unit)[0].astype(np.float64)
     row[20:] = shadows.rows[0]
