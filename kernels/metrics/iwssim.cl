@@ -119,11 +119,11 @@ __kernel void enlarge(const int width, const int height, const int stride, const
     }
 }
 
-// Neighbour `number` of 16 pixels: the 3x3 around them row by row, then the parent.
-inline float16 neighbour(__global const float *band, __global const float *parent, const int at, const int stride,
-                         const int number)
+// Where neighbour `number` of the pixel at 0 lies: the 3x3 around it row by row, then the parent.
+inline __global const float *neighbour(__global const float *band, __global const float *parent, const int stride,
+                                       const int number)
 {
-    return number < 9 ? vload16(0, band + at + (number / 3 - 1) * stride + number % 3 - 1) : vload16(0, parent + at);
+    return number < 9 ? band + (number / 3 - 1) * stride + number % 3 - 1 : parent;
 }
 
 // Sums over one row (border pixels left out) of the products of all pairs of neighbours: partial (height - 2, pairs).
@@ -133,15 +133,17 @@ __kernel void neighbour_products(const int width, const int height, const int st
     const int row = get_global_id(0) + 1;
     if (row >= height - 1)
         return;
+    const int at = plane_offset(stride, row, 0);
     __global float *out = partial + (row - 1) * (neighbours * (neighbours + 1) / 2);
     for (int i = 0; i < neighbours; i++)
         for (int j = 0; j <= i; j++) {
+            __global const float *a = neighbour(band, parent, stride, i) + at;
+            __global const float *b = neighbour(band, parent, stride, j) + at;
             float16 sum = 0.0f;
             for (int column = 0; column < width; column += PIECE) {
-                const int at = plane_offset(stride, row, column);
-                const float16 product =
-                    neighbour(band, parent, at, stride, i) * neighbour(band, parent, at, stride, j);
-                sum += inside_only(product, column, 1, width - 1);
+                const float16 product = vload16(0, a + column) * vload16(0, b + column);
+                const int whole = column > 0 && column + PIECE < width;
+                sum += whole ? product : inside_only(product, column, 1, width - 1);
             }
             *out++ = sum_of_lanes(sum);
         }
@@ -159,7 +161,7 @@ __kernel void whitened_energy(const int width, const int height, const int strid
     const int at = plane_offset(stride, row, (get_global_id(0) % pieces) * PIECE);
     float16 values[MOST_NEIGHBOURS];
     for (int i = 0; i < neighbours; i++)
-        values[i] = neighbour(band, parent, at, stride, i);
+        values[i] = vload16(0, neighbour(band, parent, stride, i) + at);
     float16 sum = 0.0f;
     for (int i = 0; i < neighbours; i++) {
         float16 white = 0.0f;

@@ -139,7 +139,8 @@ class IwSsim:
             inner = band.layout.height - 2
             sums = self.device.empty((inner, band.neighbours * (band.neighbours + 1) // 2), np.float32)
             arguments = (*size, band.neighbours, band.plane, parent, sums)
-            launch("metrics/iwssim/neighbours", kernels.neighbour_products, inner, *arguments)
+            local = 1 if self.device.is_cpu else None
+            launch("metrics/iwssim/neighbours", kernels.neighbour_products, inner, *arguments, local=local)
             products.append(sums)
         for band, parent, sums in zip(self.bands, parents, products, strict=True):
             self._decorrelate(band, parent, sums)

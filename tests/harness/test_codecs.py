@@ -1,0 +1,177 @@
+"""Codecs: colours survive, bytes are deterministic and real, sizes that codecs dislike, LZ4 there and back."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from harness.codecs import CodecError, Picture, VideoStream, encode_all, pack_lz4, rgb_to_yuv, unpack_lz4
+
+PATCHES = np.array(
+    [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [0, 255, 255], [255, 0, 255], [255] * 3, [0] * 3], np.uint8
+)
+
+
+def chart(height=128, width=256):
+    """A grey ramp above saturated patches."""
+    image = np.empty((height, width, 3), np.uint8)
+    image[: height // 2] = (np.arange(width) * 255 // (width - 1))[None, :, None]
+    image[height // 2 :] = PATCHES.repeat(width // 8, axis=0)[None]
+    return image
+
+
+def moving(frames=4, height=96, width=128, seed=0):
+    """A few frames of a moving texture."""
+    rng = np.random.default_rng(seed)
+    texture = rng.integers(0, 256, (height // 8, width // 8, 3)).repeat(8, axis=0).repeat(8, axis=1).astype(np.uint8)
+    return [np.roll(texture, k, axis=1) for k in range(frames)]
+
+
+@pytest.mark.parametrize("crf", [0, 5])
+def test_colours_survive_h264(crf):
+    image = chart()
+    decoded = VideoStream("h264", crf, 256, 128, decode=True).encode(image).decoded
+    assert decoded.shape == image.shape
+    error = np.abs(decoded.astype(int) - image)
+    assert error[:60].max() <= 3
+    assert error[70:, 16::32].max() <= 4
+    assert abs(error.mean()) < 1
+
+
+def test_the_conversion_is_bt709_in_limited_range():
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 256, (32, 48, 3)).astype(np.uint8)
+    planes = rgb_to_yuv(image)
+    luma = image @ [0.2126, 0.7152, 0.0722]
+    means = {name: (image[..., c] - luma).reshape(16, 2, 24, 2).mean(axis=(1, 3)) for name, c in (("b", 2), ("r", 0))}
+    np.testing.assert_allclose(planes[:32], 16 + 219 / 255 * luma, atol=0.6)
+    np.testing.assert_allclose(planes[32:40].reshape(16, 24), 128 + means["b"] / 1.8556 * 224 / 255, atol=0.6)
+    np.testing.assert_allclose(planes[40:].reshape(16, 24), 128 + means["r"] / 1.5748 * 224 / 255, atol=0.6)
+
+
+def test_the_stream_says_what_its_colours_are():
+    import av
+
+    stream = VideoStream("h264", 20, 64, 64)
+    data = stream._coder.encode(Picture(chart(64, 64)))
+    frame = av.CodecContext.create("h264", "r").decode(av.Packet(data))[0]
+    assert (int(frame.colorspace), int(frame.color_range), int(frame.color_primaries), int(frame.color_trc)) == (1,) * 4
+
+
+@pytest.mark.parametrize("codec", ["h264", "jpeg"])
+def test_same_frames_give_the_same_bytes(codec):
+    frames = moving()
+
+    def sizes(stream):
+        return [stream.encode(frame).bytes for frame in frames]
+
+    stream = VideoStream(codec, 25, 128, 96)
+    first = sizes(stream)
+    assert all(size > 0 for size in first)
+    stream.reset()
+    assert sizes(stream) == first
+    assert sizes(VideoStream(codec, 25, 128, 96, decode=True)) == first
+
+
+def test_only_the_first_frame_is_a_keyframe():
+    stream = VideoStream("h264", 25, 128, 96)
+    still = moving(1)[0]
+    first, *later = (stream.encode(still).bytes for _ in range(20))
+    assert max(later) < first / 5
+    stream.encode(255 - still)
+    assert stream.encode(255 - still).bytes < first / 5
+
+
+def test_a_higher_rate_factor_gives_fewer_bytes_and_worse_pictures():
+    frame = np.random.default_rng(0).integers(0, 256, (64, 64, 3)).astype(np.uint8)
+    coded = [VideoStream("h264", crf, 64, 64, decode=True).encode(frame) for crf in (5, 25, 45)]
+    errors = [np.abs(c.decoded.astype(int) - frame).mean() for c in coded]
+    assert coded[0].bytes > coded[1].bytes > coded[2].bytes
+    assert errors == sorted(errors)
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 2), (17, 33), (201, 333), (16, 4100), (8192, 18)])
+@pytest.mark.parametrize("codec", ["h264", "jpeg", "none"])
+def test_sizes(codec, size):
+    height, width = size
+    image = np.full((height, width, 3), (200, 100, 50), np.uint8)
+    stream = VideoStream(codec, 10, width, height, decode=True)
+    frame = stream.encode(image)
+    assert frame.decoded.shape == image.shape
+    assert np.abs(frame.decoded.astype(int) - image).max() <= 4
+    padded = (-(-width // 4) * 4) * (-(-height // 4) * 4) - width * height
+    assert stream.padding == (padded if codec == "h264" else 0)
+
+
+def test_no_codec_counts_three_bytes_per_texel_and_loses_nothing():
+    frame = moving(1)[0]
+    coded = VideoStream("none", None, 128, 96, decode=True).encode(frame)
+    assert coded.bytes == 3 * 128 * 96
+    np.testing.assert_array_equal(coded.decoded, frame)
+
+
+def test_jpeg_quality_costs_bytes():
+    frame = moving(1)[0]
+    sizes = [VideoStream("jpeg", None, 128, 96, quality=q).encode(frame).bytes for q in (30, 85, 98)]
+    assert sizes == sorted(sizes)
+
+
+def test_several_streams_at_once_give_what_each_gives_alone():
+    frames = moving(5)
+    settings_ = [
+        ("h264", 5, False),
+        ("h264", 25, True),
+        ("h264", 35, False),
+        ("jpeg", None, True),
+        ("none", None, True),
+    ]
+
+    def open_all():
+        return [VideoStream(codec, crf, 128, 96, decode=decode) for codec, crf, decode in settings_]
+
+    together, alone = open_all(), open_all()
+    for frame in frames:
+        for got, stream in zip(encode_all(together, frame), alone, strict=True):
+            expected = stream.encode(frame)
+            assert got.bytes == expected.bytes
+            assert (got.decoded is None) == (expected.decoded is None)
+            if got.decoded is not None:
+                np.testing.assert_array_equal(got.decoded, expected.decoded)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (("vp8", 10, 64, 64), "h264, jpeg, none"),
+        (("h264", 52, 64, 64), "0 to 51"),
+        (("h264", None, 64, 64), "0 to 51"),
+        (("h264", 10, 8193, 64), "8192"),
+        (("jpeg", None, 0, 64), "1 to 8192"),
+    ],
+)
+def test_settings_a_codec_cannot_take_are_refused(arguments, words):
+    with pytest.raises(CodecError, match=words):
+        VideoStream(*arguments)
+
+
+def test_frames_that_do_not_fit_are_refused():
+    stream = VideoStream("h264", 10, 64, 64)
+    with pytest.raises(CodecError, match="32x64"):
+        stream.encode(np.zeros((64, 32, 3), np.uint8))
+    with pytest.raises(CodecError, match="uint8"):
+        stream.encode(np.zeros((64, 64, 4), np.float32))
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.dictionaries(st.text(max_size=5), st.binary(max_size=2000), max_size=4))
+def test_lz4_there_and_back(blobs):
+    packed = pack_lz4(blobs)
+    assert unpack_lz4(packed) == blobs
+    assert pack_lz4(blobs) == packed
+
+
+def test_lz4_compresses_and_names_a_damaged_block():
+    packed = pack_lz4({"words": b"atlas " * 1000})
+    assert len(packed["words"]) < 200
+    with pytest.raises(CodecError, match="words"):
+        unpack_lz4({"words": packed["words"][:20]})
