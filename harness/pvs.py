@@ -6,6 +6,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,6 +15,9 @@ from kernels.cache import cache_folder, write_atomically
 from kernels.device import kernels_digest
 from kernels.raster.mark import mark_visible
 from packers.interface import ServerScene, View
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
 
 LARGEST_VIEW = 8192  # pixels per side; a denser view is drawn at the density that fits
 
@@ -78,13 +82,24 @@ def _fitted(view: View) -> View:
 
 def _draw(scene: ServerScene, views: list[View]) -> PotentiallyVisibleSet:
     """Draw the views one after the other and mark what they show; skip those that cannot add anything."""
-    device = scene.device
-    flags = device.zeros(scene.host.triangle_count, np.uint8)
+    device, count = scene.device, scene.host.triangle_count
+    flags = device.zeros(count, np.uint8)
     drawn = 0
     with device.record() as record:
         for view in views:
+            if drawn and _adds_nothing(scene, view, flags):
+                continue
             visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="pvs")
-            mark_visible(device, visible, flags)
+            mark_visible(device, visible, flags, stage="pvs/mark")
             drawn += 1
-    ids = np.flatnonzero(flags.get()[: scene.host.triangle_count]).astype(np.int32)
+    ids = np.flatnonzero(flags.get()[:count]).astype(np.int32)
     return PotentiallyVisibleSet(ids, drawn, len(views), sum(record.milliseconds.values()))
+
+
+def _adds_nothing(scene: ServerScene, view: View, flags: Array) -> bool:
+    """Whether every triangle of every cluster in the view's frustum is marked already."""
+    clusters, count = scene.rasteriser.in_frustum(view.view, view.projection)
+    size = scene.rasteriser.clusters.size
+    marked = flags.get()[: scene.host.triangle_count]
+    full = np.logical_and.reduceat(marked, np.arange(0, len(marked), size))
+    return bool(full[clusters.get()[:count]].all())

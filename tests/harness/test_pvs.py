@@ -1,0 +1,135 @@
+"""The potentially visible set: what views from inside the cell show is in it; nothing is drawn for nothing."""
+
+import numpy as np
+import pytest
+
+from harness.frames import FrameSource
+from harness.pvs import cell_eyes, potentially_visible
+from harness.settings import Settings
+from harness.upload import upload_scene
+from harness.views import Cell, CellFrustum, Pose, client_view, confined, from_rotation_vector, multiply
+from scenes.features import content_digest, find_features
+from scenes.hall import make_hall
+from scenes.head_motion import HeadMotion
+from scenes.model import Material, Scene
+from scenes.paths import make_path
+
+AHEAD = np.array([0, 0, 0, 1.0])
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    """Sets of other tests and runs must not answer for what is tested here."""
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+
+
+@pytest.fixture(scope="module")
+def hall(device):
+    scene = make_hall()
+    scene.features, scene.content_hash = find_features(scene), content_digest(scene)
+    return upload_scene(device, scene)
+
+
+@pytest.fixture(scope="module")
+def wall(device):
+    """One large quad, and a small one behind it."""
+    quad = np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], np.float32)
+    positions = np.concatenate([quad * (20, 20, 1) - (0, 0, 2), quad * 0.1 - (0, 0, 3)]).astype(np.float32)
+    indices = np.array([[0, 1, 2], [0, 2, 3], [4, 5, 6], [4, 6, 7]], np.int32)
+    scene = Scene(
+        name="wall",
+        positions=positions,
+        indices=indices,
+        normals=np.tile(np.float32([0, 0, 1]), (8, 1)),
+        uvs=np.zeros((8, 2), np.float32),
+        colours=np.ones((8, 4), np.float32),
+        material_ids=np.zeros(4, np.int32),
+        materials=[Material()],
+        content_hash="wall",
+    )
+    return upload_scene(device, scene)
+
+
+def test_views_from_inside_the_cell_show_hardly_anything_else(hall):
+    """Over random poses in the cell, under 1 % of the pixels show a triangle outside the set."""
+    settings = Settings(width=320, height=180)
+    path = make_path(hall.host, "walk", 1)
+    source = FrameSource(hall, path, HeadMotion.synthetic(0), settings)
+    frame = source.work(0).frame
+    server = Pose(path.positions[0], path.orientations[0])
+    known = np.zeros(hall.host.triangle_count, bool)
+    known[frame.pvs] = True
+    random = np.random.default_rng(1)
+    for _ in range(8):
+        shift, turn = random.normal(size=3) * frame.cell_radius, random.normal(size=3) * 0.2
+        wanted = Pose(server.position + shift, multiply(server.orientation, from_rotation_vector(turn)))
+        camera = client_view(wanted, 60, 320, 180, source.near)
+        pose, _ = confined(server, wanted, frame.cell_radius, source.frustum, camera)
+        view = client_view(pose, 60, 320, 180, source.near)
+        seen = hall.rasteriser.draw(view.view, view.projection, 320, 180).triangle.get()
+        assert np.mean(~known[seen[seen >= 0]]) < 0.01
+    assert len(frame.pvs) < hall.host.triangle_count
+    assert (np.diff(frame.pvs) > 0).all()
+
+
+def test_what_a_wall_hides_is_not_potentially_visible(wall):
+    frustum = CellFrustum.around(Cell(0.1, 80), 60, 96, 54)
+    found = potentially_visible(wall, Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
+    assert found.ids.tolist() == [0, 1]
+
+
+def test_views_that_add_nothing_are_not_drawn(wall):
+    """A view whose clusters are marked already is skipped; a hidden triangle in one keeps it."""
+    frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
+    ahead = Pose(np.zeros(3), AHEAD)
+    wall_only = potentially_visible(wall, ahead, 0.1, frustum, 0.01, 2.0)
+    assert wall_only.ids.tolist() == [0, 1]
+    assert wall_only.planned == 9
+    # All four triangles share one cluster, whose hidden part keeps every view from being skipped.
+    assert wall_only.views == 9
+    alone = potentially_visible(_without_the_hidden(wall), ahead, 0.1, frustum, 0.01, 2.0)
+    assert alone.ids.tolist() == [0, 1]
+    assert alone.views == 1
+
+
+def _without_the_hidden(wall):
+    from dataclasses import replace
+
+    host = replace(wall.host, indices=wall.host.indices[:2], material_ids=wall.host.material_ids[:2], content_hash="2")
+    return upload_scene(wall.device, host)
+
+
+def test_a_set_comes_from_the_cache_the_second_time(wall):
+    frustum = CellFrustum.around(Cell(0.1, 80), 60, 96, 54)
+    pose = Pose(np.zeros(3), AHEAD)
+    first = potentially_visible(wall, pose, 0.1, frustum, 0.01, 2.0)
+    again = potentially_visible(wall, pose, 0.1, frustum, 0.01, 2.0)
+    assert first.views > 0
+    assert first.milliseconds > 0
+    assert again.views == 0
+    assert again.milliseconds is None
+    assert again.ids.tolist() == first.ids.tolist()
+    other = potentially_visible(wall, pose, 0.1, frustum, 0.01, 1.0)
+    assert other.views > 0
+
+
+def test_the_cell_has_a_centre_and_eight_corners_on_its_sphere():
+    eyes = list(cell_eyes(Pose(np.ones(3), AHEAD), 0.3))
+    assert len(eyes) == 9
+    assert [round(float(np.linalg.norm(eye.position - 1)), 9) for eye in eyes] == [0.0] + [0.3] * 8
+    assert len(list(cell_eyes(Pose(np.ones(3), AHEAD), 0.0))) == 1
+
+
+def test_frames_depend_on_their_index_alone(hall):
+    """A resumed run starts anywhere and must get the same work."""
+    settings = Settings(width=64, height=36, cell_radius=0.02)
+    path = make_path(hall.host, "walk", 6)
+    head = HeadMotion.synthetic(3)
+    forwards = FrameSource(hall, path, head, settings)
+    works = [forwards.work(i) for i in range(6)]
+    again = FrameSource(hall, path, head, settings).work(5)
+    assert np.array_equal(again.novel.view, works[5].novel.view)
+    assert np.array_equal(again.frame.pvs, works[5].frame.pvs)
+    for ours, theirs in zip(again.frame.predicted, works[5].frame.predicted, strict=True):
+        assert np.array_equal(ours.view, theirs.view)
+    assert not np.array_equal(works[4].novel.view, works[5].novel.view)
