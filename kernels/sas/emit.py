@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,24 +21,51 @@ STAGE = "gather/emit"
 RUNS = 512  # on a CPU: patches differ in size by 65536, so more runs than cores by far
 
 
+# For each code a1, b1, c1, a2, b2, c2, 0, 0: barycentric k of a triangle is ak + bk u + ck v.
+CODE_WEIGHTS = np.zeros((15, 8), np.float32)
+CODE_WEIGHTS[:, :6] = ROLE_WEIGHTS[
+    np.arange(15)[:, None] // 3, (np.arange(1, 3) - np.arange(15)[:, None] % 3) % 3
+].reshape(15, 6)
+
+
+@dataclass(frozen=True)
+class Unfolded:
+    """What emitting needs of a scene's patches, on the device.
+
+    members: int32 (P, 3). codes: uint8 (T), roles and rotations. weights: float32 (15, 8), CODE_WEIGHTS. ways: float32
+    (T, 2), the ways on each triangle's surface along u and along v from one side of the patch to the other.
+    """
+
+    members: Array
+    codes: Array
+    weights: Array
+    ways: Array
+
+    @classmethod
+    def measure(cls, device: Device, members: Array, codes: Array, triangles: Triangles) -> Unfolded:
+        """Upload the weights and measure the ways."""
+        weights, ways = device.upload(CODE_WEIGHTS), device.empty((triangles.count, 2), np.float32)
+        arrays = (codes, weights, triangles.indices, triangles.positions, ways)
+        device.launch(
+            "prepare/ways", device.build("sas/emit.cl").measure_ways, triangles.count, triangles.count, *arrays
+        )
+        return cls(members, codes, weights, ways)
+
+
 def emit_samples(
     device: Device,
     patches: Array,
     masks: Array,
     count: int,
     words: Array,
-    members: Array,
-    codes: Array,
-    weights: Array,
-    triangles: Triangles,
+    unfolded: Unfolded,
     atlas_width: int,
     complete: bool,
     runs: int | None = None,
 ) -> Samples:
     """The samples of the blocks of `count` patches, in the order of patches, rows and columns.
 
-    patches: int32 (count). masks: uint8 (count), bit k for member k in the set. words: uint32 (P), locations. members:
-    int32 (P, 3). codes: uint8 (T), roles and rotations. weights: float32 (5, 3, 3), `layout.ROLE_WEIGHTS`.
+    patches: int32 (count). masks: uint8 (count), bit k for member k in the set. words: uint32 (P), locations.
     Of each block the texels that bilinear lookups inside the triangles in the set touch, row by row from the first to
     the last such column; all of it where `complete`. A texel belongs to the patch's triangle that it lies in, or that
     continues there. Its barycentrics follow from the half-texel inset: corners lie at the centres of the corner texels;
@@ -47,13 +75,13 @@ def emit_samples(
     kernels = device.build("sas/emit.cl")
     run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
     runs = -(-count // run)
-    listed = (count, run, runs, int(complete), patches, masks, members, words)
+    listed = (count, run, runs, int(complete), patches, masks, unfolded.members, words)
     local = 1 if device.is_cpu else None
     counts = device.empty(runs, np.int32)
     device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
-    known = (codes, weights, triangles.indices, triangles.positions, atlas_width, counts, offsets)
+    known = (unfolded.codes, unfolded.weights, unfolded.ways, atlas_width, counts, offsets)
     arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
     return s

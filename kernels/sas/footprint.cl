@@ -1,20 +1,52 @@
-#include "common/types.cl"
+#include "common/wide.cl"
 
-// How large the sides of a patch's rectangle appear from the eye.
+// How large the sides of a patch's rectangle appear from the eye; 8 patches per step.
 
 #define STEPS 8  // sizes are logarithms to base 2 in steps of 1/8
 #define SIZES 128
 
-// Position of vertex `vertex` (of another vertex where it is -1), seen from the eye.
-inline float3 seen(__global const float *positions, int vertex, int instead, float3 eye_high, float3 eye_low) {
-    return vload3(vertex >= 0 ? vertex : instead, positions) - eye_high - eye_low;
+#define MAGIC 12582912.0f  // 1.5 * 2^23: adding and subtracting it rounds to a whole number
+#define HALF_PI 1.57079633f
+
+typedef struct {
+    float8 x, y, z;
+} Points8;
+
+// atan on 0..1 within 2e-6, relative error 3e-5 near 0 (the polynomial is from Hastings 1955).
+INLINE float8 small_atan(float8 t) {
+    const float8 s = t * t;
+    return t * (0.99997726f +
+                s * (-0.33262347f + s * (0.19354346f + s * (-0.11643287f + s * (0.05265332f + s * -0.01172120f)))));
 }
 
-// Sizes in pixels of the angles between eight pairs of directions. Spherical: the pixels per radian are those of the
-// image centre everywhere.
-inline float8 subtended(float8 ax, float8 ay, float8 az, float8 bx, float8 by, float8 bz, float pixels) {
-    const float8 cx = ay * bz - az * by, cy = az * bx - ax * bz, cz = ax * by - ay * bx;
-    return pixels * atan2(sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz);
+// The angle between two directions, from its sine and cosine, which stays exact for small and for flat angles.
+INLINE float8 subtended(Points8 a, Points8 b) {
+    const float8 cx = a.y * b.z - a.z * b.y, cy = a.z * b.x - a.x * b.z, cz = a.x * b.y - a.y * b.x;
+    const float8 sine = sqrt(cx * cx + cy * cy + cz * cz), cosine = a.x * b.x + a.y * b.y + a.z * b.z;
+    const float8 size = cosine < 0.0f ? -cosine : cosine;
+    const float8 low = LESSER(sine, size), high = GREATER(sine, size);
+    const float8 acute = small_atan(low / (high > 0.0f ? high : (float8)(1.0f)));
+    const float8 from_axis = sine > size ? HALF_PI - acute : acute;
+    return cosine < 0.0f ? 2.0f * HALF_PI - from_axis : from_axis;
+}
+
+// log2 of values from 1 on, exact at powers of two, within 1e-6 elsewhere: the series of the inverse hyperbolic tangent.
+INLINE float8 log2_of(float8 value) {
+    const int8 bits = as_int8(value);
+    const float8 mantissa = as_float8((bits & 0x7FFFFF) | 0x3F800000);
+    const int8 upper = mantissa > 1.41421356f;
+    const float8 m = upper ? 0.5f * mantissa : mantissa;
+    const int8 exponent = (bits >> 23) - 127 - upper;
+    const float8 f = (m - 1.0f) / (m + 1.0f), s = f * f;
+    const float8 series = f * (2.88539008f + s * (0.96179669f + s * (0.57707802f + s * 0.41219858f)));
+    return (as_float8(exponent + 0x4B400000) - MAGIC) + series;
+}
+
+INLINE int8 size_steps(float8 pixels) {
+    const float8 steps = STEPS * log2_of(GREATER(pixels, (float8)(1.0f)));
+    const float8 rounded = (steps + MAGIC) - MAGIC;
+    const int8 up = (as_int8(rounded + MAGIC) - 0x4B400000) - (rounded < steps);
+    return LESSER(up, (int8)(SIZES - 1));
 }
 
 // sizes: width in steps | height in steps << 8. histogram (SIZES, SIZES): patches by height and width, counts only, so
@@ -22,29 +54,35 @@ inline float8 subtended(float8 ax, float8 ay, float8 az, float8 bx, float8 by, f
 __kernel void measure_sides(int count, __global const int *patches, __global const int *points,
                             __global const float *positions, float eye_x, float eye_y, float eye_z, float low_x,
                             float low_y, float low_z, float pixels, __global int *sizes, __global int *histogram) {
-    const int i = get_global_id(0);
-    if (i >= count) return;
-    __global const int *v = points + 5 * patches[i];
-    const float3 eye = (float3)(eye_x, eye_y, eye_z), low = (float3)(low_x, low_y, low_z);
-    const float3 a = seen(positions, v[0], v[0], eye, low), b = seen(positions, v[1], v[0], eye, low);
-    const float3 c = seen(positions, v[2], v[0], eye, low), d = seen(positions, v[3], v[0], eye, low);
-    const bool fan = v[4] >= 0, quad = v[2] >= 0;
-    const float3 apex = seen(positions, v[4], v[0], eye, low);
-    const float3 middle = 0.5f * (c + d);
-    // Sides, in this order: top left, top right, bottom, left, right, apex to the bottom's middle.
-    const float8 size = subtended(
-        (float8)(a.x, apex.x, d.x, a.x, b.x, apex.x, 0, 0), (float8)(a.y, apex.y, d.y, a.y, b.y, apex.y, 0, 0),
-        (float8)(a.z, apex.z, d.z, a.z, b.z, apex.z, 0, 0),
-        fan ? (float8)(apex.x, b.x, c.x, d.x, c.x, middle.x, 0, 0) : (float8)(b.x, apex.x, c.x, d.x, c.x, apex.x, 0, 0),
-        fan ? (float8)(apex.y, b.y, c.y, d.y, c.y, middle.y, 0, 0) : (float8)(b.y, apex.y, c.y, d.y, c.y, apex.y, 0, 0),
-        fan ? (float8)(apex.z, b.z, c.z, d.z, c.z, middle.z, 0, 0) : (float8)(b.z, apex.z, c.z, d.z, c.z, apex.z, 0, 0),
-        pixels);
-    const float top = fan ? size.s0 + size.s1 : size.s0;
-    const float width = quad ? fmax(top, size.s2) : top;
-    const float upright = quad ? fmax(size.s3, size.s4) : size.s3;
-    const float height = fan ? fmax(upright, size.s5) : upright;
-    const float2 steps = ceil(STEPS * log2(fmax((float2)(width, height), 1.0f)));
-    const int2 size_steps = clamp(convert_int2_sat(steps), 0, SIZES - 1);
-    sizes[i] = size_steps.x | size_steps.y << 8;
-    atomic_inc(&histogram[SIZES * size_steps.y + size_steps.x]);
+    const int first = 8 * get_global_id(0);
+    if (first >= count) return;
+    Points8 p[5];
+    int8 quad, fan;
+    for (int k = 0; k < 8; k++) {
+        __global const int *v = points + 5 * patches[LESSER(first + k, count - 1)];
+        ((int *)&quad)[k] = v[2] >= 0 ? -1 : 0;
+        ((int *)&fan)[k] = v[4] >= 0 ? -1 : 0;
+        for (int j = 0; j < 5; j++) {
+            __global const float *position = positions + 3 * (size_t)(v[j] >= 0 ? v[j] : v[0]);
+            ((float *)&p[j].x)[k] = position[0];
+            ((float *)&p[j].y)[k] = position[1];
+            ((float *)&p[j].z)[k] = position[2];
+        }
+    }
+    for (int j = 0; j < 5; j++) {
+        p[j].x = (p[j].x - eye_x) - low_x;
+        p[j].y = (p[j].y - eye_y) - low_y;
+        p[j].z = (p[j].z - eye_z) - low_z;
+    }
+    const Points8 middle = {0.5f * (p[2].x + p[3].x), 0.5f * (p[2].y + p[3].y), 0.5f * (p[2].z + p[3].z)};
+    const float8 top = fan ? subtended(p[0], p[4]) + subtended(p[4], p[1]) : subtended(p[0], p[1]);
+    const float8 bottom = subtended(p[3], p[2]), left = subtended(p[0], p[3]), right = subtended(p[1], p[2]);
+    const float8 height2 = quad ? GREATER(left, right) : left, height3 = subtended(p[4], middle);
+    const int8 width = size_steps(pixels * (quad ? GREATER(top, bottom) : top));
+    const int8 height = size_steps(pixels * (fan ? GREATER(height2, height3) : height2));
+    for (int k = 0; k < 8 && first + k < count; k++) {
+        const int w = ((int *)&width)[k], h = ((int *)&height)[k];
+        sizes[first + k] = w | h << 8;
+        atomic_inc(&histogram[SIZES * h + w]);
+    }
 }

@@ -39,18 +39,8 @@ def measure_sides(
     high = eye.astype(np.float32)
     low = (eye - high).astype(np.float32)
     seen_from = [*map(float, high), *map(float, low), float(pixels_per_radian)]
-    device.launch(
-        "structs/footprint",
-        kernels.measure_sides,
-        count,
-        count,
-        patches,
-        points,
-        positions,
-        *seen_from,
-        sizes,
-        histogram,
-    )
+    arguments = (count, patches, points, positions, *seen_from, sizes, histogram)
+    device.launch("structs/footprint", kernels.measure_sides, -(-count // 8), *arguments)
     return sizes, histogram
 
 

@@ -11,9 +11,8 @@ import numpy as np
 
 from kernels.sas.allocate import Allocator, Grid
 from kernels.sas.bias import needed_superblocks
-from kernels.sas.emit import emit_samples
+from kernels.sas.emit import Unfolded, emit_samples
 from kernels.sas.footprint import STEPS, measure_sides
-from kernels.sas.layout import ROLE_WEIGHTS
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
 from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene
@@ -68,9 +67,9 @@ class ShadingAtlasStreaming(Packer):
         """Find the patches and upload them."""
         self.patches = cached_patches(scene.host)
         upload = scene.device.upload
-        self.of_triangle, self.codes = upload(self.patches.of_triangle), upload(self.patches.codes)
-        self.members, self.points = upload(self.patches.members), upload(self.patches.points)
-        self.weights = upload(ROLE_WEIGHTS.astype(np.float32))
+        self.of_triangle, self.points = upload(self.patches.of_triangle), upload(self.patches.points)
+        self.members = upload(self.patches.members)
+        self.unfolded = Unfolded.measure(scene.device, self.members, upload(self.patches.codes), scene.triangles)
         self.marks = scene.device.zeros(max(1, scene.triangles.count), np.int32)
         self.mark = 0
         attributes = dict(zip(ATTRIBUTES, (self.patches.of_triangle, self.patches.codes), strict=True))
@@ -93,8 +92,8 @@ class ShadingAtlasStreaming(Packer):
         bias = self._search_bias(needed_superblocks(device, histogram, self.allocator.grid.top))
         self.allocator.allocate(patches, count, sizes, bias, self.members, self.marks, self.mark)
         words = self.allocator.read(patches, count)
-        listed = (patches, masks, count, self.allocator.words, self.members, self.codes, self.weights)
-        samples = emit_samples(device, *listed, frame.scene.triangles, frame.atlas_width, self.complete)
+        listed = (patches, masks, count, self.allocator.words)
+        samples = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
         atlas = device.empty((frame.atlas_height, frame.atlas_width, 4), np.uint8)
         device.fill(atlas.view(np.uint32), 0, "gather/clear")
         frame.scene.shader.shade(samples, eye=server.eye, target=atlas, stage="gather/shade")

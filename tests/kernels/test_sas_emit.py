@@ -6,8 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.sas.corners import locate_corners_twin
-from kernels.sas.emit import emit_samples, emit_samples_twin
-from kernels.sas.layout import ROLE_WEIGHTS, pack_location
+from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin
+from kernels.sas.layout import pack_location
 from kernels.triangles import Triangles
 from tests.kernels.patch_soup import ROLES, Soup, random_patches
 
@@ -27,8 +27,8 @@ def emit(device, soup: Soup, masks: np.ndarray, words: np.ndarray, complete=Fals
     triangles = Triangles.upload(device, soup.positions, soup.indices, np.zeros(len(soup.indices), np.uint8))
     patches = np.arange(len(soup.members), dtype=np.int32)
     uploaded = [device.upload(array) for array in (patches, masks)]
-    known = [device.upload(a) for a in (words, soup.members, soup.codes, ROLE_WEIGHTS.astype(np.float32))]
-    samples = emit_samples(device, *uploaded, len(patches), *known, triangles, WIDTH, complete, runs)
+    unfolded = Unfolded.measure(device, device.upload(soup.members), device.upload(soup.codes), triangles)
+    samples = emit_samples(device, *uploaded, len(patches), device.upload(words), unfolded, WIDTH, complete, runs)
     return {name: getattr(samples, name).get()[: samples.count] for name in FIELDS}
 
 
