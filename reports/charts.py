@@ -112,7 +112,12 @@ def stage_times(stages: list[Row], labels: Labels) -> Figure | None:
     figure = _figure(traces, "device time per frame (ms) ↓", "")
     if figure:
         layout = figure["layout"]
-        layout |= {"barmode": "stack", "hovermode": "closest", "bargap": 0.35, "height": 150 + 44 * len(labels)}
+        layout |= {
+            "barmode": "stack",
+            "hovermode": "closest",
+            "bargap": 0.35,
+            "height": 150 + 44 * len(labels) + 8 * len(names),
+        }
         layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "ticksuffix": "  "}
         layout["legend"] |= {"traceorder": "normal"}
     return figure
