@@ -49,7 +49,7 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
         tangents=arrays.tangents,
         lights=[_light_from(light, origin) for light in raw.lights],
         origin=origin,
-        cameras=[_camera_from(camera, origin) for camera in raw.cameras],
+        cameras=[_camera_from(camera, origin) for camera in raw.cameras if np.isfinite(camera.position).all()],
         animations=[_animation_from(animation, origin) for animation in raw.animations],
         notes=raw.notes(),
     )

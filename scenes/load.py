@@ -153,16 +153,19 @@ def _read(path: Path) -> RawScene:
     except SceneError as error:
         raise error if str(path) in str(error) else SceneError(f"{path} cannot be read: {error}") from error
     except Exception as error:
-        raise SceneError(f"{path} cannot be read: {_reason(error)}.") from error
+        kind = path.suffix[1:].upper()
+        raise SceneError(f"{path} cannot be read as {kind}: {_reason(error)}.") from error
 
 
 def _reason(error: Exception) -> str:
     """A damaged file's error in words."""
-    text = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else ""
+    text = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else type(error).__name__
     if isinstance(error, KeyError):
         return f"it lacks {error}"
     if isinstance(error, MemoryError):
         return "it claims to hold more than fits into memory"
+    if isinstance(error, ImportError):
+        return "it is damaged, its text is in no known encoding"
     if isinstance(error, IndexError):
         return f"it is damaged, something refers to what it does not have ({text})"
-    return text if isinstance(error, (FileNotFoundError, ValueError)) and text else f"it is damaged ({text})"
+    return f"it is damaged or incomplete ({text})"

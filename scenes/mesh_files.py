@@ -151,10 +151,10 @@ def _part(mesh: dict, material: int, uvs: np.ndarray | None) -> Part:
     if mesh.get("faces") is None or not len(mesh["faces"]):
         return Part(np.zeros((0, 3)), np.zeros((0, 3), np.int64), material)
     positions, indices = np.asarray(mesh["vertices"], np.float64), np.asarray(mesh["faces"], np.int64)
-    if indices.ndim != 2 or indices.shape[1] not in (3, 4) or positions.shape[1:] != (3,):
-        raise SceneError("Its faces are neither triangles nor quadrilaterals that can be read.")
-    if indices.shape[1] == 4:
-        indices = indices[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3)
+    if indices.ndim != 2 or indices.shape[1] < 3 or positions.shape[1:] != (3,):
+        raise SceneError("Its faces are not polygons that can be read.")
+    fan = [corner for second in range(1, indices.shape[1] - 1) for corner in (0, second, second + 1)]
+    indices = indices[:, fan].reshape(-1, 3)
     part = Part(positions, indices, material, colours=_colours(mesh, len(positions)))
     normals = mesh.get("vertex_normals")
     if normals is not None and np.shape(normals) == positions.shape:

@@ -4,22 +4,27 @@ from __future__ import annotations
 
 import numpy as np
 
+_MOST_CORNERS = 2000  # clipping takes time with the square of them
+
 
 def triangulate(points: np.ndarray) -> list[tuple[int, int, int]]:
     """Corners of N - 2 triangles that cover a simple, possibly concave polygon (N, 3), by clipping ears.
 
     The polygon's own turning sense is kept. Corners that no ear can be clipped from (crossing edges, no area) end in a
-    fan, so every polygon gets its N - 2 triangles.
+    fan, and so do polygons of more than 2000 corners; every polygon gets its N - 2 triangles.
     """
     flat = _projected(np.asarray(points, np.float64))
     left = list(range(len(flat)))
     triangles = []
-    while len(left) > 3:
-        ear = next((i for i in range(len(left)) if _is_ear(flat, left, i)), None)
-        if ear is None:
-            break
-        triangles.append((left[ear - 1], left[ear], left[(ear + 1) % len(left)]))
-        del left[ear]
+    place = tried = 0
+    while len(left) > 3 and tried < len(left) and len(flat) <= _MOST_CORNERS:
+        place %= len(left)
+        if _is_ear(flat, left, place):
+            triangles.append((left[place - 1], left[place], left[(place + 1) % len(left)]))
+            del left[place]
+            tried = 0
+        else:
+            place, tried = place + 1, tried + 1
     return triangles + [(left[0], left[i], left[i + 1]) for i in range(1, len(left) - 1)]
 
 

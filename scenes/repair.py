@@ -32,7 +32,7 @@ def repaired(part: Part, raw: RawScene) -> Part:
     ):
         before = meshes.current_mesh().face_number()
         if before:
-            meshes.apply_filter(work)
+            _apply(meshes, work)
         raw.note(sentence, before - meshes.current_mesh().face_number())
     kept = np.sort(np.rint(meshes.current_mesh().face_scalar_array()).astype(np.int64))
     return part.taking(np.arange(len(part.positions)), part.indices[kept])
@@ -55,19 +55,28 @@ def decimated(part: Part, ratio: float, raw: RawScene) -> Part:
     meshes = pymeshlab.MeshSet()
     if part.uvs is None:
         meshes.add_mesh(pymeshlab.Mesh(welded, corners[proper].astype(np.int32)))
-        meshes.apply_filter("meshing_decimation_quadric_edge_collapse", planarquadric=True, **options)
+        _apply(meshes, "meshing_decimation_quadric_edge_collapse", planarquadric=True, **options)
     else:
         # Coordinates of corners handed over directly count as absent; those of vertices can be moved to the corners.
         arrays = (np.asarray(part.positions, np.float64), part.indices[proper].astype(np.int32))
         meshes.add_mesh(pymeshlab.Mesh(*arrays, v_tex_coords_matrix=np.asarray(part.uvs, np.float64)))
-        meshes.apply_filter("compute_texcoord_transfer_vertex_to_wedge")
-        meshes.apply_filter("meshing_remove_duplicate_vertices")
-        meshes.apply_filter("meshing_decimation_quadric_edge_collapse_with_texture", **options)
+        _apply(meshes, "compute_texcoord_transfer_vertex_to_wedge")
+        _apply(meshes, "meshing_remove_duplicate_vertices")
+        _apply(meshes, "meshing_decimation_quadric_edge_collapse_with_texture", **options)
     result = meshes.current_mesh()
     faces = result.face_matrix().astype(np.int64)
     raw.note("Decimation removed triangles (before instancing): {}.", len(part.indices) - len(faces))
     uvs = None if part.uvs is None else result.wedge_tex_coord_matrix()
     return _rebuilt(part, result.vertex_matrix(), faces, uvs)
+
+
+def _apply(meshes: object, work: str, **options: object) -> None:
+    """One pymeshlab filter; raises SceneError where it fails."""
+    try:
+        meshes.apply_filter(work, **options)
+    except Exception as error:
+        reason = str(error).strip().splitlines()[-1]
+        raise SceneError(f"pymeshlab could not do {work} ({reason}); load the file without it.") from error
 
 
 def _rebuilt(part: Part, positions: np.ndarray, faces: np.ndarray, wedges: np.ndarray | None) -> Part:

@@ -142,13 +142,15 @@ def test_textures_without_coordinates_are_ignored(tmp_path, png):
 
 
 def test_missing_and_damaged_images_are_reported(tmp_path):
-    glb = square_scene(textures=[{"source": 0}, {"source": 1}])
-    glb.json["images"] = [{"uri": "gone.png"}, {"bufferView": glb.view(b"\x89PNG nonsense")}]
-    slots = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": index}}} for index in (0, 1)]
+    glb = square_scene(textures=[{"source": 0}, {"source": 1}, {"source": 2}])
+    empty = b"\0\0\2" + b"\0" * 13 + b"\x18\0"  # a TGA of 0x0 texels
+    embedded = [{"bufferView": glb.view(data)} for data in (b"\x89PNG nonsense", empty)]
+    glb.json["images"] = [{"uri": "gone.png"}, *embedded]
+    slots = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": index}}} for index in range(3)]
     glb.json["materials"] = slots
     scene = load_scene(glb.write(tmp_path / "a.glb"))
-    assert [material.base_texture for material in scene.materials[:2]] == [-1, -1]
-    assert sum("is left out" in note for note in scene.notes) == 2
+    assert [material.base_texture for material in scene.materials[:3]] == [-1] * 3
+    assert sum("is left out" in note for note in scene.notes) == 3
 
 
 def test_cameras_and_their_animation(tmp_path):
