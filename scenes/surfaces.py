@@ -297,11 +297,149 @@ def _cells(size: int, count: int, rng: np.random.Generator):
     second, index = near.copy(), np.zeros((size, size), np.int32)
     for oy in (-1, 0, 1):
         for ox in (-1, 0, 1):
-            cx, cy = (gx + ox) % count, (gy + oy) % count
-            point = points[cy, cx]
-            away = np.hypot(point[..., 0] + (gx + ox) - x * count, point[..., 1] + (gy + oy) - y * count)
-            closer = away < near
-            second = np.where(closer, near, np.minimum(second, away))
-            index = np.where(closer, cy * count + cx, index)
+            number = (gy + oy) % count * count + (gx + ox) % count
+            across = points[:, :, 0].ravel()[number] + (gx + ox - x * count)
+            along = points[:, :, 1].ravel()[number] + (gy + oy - y * count)
+            away = across * across + along * along
+            second = np.minimum(second, np.maximum(near, away))
+            index = np.where(away < near, number, index)
             near = np.minimum(near, away)
-    return near, second, index
+    return np.sqrt(near), np.sqrt(second), index
+
+
+def cobbles(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """Rounded field stones in mortar (a tile of 2 m holds 9 x 9) and their normal map."""
+    rng = generator(seed, "cobbles")
+    near, second, index = _cells(size, 9, rng)
+    dome = np.clip((second - near) / 0.35, 0, 1)
+    tone = rng.random(81, np.float32)[index]
+    grain = fractal(size, rng, 0.7)
+    stone = _mix((0.40, 0.39, 0.37), (0.60, 0.57, 0.52), tone) * (0.72 + 0.5 * grain)[..., None]
+    return _texels(_mix((0.30, 0.27, 0.22), stone, dome)), normal_map(np.sqrt(dome) * 0.03 + grain * 0.008, 2 / size)
+
+
+def grass(seed: int, size: int = 512) -> np.ndarray:
+    """Meadow from above: short strokes in many greens."""
+    rng = generator(seed, "grass")
+    blades = fractal(size, rng, 0.45, (0.35, 1)) * 0.5 + fractal(size, rng, 0.45, (1, 0.35)) * 0.5
+    patches = fractal(size, rng, 1.3)
+    colour = _mix((0.21, 0.25, 0.12), (0.45, 0.47, 0.26), np.clip(blades * 1.5 - 0.25, 0, 1))
+    return _texels(
+        _mix(colour, colour * np.array([1.12, 1.0, 0.8], np.float32), patches) * (0.75 + 0.5 * patches)[..., None]
+    )
+
+
+def dirt(seed: int, size: int = 512) -> np.ndarray:
+    """Trodden earth with pebbles."""
+    rng = generator(seed, "dirt")
+    near, _, index = (np.tile(part, (2, 2)) for part in _cells(size // 2, 12, rng))
+    pebble = (near < 0.24) * (rng.random(144, np.float32)[index] > 0.55)
+    earth = _mix((0.34, 0.26, 0.18), (0.55, 0.45, 0.32), fractal(size, rng, 0.8))
+    stone = _mix((0.45, 0.42, 0.38), (0.66, 0.62, 0.56), rng.random(144, np.float32)[index])
+    return _texels(_mix(earth, stone * (1.1 - near * 1.5)[..., None], pebble.astype(np.float32)))
+
+
+def bark(seed: int, size: int = 512) -> np.ndarray:
+    """Furrowed bark along v."""
+    rng = generator(seed, "bark")
+    ridge = np.abs(fractal(size, rng, 0.9, (0.25, 1.5)) - 0.5) * 3
+    grain = fractal(size, rng, 0.5)
+    return _texels(_mix((0.17, 0.13, 0.09), (0.45, 0.37, 0.28), np.clip(ridge, 0, 1)) * (0.7 + 0.6 * grain)[..., None])
+
+
+def shingle(seed: int, size: int = 512) -> np.ndarray:
+    """Split wood for shingles, weathered grey, grain along v; uneven dark lower edges every eighth."""
+    rng = generator(seed, "shingle")
+    _, y = _coordinates(size)
+    grain = fractal(size, rng, 0.5, (0.04, 1))
+    stain = fractal(size, rng, 1.2)
+    colour = _mix((0.24, 0.20, 0.17), (0.52, 0.46, 0.40), np.clip(grain * 1.4 - 0.2, 0, 1))
+    edge = 0.75 + 0.25 * np.clip((1 - (y * 8 % 1)) * 5, 0, 1)
+    return _texels(colour * (0.65 + 0.7 * stain)[..., None] * edge[..., None])
+
+
+def plaster(seed: int, size: int = 512) -> np.ndarray:
+    """Lime plaster over daub, with straw and cracks."""
+    rng = generator(seed, "plaster")
+    stain, grain = fractal(size, rng, 1.3), fractal(size, rng, 0.5)
+    crack = np.clip(1 - np.abs(fractal(size, rng, 1.1) - 0.5) * 90, 0, 1)
+    straw = (fractal(size, rng, 0.35, (1, 0.1)) > 0.93) * 0.1
+    shade = 0.66 + 0.14 * grain + 0.18 * (stain - 0.5) - 0.25 * crack - straw
+    return _texels(shade[..., None] * np.array([1.0, 0.95, 0.83], np.float32))
+
+
+def cloth(size: int = 256) -> np.ndarray:
+    """Woven stripes of red and cream."""
+    x, y = _coordinates(size)
+    stripe = ((x * 8) % 1 < 0.5).astype(np.float32) * np.ones_like(y)
+    weave = 0.85 + 0.15 * (np.sin(x * 2 * np.pi * 64) * np.sin(y * 2 * np.pi * 64) > 0)
+    return _texels(_mix((0.80, 0.75, 0.62), (0.58, 0.14, 0.11), stripe) * weave[..., None])
+
+
+def _stamped(size: int, leaves: list[tuple[float, float, float, float, float, tuple]], ground) -> np.ndarray:
+    """Pointed ellipses (x, y, angle, length, width, colour), lengths in 0..1, over a transparent ground colour."""
+    colour = np.broadcast_to(np.asarray(ground, np.float32), (size, size, 3)).copy()
+    alpha = np.zeros((size, size), np.float32)
+    for cx, cy, angle, length, width, tint in leaves:
+        reach_x = int((length * abs(np.cos(angle)) + width * abs(np.sin(angle))) * size / 2) + 2
+        reach_y = int((length * abs(np.sin(angle)) + width * abs(np.cos(angle))) * size / 2) + 2
+        x0, y0 = int(cx * size), int(cy * size)
+        rows = slice(max(0, y0 - reach_y), min(size, y0 + reach_y))
+        columns = slice(max(0, x0 - reach_x), min(size, x0 + reach_x))
+        v, u = np.mgrid[rows, columns].astype(np.float32)
+        u, v = (u + 0.5) / size - cx, (v + 0.5) / size - cy
+        along = (u * np.cos(angle) + v * np.sin(angle)) / (length / 2)
+        across = (v * np.cos(angle) - u * np.sin(angle)) / (width / 2)
+        inside = np.abs(across) < 1 - along * along
+        vein = 0.8 + 0.3 * np.clip(np.abs(across) * 4, 0, 1) - 0.12 * (np.abs(across) % 0.5 < 0.1)
+        colour[rows, columns][inside] = np.asarray(tint, np.float32) * vein[inside][:, None]
+        alpha[rows, columns][inside] = 1
+    return _texels(colour, alpha)
+
+
+def leaves(seed: int, size: int = 512) -> np.ndarray:
+    """A twig full of leaves, cut out by alpha."""
+    rng = generator(seed, "leaves")
+    stamps = [(0.5, 0.62, np.pi / 2, 0.7, 0.03, (0.25, 0.19, 0.12))]
+    for _ in range(150):
+        r, a = 0.43 * np.sqrt(rng.random()), rng.uniform(0, 2 * np.pi)
+        tint = np.array((0.24, 0.38, 0.11)) * rng.uniform(0.6, 1.25) + np.array((0.10, 0.04, 0.0)) * rng.random()
+        stamps.append((0.5 + r * np.cos(a), 0.5 + r * np.sin(a), a + rng.normal(0, 0.7), 0.13, 0.06, tuple(tint)))
+    return _stamped(size, stamps, (0.22, 0.33, 0.11))
+
+
+def needles(seed: int, size: int = 512) -> np.ndarray:
+    """A fir branch pointing down in the image, cut out by alpha."""
+    rng = generator(seed, "needles")
+    stamps = []
+    for k in range(130):
+        y = 0.03 + 0.93 * k / 130
+        side = 1 if k % 2 else -1
+        length = (0.42 * (1 - y) + 0.08) * rng.uniform(0.7, 1.1)
+        angle = np.pi / 2 - side * rng.uniform(0.7, 1.1)
+        tint = np.array((0.13, 0.26, 0.15)) * rng.uniform(0.6, 1.35)
+        middle = 0.5 + np.cos(angle) * length / 2, min(0.98, y + np.sin(angle) * length / 2)
+        stamps.append((*middle, angle, length, 0.034, tuple(tint)))
+    stamps.append((0.5, 0.5, np.pi / 2, 0.98, 0.03, (0.24, 0.18, 0.12)))
+    return _stamped(size, stamps, (0.12, 0.22, 0.13))
+
+
+def blades(seed: int, size: int = 512) -> np.ndarray:
+    """A tuft of grass blades growing from the lower edge, cut out by alpha."""
+    rng = generator(seed, "blades")
+    x = (np.arange(size, dtype=np.float32) + 0.5) / size
+    colour = np.broadcast_to(np.array((0.30, 0.38, 0.14), np.float32), (size, size, 3)).copy()
+    alpha = np.zeros((size, size), np.float32)
+    up = 1 - x
+    for _ in range(70):
+        root, lean, tall = rng.uniform(0.12, 0.88), rng.normal(0, 0.22), rng.uniform(0.45, 0.98)
+        tint = np.array((0.38, 0.47, 0.17)) * rng.uniform(0.65, 1.25) + np.array((0.12, 0.06, 0)) * rng.random()
+        t = np.clip(up / tall, 0, 1)
+        centre = root + lean * t * t
+        half = 0.013 * (1 - t) * (up < tall)
+        low, high = int(size * max(0, centre.min() - 0.02)), int(size * (centre.max() + 0.02)) + 1
+        inside = np.abs(x[None, low:high] - centre[:, None]) < half[:, None]
+        row, column = np.nonzero(inside)
+        colour[row, low + column] = (0.55 + 0.5 * t[row])[:, None] * tint
+        alpha[row, low + column] = 1
+    return _texels(colour, alpha)
