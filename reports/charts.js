@@ -28,7 +28,10 @@
       place.textContent = "No values for this chart.";
       return;
     }
-    const options = {responsive: true, displaylogo: false, displayModeBar: innerWidth < 600 ? false : "hover", modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]]};
+    const options = {
+      responsive: true, displaylogo: false, displayModeBar: innerWidth < 600 ? false : "hover",
+      modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]],
+    };
     Plotly.react(place, figure.data, themed(figure.layout), options);
   }
 
