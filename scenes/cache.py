@@ -19,7 +19,7 @@ import numpy as np
 
 from scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
-_ARRAYS = ("positions", "indices", "normals", "uvs", "colours", "material_ids", "tangents", "origin")
+_ARRAYS = ("positions", "indices", "normals", "uvs", "colours", "material_ids", "tangents", "origin", "route")
 _RECORD = "scene.json"
 
 

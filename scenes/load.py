@@ -76,13 +76,11 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
 
 
 def _through_cache(cache: Path | None, options: dict, files: list[Path], load: Callable[[], Scene]) -> Scene:
-    """The scene from the cache, or loaded, completed and stored there."""
+    """The scene from the cache, or loaded and stored there."""
     folder = None if cache is None else cache / scene_key(options, files)
     scene = fetch(folder) if folder is not None else None
     if scene is None:
         scene = load()
-        scene.features = find_features(scene)
-        scene.content_hash = content_digest(scene)
         if folder is not None:
             store(folder, scene)
     return scene
@@ -127,6 +125,8 @@ def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | N
     scene.place = is_place(scene)
     scene.notes.append(add_lights(scene))
     scene.notes += _not_drawn(scene)
+    scene.features = find_features(scene)
+    scene.content_hash = content_digest(scene)
     return scene
 
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-_MOST_CORNERS = 2000  # clipping takes time with the square of them
+_MOST_CORNERS = 256  # clipping takes time with the square of them
 
 
 def triangulate(points: np.ndarray) -> list[tuple[int, int, int]]:
     """Corners of N - 2 triangles that cover a simple, possibly concave polygon (N, 3), by clipping ears.
 
     The polygon's own turning sense is kept. Corners that no ear can be clipped from (crossing edges, no area) end in a
-    fan, and so do polygons of more than 2000 corners; every polygon gets its N - 2 triangles.
+    fan, and so do polygons of more than 256 corners; every polygon gets its N - 2 triangles.
     """
     flat = _projected(np.asarray(points, np.float64))
     left = list(range(len(flat)))

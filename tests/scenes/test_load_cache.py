@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import trimesh
 
+from scenes.cache import fetch, store
 from scenes.load import load_scene
+from scenes.model import Camera, CameraAnimation
 from tests.scenes.glb_files import square_scene
 
 
@@ -35,6 +37,18 @@ def test_cached_scenes_are_the_same_and_mapped(tmp_path, png):
     assert isinstance(second.positions, np.memmap)
     assert len(second.content_hash) == 16
     assert [folder.suffix for folder in cache.iterdir()] == [""]
+
+
+def test_every_field_of_a_scene_is_kept(tmp_path):
+    scene = load_scene(square_scene().write(tmp_path / "a.glb"))
+    animation = CameraAnimation("flight", np.arange(2.0), np.ones((2, 3)), np.ones((2, 4)))
+    array_fields = {"route": np.arange(6.0).reshape(2, 3), "tangents": np.ones((4, 4), np.float32)}
+    camera = Camera((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), name="eye")
+    whole = dataclasses.replace(scene, **array_fields, animations=[animation], cameras=[camera], place=False)
+    empty = [name for name, value in vars(whole).items() if value is None or (isinstance(value, str) and not value)]
+    assert not empty, "give every field a value, so that losing one is seen"
+    store(tmp_path / "entry", whole)
+    assert_same(fetch(tmp_path / "entry"), whole)
 
 
 @pytest.mark.parametrize("changed", ["a.obj", "a.mtl", "a.png", "cameras.json"])
