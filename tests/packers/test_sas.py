@@ -11,6 +11,7 @@ from kernels.sas.layout import unpack_location
 from packers.interface import Decoded, Frame, Payload, ServerScene
 from packers.sas import ShadingAtlasStreaming
 from packers.sas.packer import choose_grid
+from packers.sas.picture import draw_allocation
 from tests.packers.rooms import frame_of, novel_view, room, server_of
 
 
@@ -185,3 +186,14 @@ def test_a_superblock_that_is_no_power_of_two_is_refused(superblock):
 def test_a_superblock_larger_than_the_atlas_is_refused():
     with pytest.raises(ValueError, match="does not fit"):
         choose_grid(100, 2048, 128)
+
+
+def test_a_picture_shows_every_block(scene):
+    stream = Stream(scene)
+    stream.send(frame_of(scene, 512, 512))
+    allocator = stream.packer.allocator
+    words = allocator.words.get()
+    _, _, w, h = unpack_location(words[words > 0])
+    picture = draw_allocation(allocator.grid, words)
+    assert picture.shape == (512, 512, 3)
+    assert picture.any(axis=2).sum() == (1 << w + h).sum()
