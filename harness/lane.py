@@ -210,7 +210,7 @@ class Lane:
                 VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key) for codec, crf in coded
             ]
             self.fillers[name] = Filler(self.scene.device, width, height)
-        frames = encode_all(self.streams[name], self.fillers[name].fill(plane).get()[..., :3])
+        frames = encode_all(self.streams[name], self.fillers[name].fill(plane).get())
         for key, frame in zip(coded, frames, strict=True):
             sent.encoded.setdefault(key, []).append(frame)
         return frames[coded.index(self.display_key)].decoded
@@ -265,13 +265,23 @@ class Lane:
         return Measured(
             rows,
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
-            {**payload.statistics, "metrics_ms": drawn.metrics_ms, "reference_ms": novel.milliseconds},
+            payload.statistics | self._cost_of_metrics(packed, novel, drawn),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
             drawn.pictures | ({"atlas": plane[..., :3]} if plane is not None else {}),
             drawn.lossless,
             plane,
             owners,
         )
+
+    def _cost_of_metrics(self, packed: Packed, novel: NovelView, drawn: Drawn) -> dict[str, float]:
+        """Host time of all picture metrics of the frame, and its ratio to rendering and packing it."""
+        drawing = novel.milliseconds + sum(row["client_ms"] for row in drawn.rows.values())
+        spent = novel.metrics_ms + drawn.metrics_ms
+        return {
+            "metrics_ms": spent,
+            "reference_ms": novel.milliseconds,
+            "metrics_over_work": spent / (packed.wall_ms + drawing),
+        }
 
     def _stretch(self, novel: NovelView) -> dict[str, float | None]:
         """Stretch of the atlas on the novel view's pixels."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +20,7 @@ class NovelView:
     view: the client's camera. rgb: uint8 (h, w, 4). visibility: int32 (h, w), triangle per pixel, -1 where empty.
     pixel, triangle, bary: of every covered pixel, int32 (n), int32 (n), float32 (n, 2).
     missing: share of covered pixels whose triangle is not in the PVS, None where nothing is covered.
-    milliseconds: device time of drawing it.
+    milliseconds: device time of drawing it. metrics_ms: host time of what metrics need of it, once per frame.
     """
 
     view: View
@@ -30,6 +31,7 @@ class NovelView:
     bary: np.ndarray
     missing: float | None
     milliseconds: float
+    metrics_ms: float
 
 
 def draw_novel_view(
@@ -46,7 +48,10 @@ def draw_novel_view(
     known = np.zeros(scene.host.triangle_count, bool)
     known[frame.pvs] = True
     missing = float(np.mean(~known[triangle])) if n else None
+    start = time.perf_counter()
     metrics.reference(image.rgb)
+    device.finish()
+    metrics_ms = (time.perf_counter() - start) * 1000
     return NovelView(
         view=view,
         rgb=image.rgb.get(),
@@ -56,4 +61,5 @@ def draw_novel_view(
         bary=bary,
         missing=missing,
         milliseconds=sum(record.milliseconds.values()),
+        metrics_ms=metrics_ms,
     )

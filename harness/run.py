@@ -184,6 +184,8 @@ class Run:
         if lane.dead:
             self._commit_stopped(lane, index)
             return
+        # Pictures first: a frame that is committed is never worked on again.
+        self._write_pictures(lane, work, novel, measured)
         self.store.commit_frame(
             lane.method,
             lane.variant,
@@ -193,7 +195,6 @@ class Run:
             measured.statistics,
             measured.repeats,
         )
-        self._write_pictures(lane, work, novel, measured)
 
     @contextmanager
     def _guarded(self, lane: Lane, doing: str) -> Iterator[None]:
@@ -245,7 +246,7 @@ class Run:
                 folder_name(other.method, other.variant): {"method": other.method, "variant": other.variant}
                 for other in self.lanes
             }
-            (self.folder / "pictures" / "pictures.json").write_text(json.dumps(known, indent=2))
+            csv_files.replace_file(self.folder / "pictures" / "pictures.json", json.dumps(known, indent=2))
         if self.settings.dump:
             dump_scene(self.folder / "dump", self.session.scene.host)
             dump_frame(
