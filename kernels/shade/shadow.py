@@ -116,8 +116,8 @@ def shadow_camera(light: ShadowLight, casters: Triangles, focus: np.ndarray, met
     view = _looking(np.zeros(3), forward)
     used = np.zeros(len(casters.host_positions), bool)
     used[casters.host_indices] = True
-    points = casters.host_positions[used] @ view[:3, :3].T
-    low, high = points.min(axis=0), points.max(axis=0)
+    points = casters.host_positions[used] @ view[:3, :3].T.astype(np.float32)
+    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
     extent = max((high - low)[:2].max(), 1e-6)
     coarsest = COARSEST_TEXEL / metres_per_unit
     size = DIRECTIONAL_SIZE if extent <= DIRECTIONAL_SIZE * coarsest else LARGE_SIZE

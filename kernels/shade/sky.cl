@@ -17,10 +17,10 @@ __kernel void paint_sky(const int width, const int height, __global const float 
     const float8 up = dy * inverse_sqrt8(dx * dx + dy * dy + dz * dz);
     const float exposure = environment[EXPOSURE];
     int pixels[8];
-    vstore8(packed8(encode8(exposure * sky_radiance8(environment, 0, up)),
+    STORE_INT8(packed8(encode8(exposure * sky_radiance8(environment, 0, up)),
                     encode8(exposure * sky_radiance8(environment, 1, up)),
                     encode8(exposure * sky_radiance8(environment, 2, up))),
-            0, pixels);
+            pixels);
     for (int i = 0; i < LESSER(8, width - column); i++)
         target[row * width + column + i] = pixels[i];
 }
