@@ -31,20 +31,31 @@ class CodecError(ValueError):
 
 
 class Picture:
-    """One plane to encode: `rgb` uint8 (H, W, 3), sRGB; its YUV form is made once and shared by all streams."""
+    """One plane to encode: uint8 (H, W, 3 or 4), sRGB, alpha unused; other forms are made once, for all streams.
 
-    def __init__(self, rgb: np.ndarray) -> None:
-        if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
-            raise CodecError(f"A picture of {rgb.dtype} {rgb.shape} cannot be encoded: give uint8 (H, W, 3).")
-        self.rgb = np.ascontiguousarray(rgb)
+    A contiguous (H, W, 4) picture goes to H.264 as it is, without a copy. Raises CodecError for any other array.
+    """
+
+    def __init__(self, pixels: np.ndarray) -> None:
+        if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
+            raise CodecError(
+                f"A picture of {pixels.dtype} {pixels.shape} cannot be encoded: give uint8 (H, W, 3 or 4)."
+            )
+        self.pixels = pixels
+        self.height, self.width = pixels.shape[:2]
+        self.conversion_ms = 0.0  # host time of making `yuv`
+
+    @cached_property
+    def rgb(self) -> np.ndarray:
+        """Without alpha, contiguous."""
+        return np.ascontiguousarray(self.pixels[..., :3])
 
     @cached_property
     def yuv(self) -> np.ndarray:
         """Planar 4:2:0, uint8 (H/2*3, W), both sides padded to MULTIPLE by repeating the last row and column."""
         started = time.perf_counter()
-        height, width = self.rgb.shape[:2]
-        extra = [(0, _padded(height) - height), (0, _padded(width) - width), (0, 0)]
-        result = rgb_to_yuv(np.pad(self.rgb, extra, "edge") if np.any(extra) else self.rgb)
+        extra = [(0, _padded(self.height) - self.height), (0, _padded(self.width) - self.width), (0, 0)]
+        result = rgb_to_yuv(np.pad(self.pixels, extra, "edge") if np.any(extra) else self.pixels)
         self.conversion_ms = (time.perf_counter() - started) * 1000
         return result
 
@@ -110,11 +121,11 @@ class VideoStream:
         return _Jpeg(self.quality) if self.codec == "jpeg" else _Plain()
 
     def encode(self, rgb: np.ndarray | Picture) -> EncodedFrame:
-        """Encode the next frame, uint8 (height, width, 3), sRGB; decode it as the client would if asked to."""
+        """Encode the next frame, uint8 (height, width, 3 or 4), sRGB; decode it as the client would if asked to."""
         picture = rgb if isinstance(rgb, Picture) else Picture(rgb)
-        if picture.rgb.shape[:2] != (self.height, self.width):
-            height, width = picture.rgb.shape[:2]
-            raise CodecError(f"A frame of {width}x{height} came to a stream of {self.width}x{self.height}.")
+        if (picture.width, picture.height) != (self.width, self.height):
+            size = f"{picture.width}x{picture.height}"
+            raise CodecError(f"A frame of {size} came to a stream of {self.width}x{self.height}.")
         started = time.perf_counter()
         data = self._coder.encode(picture)
         encoded = time.perf_counter()
@@ -126,7 +137,8 @@ class VideoStream:
 def encode_all(streams: Sequence[VideoStream], rgb: np.ndarray) -> list[EncodedFrame]:
     """Encode one frame with every stream, two at a time (the codecs leave Python's lock); in the order of `streams`.
 
-    The conversion to YUV is made once, and its time counted in every H.264 stream's `encode_ms`.
+    rgb: uint8 (H, W, 3 or 4); a contiguous (H, W, 4) array saves a copy. The conversion to YUV is made once, and its
+    time counted in every H.264 stream's `encode_ms`.
     """
     picture = Picture(rgb)
     shared = 0.0
@@ -156,13 +168,13 @@ def _av() -> Any:
 
 
 def rgb_to_yuv(rgb: np.ndarray) -> np.ndarray:
-    """Full-range sRGB uint8 (H, W, 3) of even size to limited-range BT.709 4:2:0, uint8 (H/2*3, W): Y, Cb, Cr planes.
+    """Full-range sRGB, uint8 (H, W, 3 or 4) of even size, to limited-range BT.709 4:2:0: Y, Cb, Cr, uint8 (H/2*3, W).
 
     Chroma is the mean of 2x2 texels, so that nothing is mixed across the even borders of an atlas's blocks.
     """
     av, form = _av()
     frame = form.VideoReformatter().reformat(
-        av.VideoFrame.from_numpy_buffer(rgb, "rgb24"),
+        av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(rgb), "rgba" if rgb.shape[2] == 4 else "rgb24"),
         format="yuv420p",
         src_colorspace=form.Colorspace.ITU709,
         dst_colorspace=form.Colorspace.ITU709,
@@ -239,15 +251,15 @@ class _Jpeg:
     def encode(self, picture: Picture) -> bytes:
         import OpenImageIO
 
-        height, width = picture.rgb.shape[:2]
-        spec = OpenImageIO.ImageSpec(width, height, 3, "uint8")
+        spec = OpenImageIO.ImageSpec(picture.width, picture.height, 3, "uint8")
         spec.attribute("Compression", f"jpeg:{self.quality}")
         spec.attribute("jpeg:subsampling", "4:2:0")
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "frame.jpg"
             output = OpenImageIO.ImageOutput.create(str(file))
             if output is None or not (output.open(str(file), spec) and output.write_image(picture.rgb)):
-                raise CodecError(f"OpenImageIO cannot write a JPEG of {width}x{height}: {OpenImageIO.geterror()}")
+                size = f"{picture.width}x{picture.height}"
+                raise CodecError(f"OpenImageIO cannot write a JPEG of {size}: {OpenImageIO.geterror()}")
             output.close()
             return file.read_bytes()
 

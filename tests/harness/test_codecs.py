@@ -162,6 +162,18 @@ def test_frames_that_do_not_fit_are_refused():
         stream.encode(np.zeros((64, 64, 4), np.float32))
 
 
+@pytest.mark.parametrize("codec", ["h264", "jpeg", "none"])
+def test_alpha_changes_nothing(codec):
+    frame = moving(1, height=90)[0]
+    alpha = np.random.default_rng(0).integers(0, 256, (*frame.shape[:2], 1)).astype(np.uint8)
+    plain, with_alpha = (
+        VideoStream(codec, 25, *frame.shape[1::-1], decode=True).encode(pixels)
+        for pixels in (frame, np.concatenate([frame, alpha], axis=2))
+    )
+    assert plain.bytes == with_alpha.bytes
+    np.testing.assert_array_equal(plain.decoded, with_alpha.decoded)
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.dictionaries(st.text(max_size=5), st.binary(max_size=2000), max_size=4))
 def test_lz4_there_and_back(blobs):
