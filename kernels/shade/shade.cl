@@ -70,7 +70,7 @@ __kernel void shade_samples(const int count, const int run, __global const int *
         const int8 ids = *(__global const loose_int8 *)(triangles + i);
         int triangle[8], colours[8];
         float bary1[8], bary2[8];
-        STORE_INT8(used ? ids : ids.s0, triangle);
+        STORE_INT8(used ? ids : (int8)ids.s0, triangle);
         STORE8(*(__global const loose_float8 *)(barys1 + i), bary1);
         STORE8(*(__global const loose_float8 *)(barys2 + i), bary2);
         const float8 footprint = *(__global const loose_float8 *)(footprints + i);

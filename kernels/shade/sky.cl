@@ -1,7 +1,7 @@
 #include "shade/colour.cl"
 
-// The sky behind a picture: one work-item per 8 pixels of a row. `rays` holds, in world space, the direction through the
-// centre of pixel (0, 0) and its steps per column and row.
+// The sky behind a picture: one work-item per 8 pixels of a row. `rays` holds, in world space, the direction through
+// the centre of pixel (0, 0) and its steps per column and row.
 __kernel void paint_sky(const int width, const int height, __global const float *rays,
                         __global const float *environment, __global int *target)
 {
@@ -18,9 +18,9 @@ __kernel void paint_sky(const int width, const int height, __global const float 
     const float exposure = environment[EXPOSURE];
     int pixels[8];
     STORE_INT8(packed8(encode8(exposure * sky_radiance8(environment, 0, up)),
-                    encode8(exposure * sky_radiance8(environment, 1, up)),
-                    encode8(exposure * sky_radiance8(environment, 2, up))),
-            pixels);
+                       encode8(exposure * sky_radiance8(environment, 1, up)),
+                       encode8(exposure * sky_radiance8(environment, 2, up))),
+               pixels);
     for (int i = 0; i < LESSER(8, width - column); i++)
         target[row * width + column + i] = pixels[i];
 }
