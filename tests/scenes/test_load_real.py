@@ -61,3 +61,14 @@ def test_the_animated_city_has_cameras():
     assert len(scene.cameras) == len(scene.animations) == 14
     assert scene.cameras[0].up[1] > 0.95
     assert scene.place
+
+
+@pytest.mark.parametrize("name", ["Original", "Glossy", "Mirror", "Sphere", "Water"])
+def test_cornell_originals_equal_their_conversions(name):
+    """The OBJ originals have tabs where other readers expect blanks; the GLB files were made with care."""
+    folder = REAL_SCENES / "cornell_box"
+    pair = (folder / "original" / f"CornellBox-{name}.obj", folder / f"CornellBox-{name}.glb")
+    original, converted = (load_scene(str(file)) for file in pair)
+    assert original.bounds[1] == pytest.approx(converted.bounds[1], rel=1e-5)
+    assert original.origin == pytest.approx(converted.origin, abs=1e-5)
+    assert original.features.largest == pytest.approx(converted.features.largest, rel=1e-3)
