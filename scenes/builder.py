@@ -282,6 +282,14 @@ def without_slivers(part: Mesh) -> Mesh:
     return replace(part, indices=part.indices[keep], materials=part.materials[keep])
 
 
+def picked(part: Mesh, triangles: np.ndarray, material: int) -> Mesh:
+    """The part's triangles where `triangles`, bool (T), with a material, and only the vertices they use."""
+    used, indices = np.unique(part.indices[triangles], return_inverse=True)
+    vertices = (getattr(part, name)[used] for name in ("positions", "normals", "uvs", "colours"))
+    indices = indices.reshape(-1, 3).astype(np.int32)
+    return Mesh(*vertices, indices, np.full(len(indices), material, np.int32))
+
+
 def cylinder(radius: float, height: float, segments: int, material: int, tint=WHITE, rings: int = 1) -> Mesh:
     """A closed upright cylinder standing on y = 0; `rings` divides its side."""
     side = [(radius, y) for y in np.linspace(0, height, rings + 1)]

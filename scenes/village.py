@@ -28,6 +28,7 @@ from scenes.builder import (
     merge,
     mesh,
     moved,
+    picked,
     placement,
     repeat,
     rounded,
@@ -39,13 +40,13 @@ from scenes.builder import (
 from scenes.model import Camera, Light, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 200_000
-LEAST_DETAIL, MOST_DETAIL = 100_000, 8_000_000
+LEAST_DETAIL, MOST_DETAIL = 130_000, 8_000_000
 HALF, FAR = 60.0, 190.0  # metres from the middle to the village's edge and to the last hills
 EYE_HEIGHT = 1.6
 UP = np.array([0.0, 1.0, 0.0])
 
 # Shares of the triangles that the fixed parts leave over; grass takes the rest.
-SHINGLES, FOLIAGE = 0.34, 0.38
+SHINGLES, FOLIAGE = 0.30, 0.46
 
 # Houses: where along the street (x), which side of it, ridge length, width, wall height in metres.
 HOUSES = (
@@ -66,6 +67,7 @@ class _Materials:
     """Material indices."""
 
     grass: int
+    meadow: int
     dirt: int
     stone: int
     planks: int
@@ -105,8 +107,10 @@ def _materials(palette: Palette, seed: int) -> _Materials:
 
     cut_out = {"alpha_mode": "mask", "alpha_cutoff": 0.5, "double_sided": True}
     bark, shingle = add("bark", 1.0, surfaces.bark(seed)), add("shingle", 1.0, surfaces.shingle(seed))
+    grass = add("grass", 3.0, surfaces.grass(seed))
     return _Materials(
-        grass=add("grass", 3.0, surfaces.grass(seed)),
+        grass=grass,
+        meadow=alike("meadow", 17.0, grass),
         dirt=add("dirt", 2.5, surfaces.dirt(seed)),
         stone=add("stone", 2.0, stones, stone_normals, roughness=0.9),
         planks=add("planks", 1.6, surfaces.planks(seed), roughness=0.9),
@@ -192,7 +196,7 @@ class _Village:
     # --- land ----------------------------------------------------------------------------------------------------
 
     def land(self) -> Mesh:
-        """The terrain."""
+        """The terrain: the village, then the hills, whose texture is larger so that it does not show its tiles."""
         axis, grid = self.ground.axis, self.ground.grid
         x, z = np.meshgrid(axis, axis)
         slope_x, slope_z = np.gradient(grid, axis, axis=1), np.gradient(grid, axis, axis=0)
@@ -207,7 +211,8 @@ class _Village:
         rng = surfaces.generator(self.seed, "land")
         tint = tint * (1 + 0.25 * _patches(rng, x, z).reshape(-1, 1) * np.array([1.0, 0.6, 0.5]))
         part.colours[:] = tint * (0.95 - 0.25 * np.clip(np.hypot(x, z).reshape(-1, 1) / FAR, 0, 1))
-        return part
+        outside = np.abs(part.positions[part.indices][:, :, [0, 2]]).max(axis=(1, 2)) > HALF + 1e-3
+        return merge([picked(part, ~outside, self.m.grass), picked(part, outside, self.m.meadow)])
 
     def path(self) -> Mesh:
         """The street and paths to the doors as ribbons that lie on the terrain and dip under it at their edges."""
@@ -510,7 +515,7 @@ class _Village:
 
     def _barrel(self) -> Mesh:
         """A barrel of 0.95 m with hoops and a sunk lid."""
-        m, n = self.m, self.count(14)
+        m, n = self.m, self.count(11)
         body = lathe(
             [(0.30, 0), (0.36, 0.22), (0.38, 0.47), (0.36, 0.72), (0.30, 0.95), (0.27, 0.95), (0.27, 0.9), (0, 0.9)],
             n,
@@ -589,12 +594,12 @@ class _Village:
         counter = boxes([(0, 0.9, 0.75), (0, 0.5, 0.98)], [(3.1, 0.06, 0.6), (3.0, 0.75, 0.04)], m.planks)
         fruit = [
             (x + rng.uniform(-0.03, 0.03), 0.98 + 0.06 * k, 0.62 + 0.11 * j)
-            for x in np.arange(-1.3, 1.3, 0.12)
+            for x in np.arange(-1.3, 1.3, 0.17)
             for j in range(3)
             for k in range(1)
         ]
         tints = np.array([(0.6, 0.06, 0.04), (0.75, 0.42, 0.05), (0.25, 0.4, 0.06)])
-        goods = repeat(ball(0.055, self.count(7), m.paint), placement(fruit), tints[(np.arange(len(fruit)) // 18) % 3])
+        goods = repeat(ball(0.055, self.count(7), m.paint), placement(fruit), tints[(np.arange(len(fruit)) // 15) % 3])
         return merge(
             [
                 struts(feet, tops, 0.09, m.timber),
@@ -618,7 +623,8 @@ class _Village:
             for k in range(3):
                 barrels.append(np.array([x, z]) + out * (front + 0.1 * (k % 2)) + side * (half - 0.6 - 0.8 * k))
             crates.append(np.array([x, z]) + out * front - side * (half - 0.7))
-            piles.append((*(np.array([x, z]) - side * (half + 1.15)), yaw + 90))
+            if len(hay) % 2 == 0:
+                piles.append((*(np.array([x, z]) - side * (half + 1.15)), yaw + 90))
             hay.append(np.array([x, z]) - out * (house[3] / 2 + 2.5) + side * rng.uniform(-2, 2))
         barrels, crates, hay = np.array(barrels), np.array(crates), np.array(hay)
         parts.append(
@@ -638,7 +644,7 @@ class _Village:
             (placement([(0, 0.55, 0)]) @ _lay("z")),
         )
         parts.append(repeat(bale, placement(self.ground.points(*hay.T), rng.uniform(0, 360, len(hay)))))
-        log = repeat(moved(cylinder(0.11, 1.0, self.count(8), m.bark, (1.3, 1.2, 1.1)), (0, -0.5, 0)), _lay("z")[None])
+        log = repeat(moved(cylinder(0.11, 1.0, self.count(6), m.bark, (1.3, 1.2, 1.1)), (0, -0.5, 0)), _lay("z")[None])
         stack = repeat(
             log, placement([(0.23 * i + 0.115 * (j % 2), 0.11 + 0.2 * j, 0) for j in range(4) for i in range(8 - j)])
         )
@@ -719,7 +725,7 @@ class _Village:
         for corners in lines:
             corners = np.array(corners, np.float64)
             for a, b in itertools.pairwise(corners):
-                bays = max(1, round(np.linalg.norm(b - a) / 1.7))
+                bays = max(1, round(np.linalg.norm(b - a) / 2.1))
                 spots = a + (b - a) * np.linspace(0, 1, bays + 1)[:, None] + rng.normal(0, 0.05, (bays + 1, 2))
                 feet = self.ground.points(spots[:, 0], spots[:, 1], -0.1)
                 parts.append(
@@ -731,7 +737,7 @@ class _Village:
                         faces="-x+x-y+y+z",
                     )
                 )
-                for y in (0.45, 0.8, 1.12):
+                for y in (0.5, 1.0):
                     wobble = rng.normal(0, 0.035, feet.shape) + y * UP
                     parts.append(
                         struts(
@@ -755,7 +761,7 @@ class _Village:
         noise = rng.normal(0, 0.09, (64, 3))
         key = np.abs((lump.positions * 7.3).round().astype(int) @ np.array([7, 31, 17])) % 64
         lump.positions += noise[key].astype(np.float32)
-        keep = self._free(x, z, 1.0)
+        keep = self._free(x, z, 1.0) & (np.hypot(x - 3, z - street(3)) > 7.5)
         stones = repeat(
             lump,
             placement(self.ground.points(x, z, -0.05), rng.uniform(0, 360, count), size)[keep],
@@ -783,11 +789,12 @@ class _Village:
     # --- plants --------------------------------------------------------------------------------------------------
 
     def trees(self, budget: int) -> list[Mesh]:
-        """Broadleaf trees and bushes in the village, firs on the hills: about `budget` triangles of foliage cards."""
+        """Broadleaf trees and bushes in the village, firs on the hills: about `budget` triangles."""
         rng = surfaces.generator(self.seed, "trees")
         broad, firs, bushes = self._tree_places(rng)
         weight = len(broad) * 4 + len(firs) + len(bushes) * 0.5
-        cards = max(20, int(budget / 2 / weight))
+        wood = len(broad) * self._broadleaf(1, rng).triangle_count + len(firs) * self._fir(1, rng).triangle_count
+        cards = max(12, int((budget - wood) / 2 / weight))
         kinds = [self._broadleaf(cards * 4, surfaces.generator(self.seed, f"tree {k}")) for k in range(3)]
         fir = [self._fir(cards, surfaces.generator(self.seed, f"fir {k}")) for k in range(2)]
         bush = self._bush(max(8, cards // 2), surfaces.generator(self.seed, "bush"))
@@ -865,7 +872,7 @@ class _Village:
 
     def _fir(self, cards: int, rng: np.random.Generator) -> Mesh:
         """A fir of about 9 m: drooping boughs around a straight trunk, short ones at the top."""
-        trunk = tube([(0, 0, 0), (0, 4.5, 0), (0, 9, 0)], np.array([0.24, 0.14, 0.02]), self.count(6), self.m.bark)
+        trunk = tube([(0, 0, 0), (0, 4.5, 0), (0, 9, 0)], np.array([0.24, 0.14, 0.02]), self.count(4, 3), self.m.bark)
         level = np.sqrt(rng.random(cards))
         height = 9.2 - 8.2 * level
         angle = np.arange(cards) * 2.39996
@@ -954,7 +961,7 @@ def _patches(rng: np.random.Generator, x: np.ndarray, z: np.ndarray) -> np.ndarr
 
 
 def make_village(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
-    """The village with `detail` triangles (100,000 to 8,000,000; within 1%), the same for the same detail and seed.
+    """The village with `detail` triangles (130,000 to 8,000,000; within 1%), the same for the same detail and seed.
 
     Raises SceneError for a detail outside that range.
     """
@@ -964,7 +971,7 @@ def make_village(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
         )
     palette = Palette()
     materials = _materials(palette, seed)
-    finer = float(np.clip(np.sqrt(detail / DEFAULT_DETAIL), 0.7, 2.5))
+    finer = float(np.clip(np.sqrt(detail / DEFAULT_DETAIL), 0.6, 2.5))
     ground = _Ground(int(np.clip(70 * np.sqrt(detail / DEFAULT_DETAIL), 40, 420)), seed)
     village = _Village(materials, ground, finer, seed)
     parts = [village.land(), village.path(), village.well(), village.fences(), village.stones(), *village.things()]
