@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import TYPE_CHECKING
 
 import numpy as np
-from pyopencl.array import Array
 
 from kernels.sas.corners import locate_corners
 from packers.atlas_client import AtlasClient
 from packers.geometry import shuffle, unshuffle
 from packers.interface import ServerScene
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
 
 ATTRIBUTES = {"patch": np.int32, "code": np.uint8}
 

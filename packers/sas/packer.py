@@ -20,6 +20,8 @@ from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from kernels.samples import Samples
 
 FEWEST_SUPERBLOCKS = 128  # of an atlas, when their side is chosen for it: the paper's settings give 128 to 256
@@ -78,7 +80,7 @@ class ShadingAtlasStreaming(Packer):
         self.allocator: Allocator | None = None
 
     def pack(self, frame: Frame) -> Payload:
-        """Blocks for the patches in the frame's set, and their shading."""
+        """Blocks for the patches in the frame's set, and their shading; the first frame's atlas size is kept."""
         device = frame.scene.device
         if self.allocator is None:
             grid = choose_grid(frame.atlas_width, frame.atlas_height, self.superblock)
@@ -105,7 +107,7 @@ class ShadingAtlasStreaming(Packer):
         return int(fits[0]) if len(fits) else len(needed) - 1
 
     def _payload(
-        self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, atlas, bias: int
+        self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, atlas: Array, bias: int
     ) -> Payload:
         locations = encode_words(words, self.sent[patches])
         self.sent[patches] = words
