@@ -9,6 +9,7 @@
 #define BINOMIAL_2 (1.0f * 1.41421356f / 16.0f)
 
 #define MOST_NEIGHBOURS 10
+#define BLOCK 5
 #define NOISE 0.4f
 
 // Fill 3 pixels of margin by reflection: about the first pixel on the left; on the right about the last pixel (skip 1)
@@ -126,7 +127,8 @@ inline __global const float *neighbour(__global const float *band, __global cons
     return number < 9 ? band + (number / 3 - 1) * stride + number % 3 - 1 : parent;
 }
 
-// Sums over one row (border pixels left out) of the products of all pairs of neighbours: partial (height - 2, pairs).
+// Sums over one row (border pixels left out) of the products of all pairs of neighbours: partial (height - 2, pairs),
+// pairs (0, 0), (1, 0), (1, 1), (2, 0) ... BLOCK sums at a time, because one alone waits for its own additions.
 __kernel void neighbour_products(const int width, const int height, const int stride, const int neighbours,
                                  __global const float *band, __global const float *parent, __global float *partial)
 {
@@ -136,16 +138,25 @@ __kernel void neighbour_products(const int width, const int height, const int st
     const int at = plane_offset(stride, row, 0);
     __global float *out = partial + (row - 1) * (neighbours * (neighbours + 1) / 2);
     for (int i = 0; i < neighbours; i++)
-        for (int j = 0; j <= i; j++) {
+        for (int first = 0; first <= i; first += BLOCK) {
             __global const float *a = neighbour(band, parent, stride, i) + at;
-            __global const float *b = neighbour(band, parent, stride, j) + at;
-            float16 sum = 0.0f;
-            for (int column = 0; column < width; column += PIECE) {
-                const float16 product = vload16(0, a + column) * vload16(0, b + column);
-                const int whole = column > 0 && column + PIECE < width;
-                sum += whole ? product : inside_only(product, column, 1, width - 1);
+            __global const float *others[BLOCK];
+            float16 sums[BLOCK];
+            for (int j = 0; j < BLOCK; j++) {
+                others[j] = neighbour(band, parent, stride, first + j) + at;
+                sums[j] = 0.0f;
             }
-            *out++ = sum_of_lanes(sum);
+            for (int column = 0; column < width; column += PIECE) {
+                const float16 v = vload16(0, a + column);
+                if (column > 0 && column + PIECE < width)
+                    for (int j = 0; j < BLOCK; j++)
+                        sums[j] += v * vload16(0, others[j] + column);
+                else
+                    for (int j = 0; j < BLOCK; j++)
+                        sums[j] += inside_only(v * vload16(0, others[j] + column), column, 1, width - 1);
+            }
+            for (int j = 0; j < BLOCK && first + j <= i; j++)
+                *out++ = sum_of_lanes(sums[j]);
         }
 }
 
