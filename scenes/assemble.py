@@ -105,7 +105,9 @@ def _prepared(raw: RawScene, repair: bool, decimate: float | None) -> list[Part]
     """The parts that have triangles after cleaning, repair and decimation."""
     parts = [part for part in (_cleaned(part, raw) for part in raw.parts) if len(part.indices)]
     if repair:
+        before = sum(raw.counts.values())
         parts = [part for part in (repaired(part, raw) for part in parts) if len(part.indices)]
+        raw.note("Repair found nothing to drop.", before == sum(raw.counts.values()))
     return parts if decimate is None else [decimated(part, decimate, raw) for part in parts]
 
 

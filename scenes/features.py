@@ -16,7 +16,7 @@ _SLANTED = 3.0  # longest edge over height, as in the atlas papers' notion of sl
 def find_features(scene: Scene) -> Features:
     """The features of the materials that triangles use, and the shape statistics of the triangles."""
     used = [scene.materials[index] for index in np.unique(scene.material_ids)]
-    area, longest = _areas(scene)
+    area, longest = triangle_shapes(scene)
     with np.errstate(divide="ignore", invalid="ignore"):
         slanted = np.count_nonzero(longest > _SLANTED * 2 * area / longest) / len(area)
     count = max(1, len(area) // 100)
@@ -49,7 +49,7 @@ def content_digest(scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def _areas(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def triangle_shapes(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
     """Area and longest edge of every triangle, float64 (T), in scene units."""
     area, longest = np.empty(scene.triangle_count), np.empty(scene.triangle_count)
     for start in range(0, scene.triangle_count, _CHUNK):

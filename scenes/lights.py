@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from scenes.features import triangle_shapes
 from scenes.model import Camera, Light, Scene, Sky
 from scenes.rays import Rays
 
@@ -67,8 +68,7 @@ def is_place(scene: Scene) -> bool:
 
 def mean_albedo(scene: Scene) -> float:
     """Mean luminance of the base colours, weighted by area."""
-    a, b, c = (scene.positions[scene.indices[:, corner]] for corner in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1).astype(np.float64)
+    area, _ = triangle_shapes(scene)
     weight = np.bincount(scene.material_ids, area, len(scene.materials))
     colours = np.array([_mean_colour(scene, index) for index in range(len(scene.materials))])
     return max(0.02, float(weight @ colours @ (0.2126, 0.7152, 0.0722) / weight.sum()))

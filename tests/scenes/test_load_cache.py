@@ -1,6 +1,7 @@
 """The cache of loaded scenes, repair and decimation."""
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -8,7 +9,7 @@ import trimesh
 
 from scenes.cache import fetch, store
 from scenes.load import load_scene
-from scenes.model import Camera, CameraAnimation
+from scenes.model import Camera, CameraAnimation, SceneError
 from tests.scenes.glb_files import square_scene
 
 
@@ -86,6 +87,14 @@ def test_repair_counts_what_it_drops(tmp_path):
     assert "duplicate triangles: 1." in notes
     assert "degenerate triangles: 1." in notes
     assert "non-manifold edges: 1." in notes
+
+
+def test_missing_graphics_libraries_are_named(tmp_path, monkeypatch):
+    file = square_scene().write(tmp_path / "a.glb")
+    assert "Repair found nothing to drop." in load_scene(file, repair=True).notes
+    monkeypatch.setitem(sys.modules, "pymeshlab", None)
+    with pytest.raises(SceneError, match="libgl1"):
+        load_scene(file, repair=True)
 
 
 def test_decimation_keeps_shape_and_texture_coordinates(tmp_path):
