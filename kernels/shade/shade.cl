@@ -4,6 +4,9 @@
 #include "shade/surface.cl"
 #include "shade/light.cl"
 
+// A normal this near to its triangle's plane has no side to turn: foliage that is lit like the ground it grows on.
+#define SIDELESS 0.25f
+
 // Radiance towards the eye at 8 samples. `footprint` in scene units.
 INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary2, float8 footprint, float3 eye,
                       SURFACE_PARAMETERS)
@@ -16,7 +19,9 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
     n = bumped8(&s, n, footprint, TEXTURE_ARGUMENTS);
 #endif
 #if DOUBLE_SIDED
-    const float8 side = (s.double_sided > 0.0f && dot8(face, towards) < 0.0f) ? (float8)-1.0f : (float8)1.0f;
+    const float8 along = magnitude8(dot8(smooth, face));
+    const int8 turned = s.double_sided > 0.0f && dot8(face, towards) < 0.0f && along > SIDELESS;
+    const float8 side = turned ? (float8)-1.0f : (float8)1.0f;
     n = scaled8(n, side);
     smooth = scaled8(smooth, side);
 #endif

@@ -15,6 +15,8 @@ from kernels.texture.sample import trilinear
 if TYPE_CHECKING:
     from kernels.texture.buffers import TextureBuffers
 
+SIDELESS = 0.25  # as in shade.cl
+
 
 @dataclass(frozen=True)
 class Points:
@@ -118,6 +120,7 @@ def _shading_normals(
         bump = x * scale * tangent + y * scale * sign * np.cross(n, tangent) + z * n
         n = np.where(points.material[:, 12:13] > 0, _unit(bump, n), n)
     away = (points.material[:, 6] > 0) & (_dot(points.face, towards) < 0)
+    away &= np.abs(_dot(points.normal, points.face)) > SIDELESS
     side = np.where(away, -1, 1)[:, None]
     return n * side, points.normal * side
 

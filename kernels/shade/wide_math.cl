@@ -21,8 +21,8 @@ INLINE float8 floor8(float8 a)
     return cut - ((cut > a) ? (float8)1.0f : (float8)0.0f);
 }
 
-// 1 / sqrt(a) within 5e-6 of itself, for a > 0 (not subnormal); finite at 0. A linear guess on the bits and two steps of
-// Newton's method; constants of the guess: Lomont 2003, "Fast inverse square root".
+// 1 / sqrt(a) within 5e-6 of itself, for a > 0 (not subnormal); finite at 0. A linear guess on the bits and two steps
+// of Newton's method; constant of the guess: Lomont 2003, "Fast inverse square root".
 INLINE float8 inverse_sqrt8(float8 a)
 {
     float8 y = as_float8(0x5f375a86 - (as_int8(a) >> 1));

@@ -164,3 +164,12 @@ def looking(eye, forward, near):
     view[:3, :3] = right, np.cross(right, forward), -forward
     view[:3, 3] = -view[:3, :3] @ eye
     return View(view, projection_matrix(1.0, 1.0, near), 300, 300)
+
+
+def test_foliage_with_upright_normals_is_as_bright_from_behind(device):
+    sun = [Light("directional", (3.0, 3.0, 3.0), direction=(0.0, -1.0, 0.0), shadows=False)]
+    scene = card([Material(double_sided=True)], lights=sun, normals=(0, 1, 0))
+    front, _ = drawn(device, scene, view_from(2.0))
+    back, _ = drawn(device, scene, view_from(-2.0, turned=True))
+    assert front[16, 16, 0] > 100
+    np.testing.assert_array_equal(front[16, 16], back[16, 16])
