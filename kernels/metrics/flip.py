@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -200,12 +201,18 @@ def flip_twin(test: np.ndarray, reference: np.ndarray, pixels_per_degree: float 
     return colour_error ** (1 - np.minimum(np.sqrt(feature), 1))
 
 
-def magma(values: np.ndarray) -> np.ndarray:
-    """FLIP's colours, black over violet and orange to pale yellow: uint8 (..., 3) of values 0..1."""
+@cache
+def _magma_table() -> np.ndarray:
+    """The 256 colours of the map, uint8 (256, 3)."""
     import plotly.colors
 
-    colours = plotly.colors.get_colorscale("Magma")
-    stops = np.array([plotly.colors.hex_to_rgb(colour) for _, colour in colours], np.float64)
-    at = np.array([position for position, _ in colours])
-    table = np.stack([np.interp(np.arange(256) / 255, at, stops[:, k]) for k in range(3)], axis=-1)
-    return np.rint(table).astype(np.uint8)[np.rint(np.clip(values, 0, 1) * 255).astype(np.uint8)]
+    scale = plotly.colors.get_colorscale("Magma")
+    stops = np.array([plotly.colors.hex_to_rgb(colour) for _, colour in scale], np.float64)
+    positions = np.array([position for position, _ in scale])
+    table = [np.interp(np.arange(256) / 255, positions, stops[:, k]) for k in range(3)]
+    return np.rint(np.stack(table, axis=-1)).astype(np.uint8)
+
+
+def magma(values: np.ndarray) -> np.ndarray:
+    """FLIP's colours, black over violet and orange to pale yellow: uint8 (..., 3) of values 0..1."""
+    return np.take(_magma_table(), (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8), axis=0)
