@@ -14,6 +14,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TextIO
 
+import numpy as np
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from harness.console import InputError, make_console, show_summary
@@ -106,6 +107,8 @@ class Run:
             for lane in self.lanes:
                 progress.update(task, description=f"preparing {lane.method}")
                 self._prepare(lane, finished[lane.method, lane.variant])
+            progress.update(task, description="warming up metrics")
+            self._warm_up_metrics()
             for index in range(self.frames):
                 self._one_frame(index, done, finished, progress, task)
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
@@ -138,6 +141,12 @@ class Run:
             work = self.session.source.work(0)
             with self._guarded(lane, "warming up"), self._limited(lane, 0, packs=2):
                 lane.warm_up(work)
+
+    def _warm_up_metrics(self) -> None:
+        """Build and run the kernels of all metrics once."""
+        picture = self.session.device.zeros((self.settings.height, self.settings.width, 4), np.uint8)
+        self.metrics.reference(picture)
+        self.metrics.compare(picture)
 
     def _limited(self, lane: Lane, index: int, packs: int) -> AbstractContextManager[None]:
         """The time limit of so many packings."""
