@@ -38,8 +38,8 @@ class Samples:
     def allocate(cls, device: Device, count: int) -> Samples:
         """Room for `count` samples, rounded up to whole steps of WIDTH."""
         room = max(1, -(-count // WIDTH)) * WIDTH
-        real = [device.empty(room, np.float32) for _ in range(3)]
-        return cls(count, device.empty(room, np.int32), *real, device.empty(room, np.int32))
+        real = [device.recycled(room, np.float32) for _ in range(3)]
+        return cls(count, device.recycled(room, np.int32), *real, device.recycled(room, np.int32))
 
     @classmethod
     def upload(

@@ -27,14 +27,14 @@ def exclusive_scan(device: Device, values: Array, count: int, stage: str = "scan
     local = 1 if device.is_cpu else None
     run = -(-count // (device.chunks if device.is_cpu else RUNS_ON_A_GPU))
     runs = -(-count // run)
-    sums = device.empty(runs, np.int64)
+    sums = device.recycled(runs, np.int64)
     device.launch(stage, kernels.run_sums, runs, count, run, values, sums, local=local)
     ends = np.cumsum(sums.get())
     total = int(ends[-1])
     if total > np.iinfo(np.int32).max:
         raise ValueError(f"The {count} values to scan for {stage} sum to {total}, which is beyond 32 bits.")
     bases = device.upload(np.concatenate([[0], ends[:-1]]).astype(np.int32))
-    offsets = device.empty(count, np.int32)
+    offsets = device.recycled(count, np.int32)
     device.launch(stage, kernels.run_offsets, runs, count, run, values, bases, offsets, local=local)
     return offsets, total
 

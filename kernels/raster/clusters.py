@@ -60,14 +60,14 @@ class Clusters:
 
     def seen_lately(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Array, int]:
         """Clusters that may be in the frustum and were seen at most `recall` draws ago: int32 (n) ascending, and n."""
-        chosen = self.device.empty(self.count, np.int32)
+        chosen = self.device.recycled(self.count, np.int32)
         arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
         self.device.launch(stage, self._kernels(8).clusters_seen_lately, self.count, *arguments, now, recall, chosen)
         return self._listed(chosen, stage)
 
     def left(self, picture: Picture, now: int, recall: int, stage: str) -> tuple[Array, int]:
         """The other clusters that may be in the frustum, less those that the picture so far hides."""
-        camera, chosen = picture.camera, self.device.empty(self.count, np.int32)
+        camera, chosen = picture.camera, self.device.recycled(self.count, np.int32)
         arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
         drawn = (picture.tiles_x, picture.block_depth, picture.tile_depth)
         kernel = self._kernels(picture.tile).clusters_left
@@ -83,7 +83,7 @@ class Clusters:
 
     def _listed(self, chosen: Array, stage: str) -> tuple[Array, int]:
         offsets, total = exclusive_scan(self.device, chosen, self.count, stage)
-        clusters = self.device.empty(total, np.int32)
+        clusters = self.device.recycled(total, np.int32)
         kernel = self._kernels(8).list_clusters
         self.device.launch(stage, kernel, self.count, self.count, chosen, offsets, clusters)
         return clusters, total

@@ -10,7 +10,7 @@ __kernel void covered_per_row(const int width, const int height, __global const 
     int8 wide = 0;
     int x = 0;
     for (; x + 8 <= width; x += 8)
-        wide -= vload8(0, row + x) >= 0;
+        wide -= *(__global const loose_int8 *)(row + x) >= 0;
     const int4 four = wide.lo + wide.hi;
     int count = four.x + four.y + four.z + four.w;
     for (; x < width; x++)
@@ -45,32 +45,28 @@ __kernel void sample_covered(const int count, const int width, const int height,
     const int first = get_global_id(0) * 8;
     if (first >= count)
         return;
-    float corners[72];
+    float8 corners[9], px, py;
     for (int lane = 0; lane < 8; lane++) {
-        const size_t seen = triangle[min(first + lane, count - 1)];
-        for (int i = 0; i < 3; i++) {
-            const float3 p = vload3(indices[3 * seen + i], positions);
-            corners[24 * i + lane] = p.x;
-            corners[24 * i + 8 + lane] = p.y;
-            corners[24 * i + 16 + lane] = p.z;
-        }
+        const int sample = LESSER(first + lane, count - 1), row = texel[sample] / width;
+        const size_t seen = triangle[sample];
+        ((float *)&px)[lane] = (texel[sample] - row * width) * SUBPIXELS + SUBPIXELS / 2 - width * (SUBPIXELS / 2);
+        ((float *)&py)[lane] = row * SUBPIXELS + SUBPIXELS / 2 - height * (SUBPIXELS / 2);
+        for (int i = 0; i < 3; i++)
+            for (int axis = 0; axis < 3; axis++)
+                ((float *)&corners[3 * i + axis])[lane] = positions[3 * (size_t)indices[3 * seen + i] + axis];
     }
-    const int8 at = vload8(0, texel + first);
-    const int8 row = at / width;
-    const float8 px = convert_float8((at - row * width) * SUBPIXELS + SUBPIXELS / 2 - width * (SUBPIXELS / 2));
-    const float8 py = convert_float8(row * SUBPIXELS + SUBPIXELS / 2 - height * (SUBPIXELS / 2));
     float8 x[3], y[3], z[3], u[3], v[3], w[3];
     for (int i = 0; i < 3; i++) {
-        x[i] = vload8(3 * i, corners) - eye.s0;
-        y[i] = vload8(3 * i + 1, corners) - eye.s1;
-        z[i] = vload8(3 * i + 2, corners) - eye.s2;
+        x[i] = corners[3 * i] - eye.s0;
+        y[i] = corners[3 * i + 1] - eye.s1;
+        z[i] = corners[3 * i + 2] - eye.s2;
         w[i] = ((rows.sc * x[i] + rows.sd * y[i]) + rows.se * z[i]) + rows.sf;
         u[i] = (((rows.s0 * x[i] + rows.s1 * y[i]) + rows.s2 * z[i]) + rows.s3) - px * w[i];
         v[i] = (((rows.s4 * x[i] + rows.s5 * y[i]) + rows.s6 * z[i]) + rows.s7) - py * w[i];
     }
     const float8 a0 = u[1] * v[2] - v[1] * u[2], a1 = u[2] * v[0] - v[2] * u[0], a2 = u[0] * v[1] - v[0] * u[1];
-    const float8 sum = (a0 + a1) + a2;
-    const int8 sound = (fabs(sum) > 1e-30f) & (fabs(sum) < 1e30f);
+    const float8 sum = (a0 + a1) + a2, size = GREATER(sum, -sum);
+    const int8 sound = (size > 1e-30f) & (size < 1e30f);
     const float8 scale = 1.0f / (sound ? sum : (float8)1.0f);
     float8 b1 = sound ? a1 * scale : (float8)(1.0f / 3), b2 = sound ? a2 * scale : (float8)(1.0f / 3);
     // Derivatives per pixel: moving the pixel's centre changes u by -w (along x) and v by -w (along y).
@@ -88,10 +84,12 @@ __kernel void sample_covered(const int count, const int width, const int height,
         square_x += dx * dx;
         square_y += dy * dy;
     }
-    b1 = clamp(b1, 0.0f, 1.0f);
-    b2 = clamp(b2, 0.0f, 1.0f - b1);
-    const float8 longer = sqrt((square_x > square_y) ? square_x : square_y);
-    vstore8(b1, 0, bary1 + first);
-    vstore8(b2, 0, bary2 + first);
-    vstore8((sound & (longer < 1e30f)) ? longer : (float8)0.0f, 0, footprint + first);
+    b1 = GREATER(b1, 0.0f);
+    b1 = LESSER(b1, 1.0f);
+    b2 = GREATER(b2, 0.0f);
+    b2 = LESSER(b2, 1.0f - b1);
+    const float8 longer = sqrt(GREATER(square_x, square_y));
+    *(__global float8 *)(bary1 + first) = b1;
+    *(__global float8 *)(bary2 + first) = b2;
+    *(__global float8 *)(footprint + first) = (sound & (longer < 1e30f)) ? longer : (float8)0.0f;
 }

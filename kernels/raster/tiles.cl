@@ -62,6 +62,64 @@ INLINE Plane depth_plane(const int2 a, const int2 b, const int2 c, const float3 
     return plane;
 }
 
+// A tile while it is drawn, block by block, rows of 8 pixels; `held` tells which blocks are here yet.
+typedef struct {
+    float8 depth[TILE * BLOCKS];
+    int8 ids[TILE * BLOCKS];
+    float farthest[BLOCKS * BLOCKS];
+    uchar held[BLOCKS * BLOCKS];
+    int2 origin; // its first pixel
+    int width, height, resumes;
+    __global int *triangles; // the images
+    __global float *depths;
+} Tile;
+
+// Fetch a block from the images where the tile resumes, otherwise begin it with nothing.
+INLINE void hold_block(Tile *tile, const int bx, const int by)
+{
+    const int block = by * BLOCKS + bx, x = tile->origin.x + bx * BLOCK, y = tile->origin.y + by * BLOCK;
+    tile->held[block] = 1;
+    for (int j = 0; j < BLOCK; j++) {
+        const int at = block * BLOCK + j;
+        tile->depth[at] = 0.0f;
+        tile->ids[at] = -1;
+        if (!tile->resumes || y + j >= tile->height)
+            continue;
+        const size_t from = (size_t)(y + j) * tile->width + x;
+        if (x + BLOCK <= tile->width) {
+            tile->depth[at] = *(__global loose_float8 *)(tile->depths + from);
+            tile->ids[at] = *(__global loose_int8 *)(tile->triangles + from);
+            continue;
+        }
+        for (int i = 0; i < tile->width - x; i++) {
+            ((float *)&tile->depth[at])[i] = tile->depths[from + i];
+            ((int *)&tile->ids[at])[i] = tile->triangles[from + i];
+        }
+    }
+}
+
+// Write row `y` of a tile to the images: the blocks held, and where it does not resume nothing for the others.
+INLINE void store_row(const Tile *tile, const int y)
+{
+    for (int bx = 0; bx < BLOCKS; bx++) {
+        const int block = y / BLOCK * BLOCKS + bx, x = tile->origin.x + bx * BLOCK;
+        if (x >= tile->width || (tile->resumes && !tile->held[block]))
+            continue;
+        const float8 depth = tile->held[block] ? tile->depth[block * BLOCK + y % BLOCK] : (float8)0.0f;
+        const int8 ids = tile->held[block] ? tile->ids[block * BLOCK + y % BLOCK] : (int8)-1;
+        const size_t to = (size_t)(tile->origin.y + y) * tile->width + x;
+        if (x + BLOCK <= tile->width) {
+            *(__global loose_float8 *)(tile->depths + to) = depth;
+            *(__global loose_int8 *)(tile->triangles + to) = ids;
+            continue;
+        }
+        for (int i = 0; i < tile->width - x; i++) {
+            tile->depths[to + i] = ((const float *)&depth)[i];
+            tile->triangles[to + i] = ((const int *)&ids)[i];
+        }
+    }
+}
+
 #if MASKED
 // A masked triangle's own corners, also where the record is a piece of it: sub-pixels from the image's centre times w,
 // and w; and the level of its mask.
@@ -114,23 +172,31 @@ INLINE int8 without_holes(int8 draw, const MaskedTriangle *masked, const float8 
 }
 #endif
 
-// Draw one record into a tile whose first pixel is `origin`; depth and ids are stored block by block.
-INLINE void draw_record(__global const int *record, const int2 origin, const int width, const int height, float8 *depth,
-                        int8 *ids, float *farthest ALPHA_PARAMETERS)
+// Whether a box of few blocks (left, top, right, bottom) lies behind what is drawn.
+INLINE int behind(const Tile *tile, const int4 box, const float nearest)
 {
+    if (box.z - box.x > 1 || box.w - box.y > 1)
+        return 0;
+    const float *upper = tile->farthest + box.y * BLOCKS, *lower = tile->farthest + box.w * BLOCKS;
+    return (nearest < upper[box.x]) & (nearest < upper[box.z]) & (nearest < lower[box.x]) & (nearest < lower[box.z]);
+}
+
+// Draw one record into a tile.
+INLINE void draw_record(__global const int *record, Tile *tile ALPHA_PARAMETERS)
+{
+    const int2 origin = tile->origin;
     const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
     const float3 d = (float3)(as_float(record[6]), as_float(record[7]), as_float(record[8]));
-    const int4 box = record_pixels(record, width, height);
+    const int4 box = record_pixels(record, tile->width, tile->height);
     const int left = GREATER(box.x - origin.x, 0), right = LESSER(box.z - origin.x, TILE - 1);
     const int top = GREATER(box.y - origin.y, 0), bottom = LESSER(box.w - origin.y, TILE - 1);
     const int id = record[9] & ~MASK_BIT;
     const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
 
-    const Plane plane = depth_plane(a, b, c, d);
-    if (left / BLOCK == right / BLOCK && top / BLOCK == bottom / BLOCK &&
-        plane.nearest < farthest[top / BLOCK * BLOCKS + left / BLOCK])
+    if (behind(tile, (int4)(left, top, right, bottom) / BLOCK, GREATER(d.x, GREATER(d.y, d.z))))
         return;
+    const Plane plane = depth_plane(a, b, c, d);
     const int2 centre = origin * SUBPIXELS + SUBPIXELS / 2;
     const Edge e0 = edge_at(a, b, centre), e1 = edge_at(b, c, centre), e2 = edge_at(c, a, centre);
     const int reach0 = 7 * (GREATER(e0.along_x, 0) + GREATER(e0.along_y, 0));
@@ -143,7 +209,7 @@ INLINE void draw_record(__global const int *record, const int2 origin, const int
     MaskedTriangle masked;
     if (is_masked)
         masked = masked_triangle(id ALPHA_ARGUMENTS);
-    const float2 middle = (float2)(centre.x - width * (SUBPIXELS / 2), centre.y - height * (SUBPIXELS / 2));
+    const float2 middle = (float2)(centre.x - tile->width * (SUBPIXELS / 2), centre.y - tile->height * (SUBPIXELS / 2));
 #endif
     for (int by = top / BLOCK; by <= bottom / BLOCK; by++)
         for (int bx = left / BLOCK; bx <= right / BLOCK; bx++) {
@@ -156,8 +222,10 @@ INLINE void draw_record(__global const int *record, const int2 origin, const int
             const float z0 = (float)(plane.depth + plane.along_x * (px * SUBPIXELS + centre.x - plane.corner.x) +
                                      plane.along_y * (py * SUBPIXELS + centre.y - plane.corner.y));
             const float reached = (z0 + (slope_y > 0 ? 7.0f : 0.0f) * slope_y) + (slope_x > 0 ? 7.0f : 0.0f) * slope_x;
-            if (LESSER(reached, plane.nearest) < farthest[block])
+            if (LESSER(reached, plane.nearest) < tile->farthest[block])
                 continue;
+            if (!tile->held[block])
+                hold_block(tile, bx, by);
             const int first = GREATER(top - py, 0), last = LESSER(bottom - py, BLOCK - 1);
             int8 row0 = at0 + e0.along_y * first + e0.along_x * steps;
             int8 row1 = at1 + e1.along_y * first + e1.along_x * steps;
@@ -167,25 +235,24 @@ INLINE void draw_record(__global const int *record, const int2 origin, const int
                 z = LESSER(z, plane.nearest);
                 z = GREATER(z, plane.farthest);
                 const int at = block * BLOCK + j;
-                const float8 old = depth[at];
-                int8 draw = ((row0 | row1 | row2) >= 0) & ((z > old) | ((z == old) & (id < ids[at])));
+                const float8 old = tile->depth[at];
+                int8 draw = ((row0 | row1 | row2) >= 0) & ((z > old) | ((z == old) & (id < tile->ids[at])));
 #if MASKED
                 if (is_masked)
                     draw = without_holes(draw, &masked, middle.x + (px + lanes) * SUBPIXELS,
                                          middle.y + (py + j) * SUBPIXELS ALPHA_ARGUMENTS);
 #endif
-                depth[at] = draw ? z : old;
-                ids[at] = draw ? (int8)id : ids[at];
+                tile->depth[at] = draw ? z : old;
+                tile->ids[at] = draw ? (int8)id : tile->ids[at];
                 row0 += e0.along_y;
                 row1 += e1.along_y;
                 row2 += e2.along_y;
             }
-            float8 low = depth[block * BLOCK];
-            for (int j = 1; j < BLOCK; j++) {
-                const float8 row = depth[block * BLOCK + j];
-                low = LESSER(row, low);
-            }
-            farthest[block] = smallest_of(low);
+            const float8 *row = tile->depth + block * BLOCK;
+            const float8 low0 = LESSER(row[0], row[1]), low1 = LESSER(row[2], row[3]);
+            const float8 low2 = LESSER(row[4], row[5]), low3 = LESSER(row[6], row[7]);
+            const float8 low01 = LESSER(low0, low1), low23 = LESSER(low2, low3);
+            tile->farthest[block] = smallest_of(LESSER(low01, low23));
         }
 }
 
@@ -196,62 +263,35 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
                          __global const int *records, __global int *triangles, __global float *depths,
                          __global float *blocks, __global float *far ALPHA_PARAMETERS)
 {
-    const int tile = get_global_id(0);
-    if (tile >= tiles)
+    const int id = get_global_id(0);
+    if (id >= tiles)
         return;
-    const int2 corner = (int2)(tile % tiles_x, tile / tiles_x), origin = corner * TILE;
-    const int first = tile == 0 ? 0 : ends[(size_t)tile * chunks - 1], end = ends[(size_t)(tile + 1) * chunks - 1];
+    const int first = id == 0 ? 0 : ends[(size_t)id * chunks - 1], end = ends[(size_t)(id + 1) * chunks - 1];
     if (resumes && first == end)
         return;
-    float8 depth[TILE * BLOCKS];
-    int8 ids[TILE * BLOCKS];
-    float farthest[BLOCKS * BLOCKS];
-    __global float *tile_blocks = blocks + (size_t)corner.y * BLOCKS * tiles_x * BLOCKS + corner.x * BLOCKS;
-    for (int i = 0; i < TILE * BLOCKS; i++) {
-        depth[i] = 0.0f;
-        ids[i] = -1;
-    }
-    for (int i = 0; i < BLOCKS * BLOCKS; i++)
-        farthest[i] = resumes ? tile_blocks[i / BLOCKS * tiles_x * BLOCKS + i % BLOCKS] : 0.0f;
-    const int lines = LESSER(TILE, height - origin.y), columns = LESSER(TILE, width - origin.x);
-    if (resumes)
-        for (int y = 0; y < lines; y++)
-            for (int x = 0; x < columns; x += BLOCK) {
-                const int to = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
-                const size_t from = (size_t)(origin.y + y) * width + origin.x + x;
-                if (x + BLOCK <= columns) {
-                    ids[to] = *(__global loose_int8 *)(triangles + from);
-                    depth[to] = *(__global loose_float8 *)(depths + from);
-                    continue;
-                }
-                for (int i = 0; i < columns - x; i++) {
-                    ((int *)&ids[to])[i] = triangles[from + i];
-                    ((float *)&depth[to])[i] = depths[from + i];
-                }
-            }
-
-    for (int i = first; i < end; i++)
-        draw_record(records + (size_t)entries[i] * RECORD, origin, width, height, depth, ids,
-                    farthest ALPHA_ARGUMENTS);
-
-    float farthest_of_all = INFINITY;
+    const int2 corner = (int2)(id % tiles_x, id / tiles_x);
+    const int pitch = tiles_x * BLOCKS;
+    __global float *tile_blocks = blocks + (size_t)corner.y * BLOCKS * pitch + corner.x * BLOCKS;
+    Tile tile;
+    tile.origin = corner * TILE;
+    tile.width = width;
+    tile.height = height;
+    tile.resumes = resumes;
+    tile.triangles = triangles;
+    tile.depths = depths;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
-        tile_blocks[i / BLOCKS * tiles_x * BLOCKS + i % BLOCKS] = farthest[i];
-        farthest_of_all = LESSER(farthest[i], farthest_of_all);
+        tile.held[i] = 0;
+        tile.farthest[i] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
     }
-    far[tile] = farthest_of_all;
-    for (int y = 0; y < lines; y++)
-        for (int x = 0; x < columns; x += BLOCK) {
-            const int from = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
-            const size_t to = (size_t)(origin.y + y) * width + origin.x + x;
-            if (x + BLOCK <= columns) {
-                *(__global loose_int8 *)(triangles + to) = ids[from];
-                *(__global loose_float8 *)(depths + to) = depth[from];
-                continue;
-            }
-            for (int i = 0; i < columns - x; i++) {
-                triangles[to + i] = ((const int *)&ids[from])[i];
-                depths[to + i] = ((const float *)&depth[from])[i];
-            }
-        }
+    for (int i = first; i < end; i++)
+        draw_record(records + (size_t)entries[i] * RECORD, &tile ALPHA_ARGUMENTS);
+
+    float farthest = INFINITY;
+    for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        tile_blocks[i / BLOCKS * pitch + i % BLOCKS] = tile.farthest[i];
+        farthest = LESSER(tile.farthest[i], farthest);
+    }
+    far[id] = farthest;
+    for (int y = 0; y < TILE && tile.origin.y + y < height; y++)
+        store_row(&tile, y);
 }
