@@ -127,7 +127,7 @@ def light_rows(lights: Sequence[LightLike], metres_per_unit: float) -> np.ndarra
         row[4:7] = light.position
         row[8:11] = direction / max(np.linalg.norm(direction), 1e-30)
         row[11] = metres_per_unit**2
-        row[12:14] = outer, 1 / (inner - outer)
+        row[12:14] = outer, 1 / max(inner - outer, 1e-9)
         row[16:19] = light.colour
     return rows
 

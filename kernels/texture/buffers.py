@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -37,7 +38,7 @@ class TextureBuffers:
     levels: int32 (L, 4) of first texel, width, height, 0.
     texels: uint16 (M, 4), linear light, 65535 = 1.
     wraps: whether any texture clamps or mirrors.
-    host_*: the same on the host, for the twin.
+    host_textures, host_levels, host_texels: the same on the host, for the twin.
     """
 
     textures: Array
@@ -46,7 +47,11 @@ class TextureBuffers:
     wraps: bool
     host_textures: np.ndarray
     host_levels: np.ndarray
-    host_texels: np.ndarray
+
+    @cached_property
+    def host_texels(self) -> np.ndarray:
+        """Fetched when asked for: a second copy of all texels is not kept otherwise."""
+        return self.texels.get()
 
     @classmethod
     def upload(cls, device: Device, textures: Sequence[TextureImage], masked: Collection[int] = ()) -> TextureBuffers:
@@ -70,9 +75,9 @@ class TextureBuffers:
             raise DeviceError(
                 f"The textures need {offset * 8 >> 20} MB in one buffer, more than {device.name} gives: shrink them."
             )
-        host = [np.array(table, np.int32), np.array(levels, np.int32), np.concatenate(texels)]
+        host = [np.array(table, np.int32), np.array(levels, np.int32)]
         wraps = any(row[2] for row in table)
-        return cls(*(device.upload(array) for array in host), wraps, *host)
+        return cls(*(device.upload(array) for array in (*host, np.concatenate(texels))), wraps, *host)
 
 
 def _levels(texture: TextureImage, masked: bool) -> list[np.ndarray]:

@@ -46,7 +46,8 @@ INLINE float8 neighbours8(float8 u, int8 size, int8 mode, int8 *first, int8 *sec
 }
 
 // Bilinear lookup of one level per lane (rows of the level table); u, v wrapped. Results scaled by 65535, per lane.
-INLINE void bilinear8(const int *level, float8 u, float8 v, int8 mode_s, int8 mode_t, float4 *result, TEXTURE_PARAMETERS)
+INLINE void bilinear8(const int *level, float8 u, float8 v, int8 mode_s, int8 mode_t, float4 *result,
+                      TEXTURE_PARAMETERS)
 {
     int offsets[8], widths[8], heights[8];
     for (int lane = 0; lane < 8; lane++) {
