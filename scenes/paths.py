@@ -269,6 +269,8 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
     for camera in scene.cameras[:1]:
         route = route_from(scene, np.array(camera.position), np.array(camera.direction), length)
         if route is not None:
+            if not route.on_floor:
+                notes.append("The scene's camera does not stand on a floor: the walk stays at its height.")
             return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
     for eye, direction in viewpoints(scene):
         route = route_from(scene, eye, direction, length)

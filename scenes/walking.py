@@ -1,7 +1,7 @@
 """Where a person can walk in a scene that brings no route: free space around a viewpoint, and a way through it.
 
 Space around the viewpoint is cut into cells of 10 cm. From the floor under the viewpoint the reachable floor spreads
-over steps of up to 30 cm; a column is free where nothing stands between knee and head. The way leads along cells that
+over steps of up to 20 cm; a column is free where nothing stands between knee and head. The way leads along cells that
 keep clear of everything, far away first where there is room, and back again where there is not.
 """
 
@@ -16,25 +16,31 @@ from scenes.model import Scene
 CELL = 0.1  # metres
 REACH = 8.0  # metres around the viewpoint that are explored
 BELOW, ABOVE = 4.5, 1.5  # metres below and above the eyes that are explored
-STEP = 3  # cells up or down that a person takes in one stride
+STEP = 2  # cells up or down that a person takes in one stride
+STEEPEST = 3  # cells up or down within half a metre: slopes and steps, but not onto a sofa
 KNEE = 0.45  # metres above the floor: lower things are stepped over
 HEADROOM = 0.3  # metres above the eyes
 CLEARANCE = 0.35  # metres from the eyes to the nearest column that is not free
 EYE_HEIGHT = 1.6  # metres, where the scene's camera does not say
-TALLEST = 3.0  # metres above the floor from which on a camera flies instead of walking
+LOWEST, TALLEST = 0.8, 3.0  # metres from eye to floor; a camera that is lower or higher flies instead of walking
 SHORTEST_ROUTE = 1.0  # metres
 
 
 @dataclass(frozen=True)
 class Route:
-    """A way for the eyes: origin-relative points in scene units, float64 (N, 3), and the first direction of view."""
+    """A way for the eyes.
+
+    eyes: origin-relative points in scene units, float64 (N, 3). direction: the first direction of view.
+    on_floor: whether the eyes follow a floor, or stay level because there is none at a person's height below them.
+    """
 
     eyes: np.ndarray
     direction: np.ndarray
+    on_floor: bool
 
 
 def surface_points(scene: Scene, low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
-    """Points (N, 3) on the triangles inside the box low..high, at most `spacing` apart, and their materials (N).
+    """Points (N, 3) on the triangles inside the box low..high, at most `spacing` apart, and the triangles' ids (N).
 
     In scene units. Triangles are halved along their longest edge until they are at most 4 spacings long, and then
     covered by a lattice of points; halves outside the box are dropped on the way, so that the cost depends on the
@@ -42,21 +48,21 @@ def surface_points(scene: Scene, low: np.ndarray, high: np.ndarray, spacing: flo
     """
     middle = ((low + high) / 2).astype(np.float32)
     half = ((high - low) / 2).astype(np.float32)
-    triangles, materials = _touching(scene, low, high)
-    triangles = triangles - middle
-    points, owners = [np.zeros((0, 3), np.float32)], [np.zeros(0, np.int32)]
+    ids = _touching(scene, low, high)
+    triangles = scene.positions[scene.indices[ids]] - middle
+    points, owners = [np.zeros((0, 3), np.float32)], [np.zeros(0, np.int64)]
     while len(triangles):
         p, q, r = triangles.transpose(1, 0, 2)
         inside = ((np.minimum(np.minimum(p, q), r) <= half) & (np.maximum(np.maximum(p, q), r) >= -half)).all(axis=1)
-        triangles, materials = triangles[inside], materials[inside]
+        triangles, ids = triangles[inside], ids[inside]
         edges = triangles[:, [1, 2, 0]] - triangles
         edges = np.einsum("tci,tci->tc", edges, edges)
         longest = edges.max(axis=1, initial=0)
         done = longest <= (4 * spacing) ** 2
         for chosen, steps in ((longest <= spacing**2, 1), (done & (longest > spacing**2), 4)):
             points.append((_LATTICES[steps] @ triangles[chosen]).reshape(-1, 3))
-            owners.append(np.repeat(materials[chosen], len(_LATTICES[steps])))
-        triangles, materials = _halves(triangles[~done], edges[~done]), np.tile(materials[~done], 2)
+            owners.append(np.repeat(ids[chosen], len(_LATTICES[steps])))
+        triangles, ids = _halves(triangles[~done], edges[~done]), np.tile(ids[~done], 2)
     found, owner = np.concatenate(points), np.concatenate(owners)
     inside = (np.abs(found) < half).all(axis=1)
     return found[inside] + (low + high) / 2, owner[inside]
@@ -72,15 +78,14 @@ def _lattice(steps: int) -> np.ndarray:
 _LATTICES = {steps: _lattice(steps) for steps in (1, 4)}
 
 
-def _touching(scene: Scene, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Corners float32 (N, 3, 3) and materials of the triangles that do not lie on one side of a box."""
+def _touching(scene: Scene, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """Ids of the triangles that do not lie on one side of a box."""
     code = np.zeros(len(scene.positions), np.uint8)
     for axis in range(3):
         code |= (scene.positions[:, axis] < low[axis]).astype(np.uint8) << (2 * axis)
         code |= (scene.positions[:, axis] > high[axis]).astype(np.uint8) << (2 * axis + 1)
     a, b, c = scene.indices.T
-    wanted = np.flatnonzero((code[a] & code[b] & code[c]) == 0)
-    return scene.positions[scene.indices[wanted]], scene.material_ids[wanted]
+    return np.flatnonzero((code[a] & code[b] & code[c]) == 0)
 
 
 def _halves(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
@@ -91,9 +96,19 @@ def _halves(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([p, middle, r], axis=1), np.stack([middle, q, r], axis=1)])
 
 
-def _is_solid(scene: Scene, materials: np.ndarray) -> np.ndarray:
-    """Whether points of these materials carry a person: leaves and grass, which are alpha-masked, do not."""
-    return np.array([m.alpha_mode != "mask" for m in scene.materials] or [True])[materials]
+def _carries(scene: Scene, ids: np.ndarray) -> np.ndarray:
+    """Whether triangles (N ids) carry a person: not steep ones, and not leaves and grass, which are alpha-masked."""
+    corners = scene.positions[scene.indices[ids]]
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    level = np.abs(normals[:, 1]) > 0.7 * np.linalg.norm(normals, axis=1)
+    opaque = np.array([m.alpha_mode != "mask" for m in scene.materials] or [True])
+    return level & opaque[scene.material_ids[ids]]
+
+
+def _on_floors(scene: Scene, owner: np.ndarray) -> np.ndarray:
+    """Whether points (N), given by their triangles' ids, lie on triangles that carry a person."""
+    ids, inverse = np.unique(owner, return_inverse=True)
+    return _carries(scene, ids)[inverse]
 
 
 class Surroundings:
@@ -112,7 +127,7 @@ class Surroundings:
         index = np.minimum((((points - eye) * unit - low) / CELL).astype(np.int32), shape - 1)
         anything, floors = np.zeros((2, *shape[[0, 2, 1]]), bool)
         anything[tuple(index[:, [0, 2, 1]].T)] = True
-        floors[tuple(index[_is_solid(scene, owner)][:, [0, 2, 1]].T)] = True
+        floors[tuple(index[_on_floors(scene, owner)][:, [0, 2, 1]].T)] = True
         ladder = np.where(floors, np.arange(shape[1], dtype=np.int16), np.int16(-1))
         self._below = np.maximum.accumulate(ladder, axis=2)  # the highest floor cell at or below each cell
         self._count = np.cumsum(anything, axis=2, dtype=np.int16)
@@ -120,9 +135,11 @@ class Surroundings:
 
     def _spread(self) -> None:
         """Fill `free` and `floor` from the viewpoint's floor outwards."""
+        from scipy.ndimage import maximum_filter, minimum_filter
+
         eye = round(-self._base / CELL)
         middle = self.size // 2
-        under = self._below[middle - 1 : middle + 2, middle - 1 : middle + 2, eye - 3].max()
+        under = self._below[middle - 1 : middle + 2, middle - 1 : middle + 2, eye - round(LOWEST / CELL)].max()
         height = (eye - under - 1) * CELL
         self.walks = bool(under >= 0 and height <= TALLEST)
         if not self.walks:
@@ -138,7 +155,9 @@ class Surroundings:
         if away[first] < 1.5 / CELL:
             level[tuple(everywhere[:, first])] = start[first]
             self._flood(level, everywhere[:, first : first + 1])
-        self.free = level >= 0
+        known = level >= 0
+        rise = maximum_filter(level, 5) - minimum_filter(np.where(known, level, np.int16(9999)), 5)
+        self.free = known & (rise <= STEEPEST)
         self.floor = self._base + (level + 1) * CELL
 
     def _flood(self, level: np.ndarray, front: np.ndarray) -> None:
@@ -193,7 +212,7 @@ def route_from(scene: Scene, eye: np.ndarray, direction: np.ndarray, length: flo
     offsets[:, [0, 2]] = (offsets[:, [0, 2]] + 0.5) * CELL - REACH
     if around.walks:
         offsets[:, 1] += around.eye_height
-    return Route(eye + offsets / scene.metres_per_unit, np.asarray(direction, np.float64))
+    return Route(eye + offsets / scene.metres_per_unit, np.asarray(direction, np.float64), around.walks)
 
 
 def _lookup(grid: np.ndarray, cells: np.ndarray) -> np.ndarray:
@@ -266,21 +285,22 @@ def _farthest(graph, cells: np.ndarray, here: int, forward: np.ndarray, wanted: 
 def viewpoints(scene: Scene, count: int = 4) -> list[tuple[np.ndarray, np.ndarray]]:
     """Places to stand inside the bounds, best first: eye points and directions of view, both (3).
 
-    Good is a floor with room all around near the middle of what the scene holds, looking along the longest free way.
+    Good is a floor with room all around near the middle of what the scene holds, and the view goes towards that.
     """
     from scipy.ndimage import distance_transform_edt
 
     low, high = scene.bounds
     spacing = max((high - low).max() / 110, 0.2 / scene.metres_per_unit)
     shape = np.ceil((high - low) / spacing).astype(int) + 1
-    points, owner = surface_points(scene, low, high + spacing, spacing)
-    points = points[_is_solid(scene, owner)]
-    filled = np.zeros(shape, bool)
-    filled[tuple(((points - low) / spacing).astype(int).T)] = True
+    points, owner = surface_points(scene, low - spacing, high + spacing, spacing)
+    floors, filled = np.zeros((2, *shape), bool)
+    cells = np.clip(((points - low) / spacing).astype(int), 0, shape - 1)
+    filled[tuple(cells.T)] = True
+    floors[tuple(cells[_on_floors(scene, owner)].T)] = True
     clear = distance_transform_edt(~filled) * spacing * scene.metres_per_unit
     eye = max(1, round(EYE_HEIGHT / scene.metres_per_unit / spacing))
     stands = np.zeros(shape, bool)
-    stands[:, eye:] = filled[:, : shape[1] - eye]
+    stands[:, eye:] = floors[:, : shape[1] - eye]
     spots = np.argwhere(stands & (clear > 0.5))
     if not len(spots):
         return []
