@@ -1,5 +1,6 @@
 // Clusters: runs of CLUSTER triangles in file order, with their boxes, and their positions in groups of 8.
 #include "raster/camera.cl"
+#include "raster/runs.cl"
 
 #define BLOCK 8
 #define LARGEST 1e18f // clip-space positions of such points do not overflow
@@ -132,12 +133,15 @@ __kernel void note_seen(const int height, const int width, __global const int *t
     const int y = get_global_id(0);
     if (y >= height)
         return;
-    int before = -1;
-    for (int x = 0; x < width; x++) {
-        const int triangle = triangles[(size_t)y * width + x];
-        if (triangle >= 0 && triangle / CLUSTER != before) {
-            before = triangle / CLUSTER;
-            last_seen[before] = now;
+    __global const int *row = triangles + (size_t)y * width;
+    for (int x = 0; x < width; x += 8) {
+        if (x > 0 && x + 8 <= width && !begins_run(row + x))
+            continue;
+        int before = -1;
+        for (int i = x; i < LESSER(x + 8, width); i++) {
+            if (row[i] != before && row[i] >= 0)
+                last_seen[row[i] / CLUSTER] = now;
+            before = row[i];
         }
     }
 }

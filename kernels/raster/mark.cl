@@ -1,9 +1,20 @@
-__kernel void mark_visible(const int pixels, __global const int *triangles, __global uchar *flags)
+#include "raster/runs.cl"
+
+// One item per row; items that mark the same triangle write the same value.
+__kernel void mark_visible(const int height, const int width, __global const int *triangles, __global uchar *flags)
 {
-    const int pixel = get_global_id(0);
-    if (pixel >= pixels)
+    const int y = get_global_id(0);
+    if (y >= height)
         return;
-    const int triangle = triangles[pixel];
-    if (triangle >= 0 && (pixel == 0 || triangles[pixel - 1] != triangle))
-        flags[triangle] = 1;
+    __global const int *row = triangles + (size_t)y * width;
+    for (int x = 0; x < width; x += 8) {
+        if (x > 0 && x + 8 <= width && !begins_run(row + x))
+            continue;
+        int before = -1;
+        for (int i = x; i < LESSER(x + 8, width); i++) {
+            if (row[i] != before && row[i] >= 0)
+                flags[row[i]] = 1;
+            before = row[i];
+        }
+    }
 }

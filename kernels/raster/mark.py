@@ -16,9 +16,10 @@ if TYPE_CHECKING:
 
 def mark_visible(device: Device, visibility: Visibility, flags: Array, stage: str = "raster/mark") -> None:
     """Set `flags` (uint8 (T), on the device) to 1 for every triangle seen; others stay as they are."""
-    pixels = visibility.width * visibility.height
+    height, width = visibility.height, visibility.width
     kernel = device.build("raster/mark.cl").mark_visible
-    device.launch(stage, kernel, pixels, pixels, visibility.triangle, flags)
+    local = 1 if device.is_cpu else None
+    device.launch(stage, kernel, height, height, width, visibility.triangle, flags, local=local)
 
 
 def mark_visible_twin(triangle: np.ndarray, flags: np.ndarray) -> np.ndarray:
