@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kernels.common.rank import rank_by_class, rank_by_class_twin
 from kernels.sas.bias import levels_at
 from kernels.sas.layout import pack_location, unpack_location
-from kernels.sas.rank import rank_by_class, rank_by_class_twin
 
 if TYPE_CHECKING:
     from pyopencl.array import Array

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kernels.common.rank import rank_by_class, rank_by_class_twin
 from kernels.sas.bias import levels_at, needed_superblocks, needed_superblocks_twin
 from kernels.sas.corners import locate_corners, locate_corners_twin
 from kernels.sas.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
@@ -16,7 +17,6 @@ from kernels.sas.layout import (
     pack_location,
     unpack_location,
 )
-from kernels.sas.rank import rank_by_class, rank_by_class_twin
 from kernels.sas.visible import visible_patches, visible_patches_twin
 from tests.kernels.patch_soup import random_patches
 

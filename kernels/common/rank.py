@@ -20,7 +20,7 @@ def rank_by_class(
     classes: int32 (count), -1 for an item without a class. Returns ranks int32 (count), -1 likewise, and totals int32
     (class_count). The same result for every number of `runs`.
     """
-    kernels = device.build("sas/rank.cl")
+    kernels = device.build("common/rank.cl")
     run = max(1, -(-count // (runs or device.chunks)))
     runs = max(1, -(-count // run))
     table = device.empty((runs, class_count), np.int32)
