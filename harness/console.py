@@ -35,12 +35,13 @@ def make_console(stderr: bool = False) -> Console:
 def guarded() -> Iterator[None]:
     """Turn errors about arguments and input into one sentence on stderr and exit code 2; others are bugs and show."""
     from harness.settings import SettingsError
+    from kernels.cache import CacheError
     from kernels.device import DeviceError
     from reports.store import StoreError
     from scenes.model import SceneError
     from scenes.paths import PathError
 
-    known = (InputError, SettingsError, DeviceError, StoreError, SceneError, PathError)
+    known = (InputError, SettingsError, CacheError, DeviceError, StoreError, SceneError, PathError)
     try:
         yield
     except known as error:

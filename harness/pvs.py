@@ -69,7 +69,7 @@ def potentially_visible(
     planned = [view for eye in cell_eyes(pose, radius) for view in frustum.frusta(eye, near, frustum.density * density)]
     try:
         return PotentiallyVisibleSet(np.load(file), 0, len(planned), None)
-    except (OSError, ValueError):
+    except (OSError, ValueError, EOFError):  # not there, or damaged
         found = _draw(scene, [_fitted(view) for view in planned])
     write_atomically(file, lambda out: np.save(out, found.ids))
     return found
