@@ -27,7 +27,7 @@ def cache_folder(kind: str) -> Path:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise CacheError(
-            f"The cache folder {folder} cannot be made ({error.strerror}): set XDG_CACHE_HOME to a folder you can write."
+            f"The cache folder {folder} cannot be made ({error.strerror}): set XDG_CACHE_HOME to another one."
         ) from error
     return folder
 
