@@ -457,26 +457,27 @@ class _Hall:
         shoulder_at = np.array([0, 0.95, 0])
         elbow_at = shoulder_at + 1.3 * _lean(shoulder)
         wrist_at = elbow_at + 1.05 * _lean(shoulder - elbow)
-        parts = [joint if at is shoulder_at else moved(joint, at, scale=0.72) for at in (elbow_at,)]
-        parts += [moved(joint, shoulder_at), moved(hub, elbow_at), moved(hub, wrist_at, scale=0.6)]
+        parts = [moved(joint, shoulder_at), moved(joint, elbow_at, scale=0.72)]
+        parts += [moved(hub, elbow_at), moved(hub, wrist_at, scale=0.6)]
         parts += [moved(upper, shoulder_at, tilt=shoulder), moved(fore, elbow_at, tilt=shoulder - elbow)]
-        parts.append(moved(hand, wrist_at, tilt=shoulder - elbow - wrist))
+        parts += [moved(hand, wrist_at, tilt=shoulder - elbow - wrist), self._hoses(shoulder_at, elbow_at, wrist_at)]
+        return merge([base, bolts, moved(merge(parts), (0, 0, 0), turn)])
+
+    def _hoses(self, shoulder: np.ndarray, elbow: np.ndarray, wrist: np.ndarray) -> Mesh:
+        """Hoses along both sides of an arm."""
+        hoses = []
         for side in (-0.2, 0.2):
             out = np.array([side, 0.08, 0])
-            loop = rounded(
-                [
-                    (side, 0.6, -0.3),
-                    shoulder_at + out - (0, 0, 0.35),
-                    (shoulder_at + elbow_at) / 2 + out - (0, 0, 0.25),
-                    elbow_at + out + (0, 0.25, 0),
-                    (elbow_at + wrist_at) / 2 + out * 0.7 + (0, 0.1, 0),
-                    wrist_at + out * 0.4,
-                ],
-                0.5,
-                self.count(4),
-            )
-            parts.append(tube(loop, 0.022, self.count(5), m.rubber))
-        return merge([base, bolts, moved(merge(parts), (0, 0, 0), turn)])
+            corners = [
+                np.array([side, 0.6, -0.3]),
+                shoulder + out - [0, 0, 0.35],
+                (shoulder + elbow) / 2 + out - [0, 0, 0.25],
+                elbow + out + 0.25 * UP,
+                (elbow + wrist) / 2 + out * 0.7 + 0.1 * UP,
+                wrist + out * 0.4,
+            ]
+            hoses.append(tube(rounded(corners, 0.5, self.count(4)), 0.022, self.count(5), self.m.rubber))
+        return merge(hoses)
 
     def _fence(self, k: int) -> Mesh:
         """Wire-mesh panels on three sides of a cell about the origin, a gate sign and the controller."""
@@ -658,77 +659,66 @@ class _Hall:
     def _bench(self) -> Mesh:
         """A bench of 2.2 m; the worker stands on its +z side."""
         m, n = self.m, self.count(12)
-        top = box((0, 0.87, 0), (2.3, 0.06, 0.8), m.wood)
         feet = np.array([(x, 0, z) for x in (-1.1, 1.1) for z in (-0.35, 0.35)])
-        legs = struts(feet, feet + 0.85 * UP, 0.06, m.paint, BLUE)
-        drawers = boxes([(0.75, 0.75 - 0.16 * k, 0.02) for k in range(4)], (0.55, 0.145, 0.7), m.paint, tints=RED)
-        grips = boxes([(0.75, 0.75 - 0.16 * k, 0.385) for k in range(4)], (0.2, 0.02, 0.03), m.steel)
-        board = box((0, 1.45, -0.42), (2.3, 1.0, 0.03), m.plates)
+        drawers = [(0.75, 0.75 - 0.16 * k, 0.02) for k in range(4)]
+        lamp = rounded([(-1.0, 0.9, -0.3), (-1.0, 1.4, -0.3), (-0.7, 1.55, -0.05)], 0.2, self.count(6))
+        shade = lathe([(0.1, 0), (0.06, 0.1), (0.02, 0.13), (0, 0.13)], n, m.paint, YELLOW)
+        spokes = [(0.1 + 0.26 * np.cos(a), 0.03, 0.75 + 0.26 * np.sin(a)) for a in np.arange(5) * 1.2566]
+        return merge(
+            [
+                box((0, 0.87, 0), (2.3, 0.06, 0.8), m.wood),
+                struts(feet, feet + 0.85 * UP, 0.06, m.paint, BLUE),
+                boxes(drawers, (0.55, 0.145, 0.7), m.paint, tints=RED),
+                boxes(np.add(drawers, (0, 0, 0.365)), (0.2, 0.02, 0.03), m.steel),
+                self._tools(),
+                self._desk(),
+                tube(lamp, 0.012, self.count(6), m.steel),
+                moved(shade, (-0.68, 1.45, -0.02)),
+                moved(cylinder(0.19, 0.05, n, m.paint, DARK), (0.1, 0.55, 0.75)),
+                cylinder_at((0.1, 0.04, 0.75), 0.03, 0.5, n, m.steel),
+                struts([(0.1, 0.06, 0.75)] * 5, spokes, 0.03, m.rubber),
+            ]
+        )
+
+    def _tools(self) -> Mesh:
+        """The bench's tool board with its tools, and a vice."""
+        m = self.m
         tools = boxes(
             [(-0.95 + 0.16 * k, 1.5, -0.39) for k in range(13)],
             [(0.03 + 0.01 * (k % 3), 0.25 + 0.06 * (k % 4), 0.02) for k in range(13)],
             m.steel,
         )
-        handles = repeat(
-            lathe([(0, 0), (0.028, 0.04), (0.018, 0.12), (0, 0.13)], self.count(5), m.paint, ORANGE),
-            placement([(-0.95 + 0.16 * k, 1.22 - 0.03 * (k % 4), -0.385) for k in range(13)]),
-        )
-        monitor = merge(
+        handle = lathe([(0, 0), (0.028, 0.04), (0.018, 0.12), (0, 0.13)], self.count(5), m.paint, ORANGE)
+        handles = placement([(-0.95 + 0.16 * k, 1.22 - 0.03 * (k % 4), -0.385) for k in range(13)])
+        jaws = [(0.85, 0.96, 0.3), (0.85, 1.02, 0.22), (0.85, 1.02, 0.38)]
+        sizes = [(0.18, 0.12, 0.24), (0.2, 0.1, 0.04), (0.2, 0.1, 0.04)]
+        return merge(
             [
-                box((-0.2, 1.18, -0.15), (0.56, 0.36, 0.03), m.paint, DARK),
-                card(
-                    [(-0.46, 1.02, -0.133), (0.06, 1.02, -0.133), (0.06, 1.34, -0.133), (-0.46, 1.34, -0.133)], m.screen
-                ),
-                cylinder_at((-0.2, 0.9, -0.18), 0.02, 0.15, n, m.paint, DARK),
-                box((-0.2, 0.905, -0.15), (0.25, 0.01, 0.18), m.paint, DARK),
-            ]
-        )
-        keys = boxes(
-            [(-0.42 + 0.033 * i, 0.922, 0.09 + 0.055 * j) for i in range(14) for j in range(3)],
-            (0.027, 0.014, 0.045),
-            m.paint,
-            tints=CREAM,
-            faces=WITHOUT_BOTTOM,
-        )
-        keyboard = box((-0.2, 0.907, 0.15), (0.5, 0.016, 0.19), m.paint, DARK, faces=WITHOUT_BOTTOM)
-        vice = merge(
-            [
-                boxes(
-                    [(0.85, 0.96, 0.3), (0.85, 1.02, 0.22), (0.85, 1.02, 0.38)],
-                    [(0.18, 0.12, 0.24), (0.2, 0.1, 0.04), (0.2, 0.1, 0.04)],
-                    m.paint,
-                    tints=BLUE,
-                ),
+                box((0, 1.45, -0.42), (2.3, 1.0, 0.03), m.plates),
+                tools,
+                repeat(handle, handles),
+                boxes(jaws, sizes, m.paint, tints=BLUE),
                 struts([(0.76, 1.0, 0.46)], [(0.94, 1.0, 0.46)], 0.015, m.steel),
             ]
         )
-        mug = lathe([(0.032, 0.01), (0.035, 0.1), (0.04, 0.1), (0.042, 0.0), (0.0, 0.0)][::-1], n, m.paint, RED)
-        mugs = repeat(
-            mug,
-            placement([(0.25, 0.9, 0.2), (0.42, 0.9, -0.2), (-0.9, 0.9, 0.1)]),
-            np.array([WHITE, (0.3, 1.5, 3.0), (1.5, 9, 9)]),
-        )
-        arm = tube(
-            rounded([(-1.0, 0.9, -0.3), (-1.0, 1.4, -0.3), (-0.7, 1.55, -0.05)], 0.2, self.count(6)),
-            0.012,
-            self.count(6),
-            m.steel,
-        )
-        shade = moved(lathe([(0.1, 0), (0.06, 0.1), (0.02, 0.13), (0, 0.13)], n, m.paint, YELLOW), (-0.68, 1.45, -0.02))
-        stool = merge(
-            [
-                moved(cylinder(0.19, 0.05, n, m.paint, DARK), (0.1, 0.55, 0.75)),
-                cylinder_at((0.1, 0.04, 0.75), 0.03, 0.5, n, m.steel),
-                struts(
-                    [(0.1, 0.06, 0.75)] * 5,
-                    [(0.1 + 0.26 * np.cos(a), 0.03, 0.75 + 0.26 * np.sin(a)) for a in np.arange(5) * 1.2566],
-                    0.03,
-                    m.rubber,
-                ),
-            ]
-        )
+
+    def _desk(self) -> Mesh:
+        """What stands on a bench: a monitor, a keyboard with its keys, mugs."""
+        m, n = self.m, self.count(12)
+        picture = [(-0.46, 1.02, -0.133), (0.06, 1.02, -0.133), (0.06, 1.34, -0.133), (-0.46, 1.34, -0.133)]
+        keys = [(-0.42 + 0.033 * i, 0.922, 0.09 + 0.055 * j) for i in range(14) for j in range(3)]
+        mug = lathe([(0.0, 0.0), (0.042, 0.0), (0.04, 0.1), (0.035, 0.1), (0.032, 0.01)], n, m.paint, RED)
+        mugs = placement([(0.25, 0.9, 0.2), (0.42, 0.9, -0.2), (-0.9, 0.9, 0.1)])
         return merge(
-            [top, legs, drawers, grips, board, tools, handles, monitor, keyboard, keys, vice, mugs, arm, shade, stool]
+            [
+                box((-0.2, 1.18, -0.15), (0.56, 0.36, 0.03), m.paint, DARK),
+                card(picture, m.screen),
+                cylinder_at((-0.2, 0.9, -0.18), 0.02, 0.15, n, m.paint, DARK),
+                box((-0.2, 0.905, -0.15), (0.25, 0.01, 0.18), m.paint, DARK),
+                box((-0.2, 0.907, 0.15), (0.5, 0.016, 0.19), m.paint, DARK, faces=WITHOUT_BOTTOM),
+                boxes(keys, (0.027, 0.014, 0.045), m.paint, tints=CREAM, faces=WITHOUT_BOTTOM),
+                repeat(mug, mugs, np.array([WHITE, (0.3, 1.5, 3.0), (1.5, 9, 9)])),
+            ]
         )
 
     def racks(self) -> Mesh:
@@ -801,118 +791,71 @@ class _Hall:
         return merge([box((0, 0.31, 0), (0.6, 0.62, 0.5), m.wood, WHITE), label])
 
     def yard(self) -> Mesh:
-        """On the floor: pallets with cartons, drums, cones, a ladder, fire extinguishers, cables and a gas cage."""
-        m, n, rng = self.m, self.count(10), surfaces.generator(self.seed, "yard")
-        pallet = merge(
+        """On the floor: pallets, cones, gas bottles, fire extinguishers, a ladder, cables and cable reels."""
+        m, n = self.m, self.count(10)
+        rim = lathe([(0.15, 0.03), (0.10, 0.18)], n, m.paint, ORANGE)
+        band = lathe([(0.10, 0.18), (0.065, 0.36)], n, m.paint, CREAM)
+        tip = lathe([(0.065, 0.36), (0.02, 0.55), (0, 0.55)], n, m.paint, ORANGE)
+        cone = merge([rim, band, tip, box((0, 0.015, 0), (0.36, 0.03, 0.36), m.rubber)])
+        spots = ((-9.5, -1.6), (6.2, -1.55), (8.4, -1.6), (16.4, 1.7), (-18.2, 2.9), (-18.6, -2.6))
+        drum = [(0, -0.2), (0.4, -0.2), (0.4, -0.17), (0.2, -0.17), (0.2, 0.17), (0.4, 0.17), (0.4, 0.2), (0, 0.2)]
+        reels = placement([(-17.0, 0.4, 6.6), (-16.2, 0.4, 7.5), (15.2, 0.4, -3.4)], np.array([20, 70, -30]))
+        return merge(
             [
-                boxes(
-                    [(x, 0.13, 0) for x in np.linspace(-0.54, 0.54, 6)],
-                    (0.15, 0.025, 0.8),
-                    m.wood,
-                    faces=WITHOUT_BOTTOM,
-                ),
-                boxes([(0, 0.075, z) for z in (-0.36, 0, 0.36)], (1.2, 0.085, 0.1), m.wood),
+                self._pallets(),
+                repeat(cone, placement([(x, 0, z) for x, z in spots])),
+                self._bottles(),
+                self._ladder(),
+                self._floor_cables(),
+                repeat(_forward(lathe(drum, self.count(20), m.wood)), reels),
             ]
         )
+
+    def _pallets(self) -> Mesh:
+        """Pallets loaded with cartons, and a pile of empty ones."""
+        m, rng = self.m, surfaces.generator(self.seed, "pallets")
+        slats = [(x, 0.13, 0) for x in np.linspace(-0.54, 0.54, 6)]
+        runners = boxes([(0, 0.075, z) for z in (-0.36, 0, 0.36)], (1.2, 0.085, 0.1), m.wood)
+        pallet = merge([boxes(slats, (0.15, 0.025, 0.8), m.wood, faces=WITHOUT_BOTTOM), runners])
         stack = [(x, 0.145 + y, z) for y in (0, 0.36) for x in (-0.3, 0.27) for z in (-0.2, 0.2)]
         loaded = merge([pallet, repeat(self._carton(), placement(stack, rng.uniform(-6, 6, 8), (0.95, 1.0, 0.75)))])
-        pallets = repeat(
-            loaded, placement([(-17.5, 0, -3.6), (16.8, 0, 6.5), (18, 0, 3.6), (7.3, 0, -3.1)], rng.uniform(-15, 15, 4))
-        )
-        piles = repeat(pallet, placement([(18.2, 0.16 * k, -2.6) for k in range(4)], rng.uniform(-4, 4, 4)))
-        cone = merge(
+        spots = [(-17.5, 0, -3.6), (16.8, 0, 6.5), (18, 0, 3.6), (7.3, 0, -3.1)]
+        piled = [(18.2, 0.16 * k, -2.6) for k in range(4)]
+        return merge(
             [
-                lathe([(0.15, 0.03), (0.10, 0.18)], n, m.paint, ORANGE),
-                lathe([(0.10, 0.18), (0.065, 0.36)], n, m.paint, CREAM),
-                lathe([(0.065, 0.36), (0.02, 0.55), (0, 0.55)], n, m.paint, ORANGE),
-                box((0, 0.015, 0), (0.36, 0.03, 0.36), m.rubber),
+                repeat(loaded, placement(spots, rng.uniform(-15, 15, 4))),
+                repeat(pallet, placement(piled, rng.uniform(-4, 4, 4))),
             ]
         )
-        cones = repeat(
-            cone,
-            placement(
-                [
-                    (x, 0, z)
-                    for x, z in ((-9.5, -1.6), (6.2, -1.55), (8.4, -1.6), (16.4, 1.7), (-18.2, 2.9), (-18.6, -2.6))
-                ]
-            ),
-        )
-        bottle = lathe(
-            [(0, 0), (0.115, 0), (0.115, 1.3), (0.09, 1.4), (0.04, 1.46), (0.04, 1.56), (0, 1.56)], n, m.paint
-        )
-        bottles = repeat(
-            bottle,
-            placement([(19.5, 0, z) for z in np.arange(8, 11.5, 0.5)]),
-            np.array([BLUE, RED, GREEN, GREY])[np.arange(7) % 4],
-        )
-        extinguisher = merge(
-            [
-                lathe(
-                    [(0, 0), (0.075, 0), (0.075, 0.42), (0.05, 0.5), (0.02, 0.52), (0.02, 0.56), (0, 0.56)],
-                    n,
-                    m.paint,
-                    RED,
-                ),
-                tube(
-                    rounded([(0.02, 0.54, 0), (0.12, 0.5, 0), (0.1, 0.15, 0.02)], 0.1, self.count(6)), 0.01, 5, m.rubber
-                ),
-            ]
-        )
-        extinguishers = repeat(
-            extinguisher, placement([(x, 0.7, 12.25) for x in (-12.5, 2.5)] + [(x, 0.8, -9.4) for x in (-10.0, 5.0)])
-        )
-        ladder = merge(
-            [
-                struts([(-0.25, 0, 0), (0.25, 0, 0)], [(-0.2, 3.8, -0.9), (0.2, 3.8, -0.9)], 0.05, m.steel),
-                struts(
-                    [(-0.24, 0.3 * k, -0.071 * k) for k in range(1, 13)],
-                    [(0.24, 0.3 * k, -0.071 * k) for k in range(1, 13)],
-                    0.035,
-                    m.steel,
-                ),
-            ]
-        )
+
+    def _bottles(self) -> Mesh:
+        """Gas bottles in a row and fire extinguishers on the walls."""
+        m, n = self.m, self.count(10)
+        outline = [(0, 0), (0.115, 0), (0.115, 1.3), (0.09, 1.4), (0.04, 1.46), (0.04, 1.56), (0, 1.56)]
+        places = placement([(19.5, 0, z) for z in np.arange(8, 11.5, 0.5)])
+        tints = np.array([BLUE, RED, GREEN, GREY])[np.arange(7) % 4]
+        small = [(0, 0), (0.075, 0), (0.075, 0.42), (0.05, 0.5), (0.02, 0.52), (0.02, 0.56), (0, 0.56)]
+        hose = rounded([(0.02, 0.54, 0), (0.12, 0.5, 0), (0.1, 0.15, 0.02)], 0.1, self.count(6))
+        extinguisher = merge([lathe(small, n, m.paint, RED), tube(hose, 0.01, 5, m.rubber)])
+        walls = [(x, 0.7, 12.25) for x in (-12.5, 2.5)] + [(x, 0.8, -9.4) for x in (-10.0, 5.0)]
+        return merge([repeat(lathe(outline, n, m.paint), places, tints), repeat(extinguisher, placement(walls))])
+
+    def _ladder(self) -> Mesh:
+        """A ladder that leans against the racks."""
+        m = self.m
+        rails = struts([(-0.25, 0, 0), (0.25, 0, 0)], [(-0.2, 3.8, -0.9), (0.2, 3.8, -0.9)], 0.05, m.steel)
+        left = np.array([(-0.24, 0.3 * k, -0.071 * k) for k in range(1, 13)])
+        rungs = struts(left, left * [-1, 1, 1], 0.035, m.steel)
+        return moved(merge([rails, rungs]), (15.6, 0, 9.9), 200)
+
+    def _floor_cables(self) -> Mesh:
+        """Two cables that wind along the aisle's edge."""
         t = np.linspace(0, 1, self.count(40))
         cables = []
         for k in range(2):
-            line = np.stack(
-                [-17 + 30 * t, 0 * t + 0.012, 1.98 + 0.05 * k + 0.05 * np.sin(t * 40 + k * 2) * np.sin(t * 7)], axis=1
-            )
-            cables.append(tube(line, 0.012, 4, m.rubber))
-        reel = _forward(
-            merge(
-                [
-                    lathe(
-                        [
-                            (0, -0.2),
-                            (0.4, -0.2),
-                            (0.4, -0.17),
-                            (0.2, -0.17),
-                            (0.2, 0.17),
-                            (0.4, 0.17),
-                            (0.4, 0.2),
-                            (0, 0.2),
-                        ],
-                        self.count(20),
-                        m.wood,
-                    )
-                ]
-            )
-        )
-        return merge(
-            [
-                pallets,
-                piles,
-                cones,
-                bottles,
-                extinguishers,
-                moved(ladder, (15.6, 0, 9.9), 200),
-                *cables,
-                repeat(
-                    reel, placement([(-17.0, 0.4, 6.6), (-16.2, 0.4, 7.5), (15.2, 0.4, -3.4)], np.array([20, 70, -30]))
-                ),
-            ]
-        )
+            z = 1.98 + 0.05 * k + 0.05 * np.sin(t * 40 + k * 2) * np.sin(t * 7)
+            cables.append(tube(np.stack([-17 + 30 * t, 0 * t + 0.012, z], axis=1), 0.012, 4, self.m.rubber))
+        return merge(cables)
 
     def small_parts(self, budget: int, slanted: int) -> Mesh:
         """Small parts on the racks' lowest decks: `budget` triangles, about `slanted` of them long and thin."""

@@ -612,9 +612,8 @@ class _Village:
         )
 
     def things(self) -> list[Mesh]:
-        """Barrels, carts, crates, stalls, wood piles, hay, signs, a rune stone and washing lines about the houses."""
-        m, rng = self.m, surfaces.generator(self.seed, "things")
-        parts = []
+        """Barrels, carts, crates, stalls, wood piles, hay, signs and washing lines about the houses."""
+        rng = surfaces.generator(self.seed, "things")
         barrels, crates, hay, piles = [], [], [], []
         for (x, z, yaw), house in zip(self.houses, HOUSES, strict=True):
             out = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
@@ -626,30 +625,13 @@ class _Village:
             if len(hay) % 2 == 0:
                 piles.append((*(np.array([x, z]) - side * (half + 1.15)), yaw + 90))
             hay.append(np.array([x, z]) - out * (house[3] / 2 + 2.5) + side * rng.uniform(-2, 2))
-        barrels, crates, hay = np.array(barrels), np.array(crates), np.array(hay)
-        parts.append(
-            repeat(
-                self._barrel(),
-                placement(
-                    self.ground.points(*barrels.T, -0.02),
-                    rng.uniform(0, 360, len(barrels)),
-                    rng.uniform(0.85, 1.1, len(barrels)),
-                ),
-                rng.uniform(0.75, 1.15, (len(barrels), 1)) * np.ones(3),
-            )
-        )
-        parts.append(repeat(self._crate(), placement(self.ground.points(*crates.T), rng.uniform(-20, 20, len(crates)))))
-        bale = repeat(
-            moved(cylinder(0.6, 1.2, self.count(18), m.straw, (1.7, 1.45, 0.8), rings=3), (0, -0.6, 0)),
-            (placement([(0, 0.55, 0)]) @ _lay("z")),
-        )
-        parts.append(repeat(bale, placement(self.ground.points(*hay.T), rng.uniform(0, 360, len(hay)))))
-        log = repeat(moved(cylinder(0.11, 1.0, self.count(6), m.bark, (1.3, 1.2, 1.1)), (0, -0.5, 0)), _lay("z")[None])
-        stack = repeat(
-            log, placement([(0.23 * i + 0.115 * (j % 2), 0.11 + 0.2 * j, 0) for j in range(4) for i in range(8 - j)])
-        )
         x, z, yaw = np.array(piles).T
-        parts.append(repeat(stack, placement(self.ground.points(x, z), yaw)))
+        parts = [
+            self._about(self._barrel(), np.array(barrels), rng),
+            self._about(self._crate(), np.array(crates), rng),
+            self._about(self._bale(), np.array(hay), rng),
+            repeat(self._logs(), placement(self.ground.points(x, z), yaw)),
+        ]
         carts = np.array(
             [
                 (-27.0, street(-27.0) + 3.6, 15),
@@ -665,6 +647,25 @@ class _Village:
             parts.append(moved(self._signpost(index), self.ground.points(x, street(x) + dz), -90 if index != 2 else 90))
         parts.append(self._washing())
         return parts
+
+    def _about(self, part: Mesh, places: np.ndarray, rng: np.random.Generator) -> Mesh:
+        """Copies of a part at (x, z) places (N, 2) on the ground, turned, sized and tinted at random."""
+        count = len(places)
+        turned = placement(
+            self.ground.points(*places.T, -0.02), rng.uniform(0, 360, count), rng.uniform(0.85, 1.1, count)
+        )
+        return repeat(part, turned, rng.uniform(0.75, 1.15, (count, 1)) * np.ones(3))
+
+    def _bale(self) -> Mesh:
+        """A round bale of hay."""
+        straw = cylinder(0.6, 1.2, self.count(18), self.m.straw, (1.7, 1.45, 0.8), rings=3)
+        return repeat(moved(straw, (0, -0.6, 0)), placement([(0, 0.55, 0)]) @ _lay("z"))
+
+    def _logs(self) -> Mesh:
+        """A pile of 26 logs."""
+        log = moved(cylinder(0.11, 1.0, self.count(6), self.m.bark, (1.3, 1.2, 1.1)), (0, -0.5, 0))
+        places = [(0.23 * i + 0.115 * (j % 2), 0.11 + 0.2 * j, 0) for j in range(4) for i in range(8 - j)]
+        return repeat(repeat(log, _lay("z")[None]), placement(places))
 
     def _signpost(self, index: int) -> Mesh:
         """A post with a hanging board that can be read from both sides."""
