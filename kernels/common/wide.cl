@@ -1,5 +1,6 @@
-// For hot loops. PoCL calls its built-in functions (min, max, clamp, fabs, vload8, convert_...) instead of inlining
-// them, and each call spills all vector registers; operators, casts of pointers and these macros stay in registers.
+// For hot loops. PoCL may call its built-in functions (min, max, clamp, fabs, vload8, convert_...) instead of inlining
+// them, depending on the processor, and each call spills all vector registers; operators, casts of pointers and these
+// macros always stay in registers.
 
 #define LESSER(a, b) ((a) < (b) ? (a) : (b))
 #define GREATER(a, b) ((a) > (b) ? (a) : (b))

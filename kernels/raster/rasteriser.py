@@ -1,4 +1,10 @@
-"""The tiled rasteriser: which triangle is nearest at each pixel, and at which depth."""
+"""The tiled rasteriser: which triangle is nearest at each pixel, and at which depth.
+
+A picture is drawn in stages, each in the files of its name: `clusters` (runs of triangles with boxes: which may be in
+view), `setup` (8 triangles at a time: project, clip, snap to 1/256 pixel, drop what covers no sample, sort the rest
+into tiles) and `tiles` (coverage in exact integers, depth, hierarchical Z of 8 x 8 blocks). Depth is a plane evaluated
+from a double-precision value at each block's corner, so neither tiles nor clusters can change a bit of it.
+"""
 
 from __future__ import annotations
 

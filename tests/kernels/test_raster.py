@@ -243,6 +243,19 @@ def test_two_passes_along_a_path_change_nothing(device):
         assert seen.depth.get().tobytes() == expected.depth.get().tobytes()
 
 
+def test_the_second_pass_leaves_out_what_the_first_hides(device):
+    wall = [[[-20, -20, -2], [20, -20, -2], [0, 30, -2]]] * 64
+    behind = np.random.default_rng(13).normal(0, 1, (640, 3, 3)) - [0, 0, 9]
+    triangles = soup(device, np.concatenate([wall, behind]), Triangles.DOUBLE_SIDED)
+    rasteriser = Rasteriser(device, triangles, two_passes_from=0)
+    rasteriser.draw(np.eye(4), perspective(), *SIZE)
+    with device.record() as record:
+        seen = rasteriser.draw(np.eye(4), perspective(), *SIZE)
+    assert (seen.triangle.get() == 0).all()
+    assert record.launches["raster/setup"] == 1  # none for a second pass
+    assert rasteriser.in_frustum(np.eye(4), perspective())[1] == 11
+
+
 def test_records_that_do_not_fit_are_set_up_again(device):
     triangles = random_soup(device, np.random.default_rng(10), 2000)
     camera = (look_at((0, 1, 6), (0, 0, 0)), perspective(), *SIZE)
