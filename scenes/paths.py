@@ -16,6 +16,7 @@ import numpy as np
 
 from scenes.model import Scene
 from scenes.quaternions import about, looking, multiply, slerp
+from scenes.rays import Rays
 from scenes.walking import EYE_HEIGHT, route_from, viewpoints
 
 RATE = 60.0  # frames per second
@@ -205,18 +206,22 @@ def _frame_times(count: int) -> np.ndarray:
     return np.arange(count) * 1000.0 / RATE
 
 
-def _circle(scene: Scene, degrees: np.ndarray, elevation: float) -> Poses:
-    """Poses on a circle around the scene at angles (N), `elevation` degrees above it, framing its bounds."""
-    low, high = _extent(scene)
-    centre, half = (low + high) / 2, (high - low) / 2
-    across = max(np.hypot(half[0], half[2]), 1e-3 * half[1])
-    fits = across / np.sin(np.radians(HALF_ACROSS)), across + half[1] / np.tan(np.radians(HALF_UP))
-    distance = 1.1 * max(fits)
+def _circle(centre: np.ndarray, distance: float, degrees: np.ndarray, elevation: float) -> Poses:
+    """Poses on a circle around `centre` at angles (N), from +z towards +x, `elevation` degrees above it."""
     angle, tilt = np.radians(degrees), np.radians(elevation)
     outwards = np.stack(
         [np.sin(angle) * np.cos(tilt), np.full(len(angle), np.sin(tilt)), np.cos(angle) * np.cos(tilt)], axis=1
     )
     return Poses(_frame_times(len(degrees)), centre + outwards * distance, looking(-outwards))
+
+
+def _framing(scene: Scene) -> tuple[np.ndarray, float]:
+    """The centre of the scene, and the distance from which a circling camera has all of it in view."""
+    low, high = _extent(scene)
+    centre, half = (low + high) / 2, (high - low) / 2
+    across = max(np.hypot(half[0], half[2]), 1e-3 * half[1])
+    fits = across / np.sin(np.radians(HALF_ACROSS)), across + half[1] / np.tan(np.radians(HALF_UP))
+    return centre, 1.1 * max(fits)
 
 
 def _extent(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
@@ -230,13 +235,24 @@ def _extent(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _orbit(scene: Scene) -> Poses:
+    """Around what an object's own camera looks at, from where it stands; else around the whole scene."""
     degrees = np.arange(ORBIT_FRAMES + LEAD_OUT) * 360 / ORBIT_FRAMES
-    return _circle(scene, degrees, 30.0 if scene.place else 15.0)
+    for camera in scene.cameras[: 0 if scene.place else 1]:
+        direction = np.asarray(camera.direction, np.float64) / np.linalg.norm(camera.direction)
+        distance = Rays(scene).distance(np.asarray(camera.position), direction)
+        if np.isfinite(distance):
+            subject = np.asarray(camera.position) + direction * distance
+            # As large in the client's picture as in the camera's own.
+            closer = np.tan(np.radians((camera.fov_x or 2 * HALF_ACROSS) / 2)) / np.tan(np.radians(HALF_ACROSS))
+            start = np.degrees(np.arctan2(-direction[0], -direction[2]))
+            elevation = np.degrees(np.arcsin(-direction[1]))
+            return _circle(subject, distance * min(1.0, closer), degrees + start, elevation)
+    return _circle(*_framing(scene), degrees, 30.0 if scene.place else 15.0)
 
 
 def _turntable(scene: Scene) -> Poses:
     degrees = np.arange(round(360 / TURNTABLE_STEP) + LEAD_OUT) * TURNTABLE_STEP
-    return _circle(scene, degrees, 5.0)
+    return _circle(*_framing(scene), degrees, 5.0)
 
 
 def _animation(scene: Scene) -> Poses:
