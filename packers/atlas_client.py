@@ -1,4 +1,4 @@
-"""The client of every method whose triangles map affinely into one atlas."""
+"""Clients that draw the received triangles with lookups in one atlas; affine ones need no more than corners."""
 
 from __future__ import annotations
 
@@ -18,13 +18,15 @@ from packers.interface import Client, Decoded, Image, ServerScene, View
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from kernels.samples import Samples
 
-class AtlasClient(Client):
-    """Draws the received triangles with bilinear lookups in the received atlas.
 
-    A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read` and says in
-    `corner_texels` where the corners of the current triangles lie in the atlas. From the scene it uses what a client is
-    shipped with: the device, the sky behind everything and the alpha masks.
+class LookupClient(Client):
+    """Draws the received triangles with lookups in the received atlas.
+
+    A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read`, colours pixels in
+    `look_up` and answers `locate`. From the scene it uses what a client is shipped with: the device, the sky behind
+    everything and the alpha masks.
     """
 
     attributes: ClassVar[Mapping[str, Any]] = {}
@@ -34,15 +36,13 @@ class AtlasClient(Client):
         self.sky = scene.shader.sky
         self.mask = scene.mask
         self.geometry = GeometryDecoder(self.attributes)
-        self._texels: np.ndarray | None = None
 
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
 
     @abstractmethod
-    def corner_texels(self) -> Array:
-        """float32 (n, 3, 2) on the device: column and row of each triangle's corners, where texel (0, 0) has its centre
-        at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place."""
+    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
+        """Colour the pixels of `samples` (see kernels.atlas.lookup), whose triangles count through `geometry.pvs`."""
 
     def receive(self, payload: Decoded) -> None:
         """Take a frame's triangles, metadata and atlas."""
@@ -57,7 +57,6 @@ class AtlasClient(Client):
         (plane,) = payload.planes.values()
         self.plane = self.device.upload(np.dstack([plane, np.full(plane.shape[:2], 255, np.uint8)]))
         self.read(payload.blobs)
-        self._texels = None
 
     def draw(self, view: View) -> Image:
         """The view: sky, and over it every pixel of a triangle that has a place."""
@@ -68,8 +67,33 @@ class AtlasClient(Client):
         self.sky(*camera, rgb, stage="client/sky")
         drawn = device.empty((view.height, view.width), np.int32)
         device.fill(drawn, -1, "client/lookup")
-        look_up(device, samples, self.corner_texels(), self.ids, self.plane, rgb, drawn, "client/lookup")
+        self.look_up(samples, rgb, drawn)
         return Image(rgb, drawn)
+
+
+class AtlasClient(LookupClient):
+    """Draws triangles that map affinely into the atlas, by bilinear lookups.
+
+    A subclass says in `corner_texels` where the corners of the current triangles lie.
+    """
+
+    def __init__(self, scene: ServerScene) -> None:
+        super().__init__(scene)
+        self._texels: np.ndarray | None = None
+
+    def receive(self, payload: Decoded) -> None:
+        """Take a frame's triangles, metadata and atlas."""
+        super().receive(payload)
+        self._texels = None
+
+    @abstractmethod
+    def corner_texels(self) -> Array:
+        """float32 (n, 3, 2) on the device: column and row of each triangle's corners, where texel (0, 0) has its centre
+        at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place."""
+
+    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
+        """Colour the pixels of `samples` by their triangles' corners."""
+        look_up(self.device, samples, self.corner_texels(), self.ids, self.plane, rgb, drawn, "client/lookup")
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""

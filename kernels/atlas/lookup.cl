@@ -1,25 +1,6 @@
-#include "common/wide.cl"
+#include "atlas/bilinear.cl"
 
-// A client's picture from its atlas: bilinear lookups, 8 pixels per step.
-
-#define MAGIC 12582912.0f  // 1.5 * 2^23: a float of up to 22 bits added to it is rounded to a whole number
-#define MAGIC_BITS 0x4B400000
-
-// Channel `shift / 8` of packed texels as a float, exactly.
-#define CHANNEL(texels, shift) (as_float8(((texels) >> (shift) & 0xFF) | MAGIC_BITS) - MAGIC)
-
-#define BLEND(a, b, c, d) ((a) + fx * ((b) - (a)) + fy * ((c) + fx * ((d) - (c)) - ((a) + fx * ((b) - (a)))))
-
-INLINE int8 clamped(int8 value, int largest) {
-    const int8 upper = LESSER(value, (int8)(largest));
-    return GREATER(upper, (int8)(0));
-}
-
-INLINE int8 fetch(__global const int *plane, int8 at) {
-    int8 texels;
-    for (int k = 0; k < 8; k++) ((int *)&texels)[k] = plane[((int *)&at)[k]];
-    return texels;
-}
+// A client's picture from its atlas, 8 pixels per step.
 
 // A sample's triangle counts through the client's list; `ids` are the scene's. Pixels of triangles without a place stay
 // as they are.
@@ -42,19 +23,7 @@ __kernel void look_up(int count, __global const int *triangle, __global const fl
     const int8 placed = x == x;  // corners without a place are NaN
     x = placed ? x : (float8)(0.0f);
     y = placed ? y : (float8)(0.0f);
-    // Rounding x - 0.5 is flooring x, or at whole numbers one less with a fraction of 1, which blends to the same.
-    const float8 left = x - 0.5f + MAGIC, above = y - 0.5f + MAGIC;
-    const float8 fx = x - (left - MAGIC), fy = y - (above - MAGIC);
-    const int8 column = as_int8(left) - MAGIC_BITS, row = as_int8(above) - MAGIC_BITS;
-    const int8 column0 = clamped(column, width - 1), column1 = clamped(column + 1, width - 1);
-    const int8 row0 = clamped(row, height - 1) * width, row1 = clamped(row + 1, height - 1) * width;
-    const int8 a = fetch(plane, row0 + column0), b = fetch(plane, row0 + column1);
-    const int8 d = fetch(plane, row1 + column0), e = fetch(plane, row1 + column1);
-    int8 colour = (int8)(0xFF << 24);
-    for (int shift = 0; shift < 24; shift += 8) {
-        const float8 value = BLEND(CHANNEL(a, shift), CHANNEL(b, shift), CHANNEL(d, shift), CHANNEL(e, shift));
-        colour |= (as_int8(value + MAGIC) - MAGIC_BITS) << shift;
-    }
+    const int8 colour = bilinear(plane, width, height, x, y);
     for (int k = 0; k < lanes; k++)
         if (((int *)&placed)[k]) {
             const int pixel = texel[first + k];
