@@ -19,7 +19,7 @@ class NovelView:
 
     view: the client's camera. rgb: uint8 (h, w, 4). visibility: int32 (h, w), triangle per pixel, -1 where empty.
     pixel, triangle, bary: of every covered pixel, int32 (n), int32 (n), float32 (n, 2).
-    missing: share of covered pixels whose triangle is not in the PVS, None where nothing is covered.
+    missing: share of all pixels that show a triangle which is not in the PVS.
     milliseconds: device time of drawing it. metrics_ms: host time of what metrics need of it, once per frame.
     """
 
@@ -29,7 +29,7 @@ class NovelView:
     pixel: np.ndarray
     triangle: np.ndarray
     bary: np.ndarray
-    missing: float | None
+    missing: float
     milliseconds: float
     metrics_ms: float
 
@@ -47,7 +47,7 @@ def draw_novel_view(
     bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
     known = np.zeros(scene.host.triangle_count, bool)
     known[frame.pvs] = True
-    missing = float(np.mean(~known[triangle])) if n else None
+    missing = np.count_nonzero(~known[triangle]) / (view.width * view.height)
     start = time.perf_counter()
     metrics.reference(image.rgb)
     device.finish()
