@@ -89,7 +89,8 @@ class AtlasClient(LookupClient):
     @abstractmethod
     def corner_texels(self) -> Array:
         """float32 (n, 3, 2) on the device: column and row of each triangle's corners, where texel (0, 0) has its centre
-        at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place."""
+        at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place. Or float32
+        (n, 3, 3): column times w, row times w, and w, where w is divided out after interpolation."""
 
     def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
         """Colour the pixels of `samples` by their triangles' corners."""
@@ -109,6 +110,8 @@ class AtlasClient(LookupClient):
             + weights[:, :1] * (corners[:, 1] - corners[:, 0])
             + weights[:, 1:] * (corners[:, 2] - corners[:, 0])
         )
+        if place.shape[1] == 3:
+            place = place[:, :2] / place[:, 2:]
         place[pvs[at] != triangles] = np.nan
         return place
 

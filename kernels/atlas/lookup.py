@@ -19,14 +19,17 @@ def look_up(
 ) -> None:
     """Colour the pixels of `samples`.
 
-    corners: float32 (n, 3, 2), column and row in the atlas of each triangle's corners; NaN for a triangle without a
-    place, whose pixels are left alone. ids: int32 (n), what `drawn` calls the triangles. plane: uint8 (H, W, 4).
+    corners: float32 (n, 3, 2), column and row in the atlas of each triangle's corners, or float32 (n, 3, 3), column
+    times w, row times w, and w, for perspective-correct lookups; NaN for a triangle without a place, whose pixels are
+    left alone. ids: int32 (n), what `drawn` calls the triangles. plane: uint8 (H, W, 4).
     rgb: uint8 (h, w, 4), drawn: int32 (h, w); both written where there is a sample. Bytes are interpolated as they are
     (sRGB, not linear light), as texture units do without an sRGB format: the decoded video is such a texture.
     """
+    if samples.count == 0:
+        return
     height, width = plane.shape[:2]
     arrays = (samples.triangle, samples.bary1, samples.bary2, samples.texel, corners, ids, plane)
-    kernel = device.build("atlas/lookup.cl").look_up
+    kernel = device.build("atlas/lookup.cl", CORNER=corners.shape[-1]).look_up
     device.launch(stage, kernel, -(-samples.count // 8), samples.count, *arrays, width, height, rgb, drawn)
 
 
@@ -36,7 +39,10 @@ def look_up_twin(corners: np.ndarray, triangle: np.ndarray, bary: np.ndarray, pl
     triangle: int (n). bary: (n, 2), weights of corners 1 and 2.
     """
     weights = np.concatenate([1 - bary.sum(axis=1, keepdims=True), bary], axis=1)
-    position = np.einsum("nk,nkc->nc", weights, corners[triangle].astype(np.float64)) - 0.5
+    position = np.einsum("nk,nkc->nc", weights, corners[triangle].astype(np.float64))
+    if corners.shape[-1] == 3:
+        position = position[:, :2] / position[:, 2:]
+    position -= 0.5
     placed = np.isfinite(position).all(axis=1)
     position[~placed] = 0
     base = np.floor(position)
