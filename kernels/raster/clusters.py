@@ -79,7 +79,7 @@ class Clusters:
         height, width = picture.camera.height, picture.camera.width
         arguments = (height, width, picture.triangle, now, self.last_seen)
         local = 1 if self.device.is_cpu else None
-        self.device.launch(stage, self._kernels(8).note_seen, height, *arguments, local=local)
+        self.device.launch(stage, self._kernels(8).note_seen, -(-height // 4), *arguments, local=local)
 
     def _listed(self, chosen: Array, stage: str) -> tuple[Array, int]:
         offsets, total = exclusive_scan(self.device, chosen, self.count, stage)

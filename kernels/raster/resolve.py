@@ -40,10 +40,16 @@ def resolve(
     samples = Samples.allocate(device, count)
     listed = (width, height, visibility.triangle, offsets, samples.triangle, samples.texel)
     device.launch(stage, kernels.list_covered, height, *listed, local=local)
-    inputs = (count, width, height, *camera.arguments(), triangles.positions, triangles.indices)
-    results = (samples.triangle, samples.texel, samples.bary1, samples.bary2, samples.footprint)
-    device.launch(stage, kernels.sample_covered, -(-count // 8), *inputs, *results)
+    locate_samples(device, triangles, samples, camera, stage)
     return samples
+
+
+def locate_samples(device: Device, triangles: Triangles, samples: Samples, camera: Camera, stage: str) -> None:
+    """Barycentrics and footprints of samples whose triangles and pixels (texel: row * width + column) are known."""
+    inputs = (samples.count, camera.width, camera.height, *camera.arguments(), triangles.positions, triangles.indices)
+    results = (samples.triangle, samples.texel, samples.bary1, samples.bary2, samples.footprint)
+    kernel = device.build("raster/resolve.cl").sample_covered
+    device.launch(stage, kernel, -(-samples.count // 8), *inputs, *results)
 
 
 def resolve_twin(triangles: Triangles, triangle: np.ndarray, view: np.ndarray, projection: np.ndarray) -> dict:
