@@ -33,6 +33,7 @@ from reports import csv_files, html
 from reports.store import Store
 
 RUNS = Path("runs")
+PREPARE = 10  # packings' time that preparing may take: charts of millions of triangles need minutes
 PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
 
 
@@ -135,7 +136,7 @@ class Run:
         if reason:
             lane.dead = ("skipped", reason)
             return
-        with self._guarded(lane, "preparing"):
+        with self._guarded(lane, "preparing"), self._limited(lane, 0, PREPARE):
             self.store.notes[f"prepare_ms/{lane.method}[{lane.variant}]"] = f"{lane.prepare():.1f}"
         if not lane.dead:
             work = self.session.source.work(0)
@@ -211,7 +212,7 @@ class Run:
         try:
             yield
         except PackTimeoutError:
-            lane.dead = ("timeout", f"{doing}: packing took longer than {self.settings.timeout:g} s.")
+            lane.dead = ("timeout", f"{doing}: it took longer than --timeout {self.settings.timeout:g} allows.")
         except Exception as error:  # whatever a method does, the others go on and the rows say what happened
             lane.dead = ("failed", f"{doing}: {type(error).__name__}: {error}")
 
@@ -222,7 +223,7 @@ class Run:
 
     def _give_up(self, lane: Lane, index: int) -> None:
         """Called from the watchdog's thread while a kernel hangs: note the timeout and start this command again."""
-        lane.dead = ("timeout", f"frame {index}: packing took longer than {self.settings.timeout:g} s in a kernel.")
+        lane.dead = ("timeout", f"frame {index}: a kernel ran longer than --timeout {self.settings.timeout:g} allows.")
         with Store(self.folder) as store:
             self.store = store
             self._commit_stopped(lane, index)
