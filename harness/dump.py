@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -46,6 +47,7 @@ def dump_frame(
     reference: np.ndarray,
     visibility: np.ndarray,
     novel: View,
+    details: Mapping[str, np.ndarray] | None = None,
 ) -> Path:
     """Write `folder/METHOD-HASH/frame_0000.npz` and its pictures, and return the path of the former.
 
@@ -53,6 +55,7 @@ def dump_frame(
         file then lacks `atlas`, `owner` and `bary`.
     client: uint8 (h, w, 3), drawn from the payload without video coding. reference: uint8 (h, w, 3).
     visibility: int32 (h, w), triangle of the novel view, -1 where empty. novel: the novel view.
+    details: the method's own arrays, under their names.
 
     The file holds these, `owner` int32 (H, W) with -1 where no triangle owns a texel, `bary` float32 (H, W, 2), and
     `view` and `projection` float64 (4, 4).
@@ -63,6 +66,7 @@ def dump_frame(
         "visibility": np.asarray(visibility, np.int32),
         "view": np.asarray(novel.view, np.float64),
         "projection": np.asarray(novel.projection, np.float64),
+        **(details or {}),
     }
     if atlas is not None and owners is not None:
         owner, bary = owner_planes(owners, atlas.shape[1], atlas.shape[0])

@@ -48,10 +48,15 @@ class Packed:
 
 @dataclass
 class Sent:
-    """What went over the wire: planes as packed, each (codec, CRF)'s encoded planes, and compressed bytes."""
+    """What went over the wire: planes as packed, each (codec, CRF)'s encoded planes, and compressed bytes.
+
+    lists_bytes: of a method without planes, which are then its video; raw_bytes: before compression.
+    """
 
     planes: dict[str, np.ndarray]
     encoded: dict[Key, list[EncodedFrame]]
+    lists_bytes: int
+    raw_bytes: int
     metadata_bytes: int
     geometry_bytes: int
     pack_ms: float
@@ -59,9 +64,10 @@ class Sent:
 
     def row(self, key: Key) -> dict[str, Any]:
         """The size and coding columns of one row."""
-        raw = sum(plane.shape[0] * plane.shape[1] * 3 for plane in self.planes.values())
+        planes = sum(plane.shape[0] * plane.shape[1] * 3 for plane in self.planes.values())
         frames = self.encoded.get(key, [])
-        video = sum(frame.bytes for frame in frames) if frames else raw
+        video = self.lists_bytes + (sum(frame.bytes for frame in frames) if frames else planes)
+        raw = self.raw_bytes + planes
         decoded = [frame for frame in frames if frame.decoded is not None]
         return {
             "encode_ms": self.pack_ms + sum(frame.encode_ms for frame in frames),
@@ -86,6 +92,7 @@ class Measured:
     lossless: np.ndarray
     plane: np.ndarray | None
     owners: Owners | None
+    details: dict[str, np.ndarray]
 
 
 @dataclass
@@ -127,7 +134,7 @@ class Lane:
         for packer in self.repeated:
             packer.prepare(self.scene)
         self.lossless = self.packer.client(self.scene)
-        self.displayed = None if self.settings.codec == "none" else self.packer.client(self.scene)
+        self.displayed = None if len(self.keys()) == 1 else self.packer.client(self.scene)
         return spent
 
     def _another(self) -> Packer:
@@ -146,7 +153,7 @@ class Lane:
         for _ in range(2):
             payload = packer.pack(work.frame)
             planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
-            client.receive(Decoded(planes, payload.blobs, payload.geometry))
+            client.receive(Decoded(planes, payload.blobs, payload.geometry, payload.lists))
             client.draw(work.novel)
         self.scene.device.finish()
 
@@ -158,7 +165,7 @@ class Lane:
     def keys(self) -> list[Key]:
         """The (codec, CRF) of every row of a frame."""
         coded = {"h264": [("h264", crf) for crf in self.settings.crfs], "jpeg": [("jpeg", None)], "none": []}
-        return [("none", None), *coded[self.settings.codec]]
+        return [("none", None), *(coded[self.settings.codec] if self.packer.atlas else [])]
 
     def pack(self, frame: Frame) -> Packed:
         """Pack one frame, `--repeat` times; the repetitions use packers of their own with the same past."""
@@ -182,23 +189,26 @@ class Lane:
         """Encode the payload, decode it as the clients would, and hand it to them."""
         planes = {name: plane.get() for name, plane in payload.planes.items()}
         start = time.perf_counter()
-        blobs = pack_lz4(payload.blobs)
+        blobs, lists = pack_lz4(payload.blobs), pack_lz4(payload.lists)
         geometry = pack_lz4({"geometry": payload.geometry})
         middle = time.perf_counter()
         received, shapes = unpack_lz4(blobs), unpack_lz4(geometry)["geometry"]
+        fragments = unpack_lz4(lists)
         end = time.perf_counter()
         sent = Sent(
             planes,
             {},
+            sum(map(len, lists.values())),
+            payload.raw_bytes,
             sum(map(len, blobs.values())),
             sum(map(len, geometry.values())),
             (middle - start) * 1000,
             (end - middle) * 1000,
         )
-        self.lossless.receive(Decoded({name: p[..., :3] for name, p in planes.items()}, received, shapes))
+        self.lossless.receive(Decoded({name: p[..., :3] for name, p in planes.items()}, received, shapes, fragments))
         if self.displayed is not None:
             decoded = {name: self._encode(name, plane, sent) for name, plane in payload.planes.items()}
-            self.displayed.receive(Decoded(decoded, received, shapes))
+            self.displayed.receive(Decoded(decoded, received, shapes, fragments))
         return sent
 
     def _encode(self, name: str, plane: Any, sent: Sent) -> np.ndarray:
@@ -271,6 +281,7 @@ class Lane:
             drawn.lossless,
             plane,
             owners,
+            payload.details,
         )
 
     def _cost_of_metrics(self, packed: Packed, novel: NovelView, drawn: Drawn) -> dict[str, float]:

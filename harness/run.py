@@ -270,6 +270,7 @@ class Run:
                 reference=novel.rgb,
                 visibility=novel.visibility,
                 novel=novel.view,
+                details=measured.details,
             )
 
     def _write_picture(self, group: str, index: int, suffix: str, rgb: Any) -> None:

@@ -121,10 +121,13 @@ class Payload:
         frame, 0 elsewhere. A method without an atlas has none.
     blobs: metadata the client needs each frame: name to bytes, compressed by the harness with LZ4.
     geometry: the potentially visible triangles as the client needs them (see packers.geometry), LZ4 likewise.
+    lists: what a method without an atlas sends in place of planes: name to bytes, LZ4 likewise, but counted with the
+        planes as `bytes_video`. raw_bytes: their size in plain structures, which `compression_ratio` refers to.
     samples: the shading samples, for `owners`, or None for a method without an atlas.
     sample_count: shading samples computed this frame.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
     statistics: what the method reports beyond the common columns, name to number.
+    details: arrays that `--dump` writes beside the pictures.
     """
 
     planes: dict[str, Array]
@@ -134,15 +137,19 @@ class Payload:
     samples: Samples | None = None
     unplaced: dict[int, str] = field(default_factory=dict)
     statistics: dict[str, float] = field(default_factory=dict)
+    lists: dict[str, bytes] = field(default_factory=dict)
+    raw_bytes: int = 0
+    details: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
 class Decoded:
-    """What arrives at the client: planes uint8 (H, W, 3) after the codec, blobs and geometry as they were sent."""
+    """What arrives at the client: planes uint8 (H, W, 3) after the codec; blobs, geometry and lists as sent."""
 
     planes: dict[str, np.ndarray]
     blobs: dict[str, bytes]
     geometry: bytes
+    lists: dict[str, bytes] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -179,7 +186,10 @@ class Client(ABC):
 
 @dataclass(frozen=True)
 class Image:
-    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB; triangle int32 (h, w), scene ids, -1 where empty."""
+    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB; triangle int32 (h, w), scene ids, -1 where empty.
+
+    A client that knows no ids writes 0 wherever something is drawn.
+    """
 
     rgb: Array
     triangle: Array
@@ -189,10 +199,12 @@ class Packer(ABC):
     """A method: how shading is packed. A subclass says what it is, packs frames, and makes the matching client.
 
     Stages are launched under names that start with "structs/" or "gather/"; the device times them.
+    atlas: whether it fills planes for the video encoder. A method that does not has rows of codec `none` only.
     """
 
     name: ClassVar[str]
     paper: ClassVar[Paper]
+    atlas: ClassVar[bool] = True
     parameters: ClassVar[dict[str, Parameter]] = {}
 
     def __init__(self, **values: Any) -> None:

@@ -28,6 +28,7 @@ _MOST_DETAIL = 50_000_000
 _PROCEDURAL = {
     "hall": "an indoor hall: a few very large surfaces, very many small ones, railings and pipes, 3 shadowed lights",
     "village": "an outdoor village: terrain, timber houses, masked foliage, sun and sky",
+    "shells": "an object: nested see-through surfaces with bumps, alpha 0.5",
 }
 
 
@@ -89,8 +90,10 @@ def _through_cache(cache: Path | None, options: dict, files: list[Path], load: C
 def _make(name: str, detail: int | None, seed: int) -> Scene:
     if name == "hall":
         from scenes.hall import make_hall as make
-    else:
+    elif name == "village":
         from scenes.village import make_village as make
+    else:
+        from scenes.shells import make_shells as make
     return make(seed=seed) if detail is None else make(detail=detail, seed=seed)
 
 

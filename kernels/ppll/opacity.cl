@@ -1,0 +1,53 @@
+// How much each fragment covers what is behind it, 0..255, 8 fragments at a time.
+#define WRAP_MODES 1
+#include "texture/sample.cl"
+
+// surfaces: per material, alpha, texture (0: none), whether it blends, share of light kept. Opaque ones cover all.
+__kernel void fragment_opacity(const int count, __global const int *triangle, __global const float *bary1,
+                               __global const float *bary2, __global const float *footprint,
+                               __global const int *indices, __global const int2 *faces,
+                               __global const float4 *surfaces, __global const float4 *corners,
+                               __global int *opacity, TEXTURE_PARAMETERS)
+{
+    const int first = get_global_id(0) * 8;
+    if (first >= count)
+        return;
+    float alpha[8], u[8], v[8], side[8];
+    int texture[8];
+    int textured = 0;
+    for (int lane = 0; lane < 8; lane++) {
+        const int i = LESSER(first + lane, count - 1), id = triangle[i];
+        const float b1 = bary1[i], b2 = bary2[i];
+        const float4 a = corners[indices[3 * id]], b = corners[indices[3 * id + 1]], c = corners[indices[3 * id + 2]];
+        const float4 at = a + b1 * (b - a) + b2 * (c - a); // u, v, alpha of the vertex colour
+        const float4 surface = surfaces[faces[id].x];
+        const int blends = surface.z > 0.0f;
+        alpha[lane] = blends ? surface.x * surface.w * at.z : 1.0f;
+        texture[lane] = blends ? (int)surface.y : 0;
+        u[lane] = at.x;
+        v[lane] = at.y;
+        side[lane] = footprint[i] * as_float(faces[id].y);
+        textured |= texture[lane];
+    }
+    if (textured) {
+        int mode[8], row[8];
+        float4 texel[8];
+        float level[8];
+        for (int lane = 0; lane < 8; lane++) {
+            const int4 entry = textures[texture[lane]];
+            const float across = side[lane] * entry.w;
+            level[lane] = across > 1.0f ? log2(across) + 0.5f : 0.0f;
+            mode[lane] = entry.z;
+            row[lane] = entry.x + (level[lane] < entry.y ? (int)level[lane] : entry.y);
+        }
+        const int8 modes = LOAD_INT8(mode), mode_s = modes & 3, mode_t = modes >> 2;
+        const float8 s = wrapped8(*(float8 *)u, mode_s), t = wrapped8(*(float8 *)v, mode_t);
+        bilinear8(row, s, t, mode_s, mode_t, texel, TEXTURE_ARGUMENTS);
+        for (int lane = 0; lane < 8; lane++)
+            alpha[lane] *= texture[lane] ? texel[lane].w * TEXEL_SCALE : 1.0f;
+    }
+    for (int lane = 0; lane < 8 && first + lane < count; lane++) {
+        const float share = alpha[lane] > 0.0f ? (alpha[lane] < 1.0f ? alpha[lane] : 1.0f) : 0.0f;
+        opacity[first + lane] = (int)(share * 255.0f + 0.5f);
+    }
+}

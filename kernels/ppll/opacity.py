@@ -1,0 +1,110 @@
+"""How much fragments cover what is behind them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from kernels.texture.sample import bilinear
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+    from kernels.samples import Samples
+    from kernels.shade.shader import Shader
+    from kernels.texture.buffers import TextureBuffers
+    from kernels.triangles import Triangles
+
+LET_THROUGH = 0.9  # of the light that a material transmits; the rest keeps clear glass visible
+
+
+class BlendedMaterial(Protocol):
+    """What opacity reads of a material."""
+
+    base_colour: tuple[float, float, float, float]
+    base_texture: int
+    alpha_mode: str
+    transmission: float
+
+
+def blends(material: BlendedMaterial) -> bool:
+    """Whether what is behind a material shows through."""
+    return material.alpha_mode == "blend" or material.transmission > 0
+
+
+@dataclass(frozen=True)
+class Opacity:
+    """What a scene's fragments need: per material and per vertex, on the device and on the host.
+
+    surfaces: float32 (M, 4), alpha, texture (0: none), whether it blends, share of light kept from passing through.
+    corners: float32 (V, 4), u, v and vertex alpha.
+    """
+
+    device: Device
+    indices: Array
+    faces: Array
+    textures: TextureBuffers
+    surfaces: Array
+    corners: Array
+
+    @classmethod
+    def upload(
+        cls,
+        device: Device,
+        triangles: Triangles,
+        shader: Shader,
+        uvs: np.ndarray,
+        colours: np.ndarray,
+        materials: Sequence[BlendedMaterial],
+    ) -> Opacity:
+        """uvs float32 (V, 2), colours float32 (V, 4); the shader lends textures and the materials of triangles."""
+        surfaces = np.array(
+            [
+                (
+                    m.base_colour[3] if m.alpha_mode == "blend" else 1,
+                    m.base_texture + 1 if m.alpha_mode == "blend" else 0,
+                    blends(m),
+                    1 - LET_THROUGH * m.transmission,
+                )
+                for m in materials
+            ],
+            np.float32,
+        )
+        alphas = np.stack([colours[:, 3], np.zeros(len(uvs))], axis=1)
+        corners = np.concatenate([uvs, alphas], axis=1).astype(np.float32)
+        uploaded = (device.upload(array) for array in (surfaces, corners))
+        return cls(device, triangles.indices, shader.faces, shader.textures, *uploaded)
+
+    def of(self, samples: Samples, stage: str) -> Array:
+        """int32 (n), 0 (invisible) to 255 (hides what is behind): alpha times texture alpha times vertex alpha for
+        blended materials, less what a transmissive one lets through; 255 for all others."""
+        opacity = self.device.recycled(len(samples.texel), np.int32)
+        inputs = (samples.triangle, samples.bary1, samples.bary2, samples.footprint)
+        tables = (self.indices, self.faces, self.surfaces, self.corners, opacity)
+        textures = (self.textures.textures, self.textures.levels, self.textures.texels)
+        kernel = self.device.build("ppll/opacity.cl").fragment_opacity
+        self.device.launch(stage, kernel, -(-samples.count // 8), samples.count, *inputs, *tables, *textures)
+        return opacity
+
+
+def opacity_twin(opacity: Opacity, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    """The same for triangle int (n), bary (n, 2), footprint (n), before rounding: float64 (n), 0 to 255.
+
+    A texture is looked up at one mip level, that nearest to the footprint.
+    """
+    corners = opacity.corners.get().astype(np.float64)[opacity.indices.get()[triangle]]
+    weights = np.stack([1 - bary.sum(axis=1), bary[:, 0], bary[:, 1]], axis=1)
+    u, v, alpha, _ = np.einsum("ni,nif->nf", weights, corners).T
+    faces = opacity.faces.get()[triangle]
+    base, texture, blended, kept = opacity.surfaces.get().astype(np.float64)[faces[:, 0]].T
+    scale = faces[:, 1].copy().view(np.float32).astype(np.float64)
+    first, last, wrap, size = opacity.textures.host_textures[texture.astype(int)].T
+    across = np.maximum(footprint * scale * size, 1e-9)
+    level = np.clip(np.where(across > 1, np.floor(np.log2(across) + 0.5), 0), 0, last).astype(int)
+    texel = bilinear(opacity.textures, first + level, u, v, wrap)[:, 3]
+    share = base * kept * alpha * np.where(texture > 0, texel, 1)
+    return 255 * np.where(blended > 0, np.clip(share, 0, 1), 1)

@@ -1,0 +1,186 @@
+"""Per-pixel linked lists: every fragment of the server's view is streamed, not texels of an atlas.
+
+See README.md in this folder for what is as published and what is ours.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from kernels.ppll.blend import blend_lists
+from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
+from kernels.ppll.lists import Lists, changed_colours, changed_lists, splice_lists
+from kernels.ppll.rows import COLOUR_WORDS
+from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene, View
+from packers.ppll.client import ListClient
+from packers.ppll.server import Depth, ListRenderer, NodeLists
+from packers.ppll.wire import LAYOUTS, MOST_NODES, Message, encode
+
+DEPTH_SHARE = 1e-4  # of a depth: less than this is no change of a list
+
+
+class PerPixelLinkedLists(Packer):
+    """Streams the fragment lists of the server's view; see the module."""
+
+    name = "ppll"
+    paper = Paper("Using Per-Pixel Linked Lists for Transparency Effects in Remote-Rendering", 2014, "")
+    atlas = False
+    parameters = {  # noqa: RUF012
+        "mode": Parameter(
+            "full",
+            ("full", "depth-limited", "difference"),
+            "which fragments are sent: all, the nearest, or the lists of pixels that changed",
+            "",
+            "chapters 2 to 4",
+        ),
+        "layers": Parameter(
+            0,
+            (0, 1, 2, 4, 6, 10),
+            "most fragments per pixel; 0: 6 for depth-limited, no limit for others",
+            "fragments",
+            "chapter 3; 6: section 6.1",
+        ),
+        "opacity": Parameter(
+            1.0,
+            (0.9, 0.99, 1.0, 2.0),
+            "depth-limited lists end where opacity reaches this; above 1: never",
+            "1",
+            "chapter 3; 1: ours",
+        ),
+        "detect": Parameter(
+            "colour",
+            ("colour", "list"),
+            "what makes a list a changed one: the pixel's blended colour, or any of its fragments' colours and depths",
+            "",
+            "colour: chapter 4; list: ours",
+        ),
+        "tolerance": Parameter(
+            0,
+            (0, 2, 4, 8),
+            "change of a colour channel that is not sent while the camera moves",
+            "of 255",
+            "chapter 7; 0: chapter 4",
+        ),
+        "nodes": Parameter(
+            1, (1, 2, 4), "render nodes that the scene's objects are dealt to", "nodes", "chapters 1 and 7"
+        ),
+        "preblend": Parameter(
+            False, (False, True), "whether a node sends one blended fragment per pixel", "", "algorithm A.2"
+        ),
+        "layout": Parameter(
+            "paper", LAYOUTS, "order of the bytes that LZ4 packs: as published, or field by field", "", "shuffled: ours"
+        ),
+    }
+
+    def prepare(self, scene: ServerScene) -> None:
+        """Deal the objects to the nodes. Raises ValueError for parameters out of range."""
+        if not 1 <= self.nodes <= MOST_NODES:
+            raise ValueError(f"ppll: nodes must be 1 to {MOST_NODES}, not {self.nodes}.")
+        if self.layers < 0 or self.tolerance < 0 or not self.opacity > 0:
+            raise ValueError("ppll: layers and tolerance must not be negative, and opacity must be above 0.")
+        limited = self.mode == "depth-limited"
+        layers = self.layers or (6 if limited else EVERY_LAYER)
+        depth = Depth(layers, self.opacity if limited else NO_THRESHOLD)
+        self.renderer = ListRenderer(scene, self.nodes, depth, self.preblend)
+        self.held: list[Lists] = []
+        self.view: View | None = None
+
+    def pack(self, frame: Frame) -> Payload:
+        """The lists of the frame's set in the list view, as far as the display does not hold them."""
+        view = list_view(frame)
+        nodes = self.renderer.render(view, frame.pvs_device, len(frame.pvs), normals=False)
+        lists = [node.lists for node in nodes]
+        still = self.view is not None and np.array_equal(self.view.matrix, view.matrix)
+        sent = self._changed(lists, 0 if still else self.tolerance) if self.mode == "difference" else lists
+        self.view = view
+        hosts = tuple((offsets.astype(np.int64), rows) for offsets, rows in (part.host() for part in sent))
+        size = (view.width, view.height)
+        message = Message(self.mode, self.layout, *size, view.view, view.projection, hosts)
+        head, packed = encode(message)
+        return Payload(
+            planes={},
+            blobs={"head": head},
+            geometry=b"",
+            sample_count=sum(part.count for part in lists),
+            statistics=statistics(nodes, message),
+            lists={"lists": packed},
+            raw_bytes=message.raw_bytes,
+            details=details(message),
+        )
+
+    def _changed(self, lists: list[Lists], tolerance: int) -> list[Lists]:
+        """What changed of each node's lists; `held` becomes what the display then holds."""
+        device = self.renderer.device
+        self.held = self.held or [Lists.empty(device, part.width, part.height, COLOUR_WORDS) for part in lists]
+        sent = []
+        for node, part in enumerate(lists):
+            held = self.held[node]
+            if self.detect == "list":
+                changed = changed_lists(device, part, held, tolerance, DEPTH_SHARE, "structs/difference")
+            else:
+                pictures = [self._picture(each) for each in (held, part)]
+                changed = changed_colours(device, part, *pictures, tolerance, "structs/difference")
+            self.held[node] = splice_lists(device, held, changed, "structs/hold")
+            sent.append(changed)
+        return sent
+
+    def _picture(self, lists: Lists):
+        """What a node sees of its lists, over nothing."""
+        device = self.renderer.device
+        picture = device.recycled((lists.height, lists.width, 4), np.uint8)
+        device.fill(picture, 0, "structs/blend")
+        blended = (lists.pixels, lists.offsets, lists.rows, lists.words, picture, picture)
+        blend_lists(device, *blended, "structs/blend")
+        return picture
+
+    def client(self, scene: ServerScene) -> ListClient:
+        """A client that holds nothing yet."""
+        return ListClient(scene)
+
+
+def list_view(frame: Frame) -> View:
+    """The view that lists belong to: the server's, widened by less than two pixels so that its pixels are the client's
+    when the client has not moved. Without a predicted client view, the server's own."""
+    server = frame.server
+    if not frame.predicted:
+        return server
+    client = frame.predicted[0]
+    width = client.width + 2 * max(0, -(-(server.width - client.width) // 2))
+    height = client.height + 2 * max(0, -(-(server.height - client.height) // 2))
+    projection = server.projection.copy()
+    projection[0, 0] = client.projection[0, 0] * client.width / width
+    projection[1, 1] = client.projection[1, 1] * client.height / height
+    return View(server.view, projection, width, height)
+
+
+def statistics(nodes: list[NodeLists], message: Message) -> dict[str, float]:
+    """What the report shows of a frame's lists, over all nodes."""
+    built = sum(node.built for node in nodes)
+    rows = np.concatenate([rows for _, rows in message.nodes])
+    deleted = int(np.count_nonzero(rows[:, 0] >> 24 == 0))
+    longest = max(len(node.pixels_by_layers) for node in nodes)
+    histogram = sum(np.pad(node.pixels_by_layers, (0, longest - len(node.pixels_by_layers))) for node in nodes)
+    layers = {f"pixels_of_{k}_layers": int(n) for k, n in enumerate(histogram[:16])}
+    return layers | {
+        "pixels_of_more_layers": int(histogram[16:].sum()),
+        "most_layers": longest - 1,
+        "fragments_built": built,
+        "fragments_kept": sum(node.lists.count for node in nodes),
+        "fragments_sent": len(rows),
+        "fragments_deleted": deleted,
+        "share_saved": 1 - len(rows) / built if built else 0.0,
+        "header_bytes": 4 * message.width * message.height * len(nodes),
+        "list_bytes": message.raw_bytes - 4 * message.width * message.height * len(nodes),
+        "padded_bytes": message.padded_bytes,
+    }
+
+
+def details(message: Message) -> dict[str, np.ndarray]:
+    """`header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words) of the lists sent; with several
+    nodes both are of node 0, and further ones have its number behind their name."""
+    arrays = {}
+    for node, (offsets, rows) in enumerate(message.nodes):
+        header = np.stack([offsets[:-1], np.diff(offsets)], axis=1).astype(np.uint32)
+        arrays[f"header{node or ''}"] = header.reshape(message.height, message.width, 2)
+        arrays[f"fragments{node or ''}"] = rows
+    return arrays

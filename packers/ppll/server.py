@@ -1,0 +1,113 @@
+"""A render node's part: the frame's lists, and what of them the display does not hold yet."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.ppll.blend import blend_lists
+from kernels.ppll.build import Builder, Fragments
+from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
+from kernels.ppll.lists import Lists
+from kernels.ppll.opacity import Opacity
+from kernels.ppll.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows, number_fragments
+from kernels.raster.camera import Camera
+from packers.interface import ServerScene, View
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+
+@dataclass(frozen=True)
+class Depth:
+    """How deep lists go: at most `layers` fragments, none behind where opacity reaches `threshold`."""
+
+    layers: int = EVERY_LAYER
+    threshold: float = NO_THRESHOLD
+
+    @property
+    def limits(self) -> bool:
+        return self.layers < EVERY_LAYER or self.threshold <= 1
+
+
+@dataclass(frozen=True)
+class NodeLists:
+    """One node's lists of a frame. built: fragments before limiting; pixels_by_layers: int (n), pixels that have 0, 1,
+    2 ... of them."""
+
+    lists: Lists
+    built: int
+    pixels_by_layers: np.ndarray
+
+
+class ListRenderer:
+    """Builds, limits and shades the lists of a scene's frames, node by node."""
+
+    def __init__(self, scene: ServerScene, nodes: int, depth: Depth, preblend: bool) -> None:
+        self.scene, self.device = scene, scene.device
+        self.nodes, self.depth, self.preblend = nodes, depth, preblend
+        host = scene.host
+        self.builder = Builder(scene.rasteriser)
+        self.of_triangle = self.device.upload(deal_objects(host.material_ids, nodes))
+        self.opacity = None
+        if host.features.blend:
+            surface = (host.uvs, host.colours, host.materials)
+            self.opacity = Opacity.upload(self.device, scene.triangles, scene.shader, *surface)
+
+    def render(self, view: View, pvs: Array, count: int, normals: bool) -> list[NodeLists]:
+        """The lists of the `count` triangles in `pvs` seen from a view, for each node."""
+        camera = Camera.of(view.view, view.projection, view.width, view.height)
+        members = self.builder.members(pvs, count, self.of_triangle, "structs/members")
+        bins, picture = self.builder.bins(camera, "structs/build")
+        lists = []
+        for node in range(1, self.nodes + 1):
+            fragments = self.builder.build(bins, picture, members, node, "structs/build")
+            lists.append(self._shaded(fragments, view, normals))
+        return lists
+
+    def _shaded(self, fragments: Fragments, view: View, normals: bool) -> NodeLists:
+        device, built = self.device, fragments
+        opacity = self.opacity.of(built.samples, "structs/opacity") if self.opacity else None
+        if opacity is not None or self.depth.limits:
+            limits = (self.depth.layers, self.depth.threshold)
+            fragments, opacity = limit_fragments(device, fragments, opacity, *limits, "structs/limit")
+        n = fragments.count
+        texel = number_fragments(device, n, len(fragments.samples.texel), "gather/number")
+        colours = device.recycled((1, n, 4), np.uint8)
+        if n:
+            samples = replace(fragments.samples, texel=texel)
+            self.scene.shader.shade(samples, view.eye, colours, stage="gather/shade")
+        if normals:
+            surface = (self.scene.triangles, self.scene.shader.arguments[0], view.projection)
+            rows, words = normal_rows(device, fragments, colours, opacity, *surface, "gather/rows"), NORMAL_WORDS
+        else:
+            rows, words = colour_rows(device, fragments, colours, opacity, "gather/rows"), COLOUR_WORDS
+        lists = Lists(fragments.width, fragments.height, n, words, fragments.offsets, rows)
+        if self.preblend:
+            lists = blended_into_one(device, lists)
+        layers = np.bincount(np.diff(built.offsets.get()))
+        return NodeLists(lists, built.count, layers)
+
+
+def blended_into_one(device: object, lists: Lists) -> Lists:
+    """Every pixel's fragments as one, at the nearest one's depth (the thesis' `preBlend`, algorithm A.2): colours and
+    opacity are right for the node alone, and wrong as soon as another node has something in between (figure 3.1)."""
+    offsets, rows = lists.host()
+    blank = device.zeros((1, lists.pixels, 4), np.uint8)
+    picture = device.empty((1, lists.pixels, 4), np.uint8)
+    blend_lists(device, lists.pixels, lists.offsets, lists.rows, lists.words, blank, picture, "structs/preblend")
+    used = np.diff(offsets) > 0
+    rgba = picture.get()[0][used].astype(np.float64)
+    rgba[:, :3] = np.minimum(rgba[:, :3] * 255 / np.maximum(rgba[:, 3:], 1), 255)  # blending multiplied by opacity
+    merged = rows[offsets[:-1][used]].copy()
+    merged[:, 0] = np.round(rgba).astype(np.uint8).view("<u4")[:, 0]
+    return Lists.upload(device, lists.width, lists.height, np.concatenate([[0], np.cumsum(used)]), merged)
+
+
+def deal_objects(material_ids: np.ndarray, nodes: int) -> np.ndarray:
+    """uint8 (T): the node of each triangle. An object is a run of triangles of one material in file order; objects are
+    dealt in turn."""
+    starts = np.diff(material_ids, prepend=material_ids[:1]) != 0
+    return (np.cumsum(starts) % nodes).astype(np.uint8)
