@@ -1,0 +1,47 @@
+#include "snakebinning/strip.cl"
+
+// Triangles to strips, and their ranks in them to places in the atlas.
+
+__kernel void find_strips(int count, __global const int *triangles, __global const int *bins,
+                          __global const int *map, __global const int *strip_of, __global int *classes) {
+    const int i = get_global_id(0);
+    if (i < count) classes[i] = strip_of[map[bins[triangles[i]]]];
+}
+
+// A place: column of the tip in 1/8 texel, from the first texel's centre | line of the longest edge << 16 |
+// turned << 29 | 1 << 31; 0 for none. drawn: lengths in 1/8 texel as they are in the atlas. slots: strip and rank.
+__kernel void place_triangles(int count, __global const int *triangles, __global const int *classes,
+                              __global const int *ranks, __global const Strip *strips,
+                              __global const int *block_corners, __global const ushort4 *lengths,
+                              __global int2 *slots, __global uint *places, __global ushort4 *drawn) {
+    const int i = get_global_id(0);
+    if (i >= count) return;
+    const int triangle = triangles[i];
+    const Strip s = strips[classes[i]];
+    const int rank = s.base + ranks[i];
+    slots[triangle] = (int2)(classes[i], rank);
+    places[triangle] = 0;
+    if (s.superblock < 0) return;
+    const int row = rank / s.per_row, column = rank % s.per_row, turned = column & 1;
+    const int x = block_corners[2 * s.superblock] + column / 2 * s.period;
+    const int y = block_corners[2 * s.superblock + 1] + s.y + row * s.lines;
+    const int tip8 = 8 * s.inset + s.before8;
+    const int tip = 8 * x + (turned ? 8 * s.odd - tip8 : tip8), line = turned ? y + s.lines - 1 : y;
+    places[triangle] = (uint)tip | (uint)line << 16 | (uint)turned << 29 | 1u << 31;
+    const ushort4 own = lengths[triangle];
+    int before8 = min((int)own.x, s.before8), after8 = min((int)own.y, s.after8);
+    after8 += clamp(8 - before8 - after8, 0, s.after8 - after8);
+    before8 += clamp(8 - before8 - after8, 0, s.before8 - before8);
+    drawn[triangle] = (ushort4)(before8, after8, min((int)own.z, s.height8), 0);
+}
+
+// What a client needs of each triangle: place, before | after << 16, height, and the word of weights and roles.
+__kernel void list_records(int count, __global const int *triangles, __global const uint *places,
+                           __global const ushort4 *drawn, __global const uint *words, __global uint4 *records) {
+    const int i = get_global_id(0);
+    if (i >= count) return;
+    const int triangle = triangles[i];
+    const ushort4 own = drawn[triangle];
+    const uint place = places[triangle];
+    records[i] = place ? (uint4)(place, own.x | (uint)own.y << 16, own.z, words[triangle]) : (uint4)(0);
+}

@@ -1,0 +1,97 @@
+"""Triangles to places in the atlas: the strip of their bin, and their rank in it, which is primitive order (3.3)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.common.rank import rank_by_class
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+    from kernels.snakebinning.footprint import Footprints
+    from kernels.snakebinning.superblocks import Superblocks
+
+STAGE = "structs/place"
+
+
+@dataclass(frozen=True)
+class Places:
+    """Per triangle of the scene, on the device, kept from frame to frame.
+
+    slots: int32 (T, 2), strip and rank. places: uint32 (T), 0 for none, else column of the tip in 1/8 texel from the
+    centre of the first, line of the longest edge << 16, turned << 29, 1 << 31. drawn: uint16 (T, 4), lengths in 1/8
+    texel as they are in the atlas: before and after the foot of the height, and the height.
+    """
+
+    slots: Array
+    places: Array
+    drawn: Array
+
+    @classmethod
+    def allocate(cls, device: Device, count: int) -> Places:
+        """For a scene of `count` triangles without places."""
+        room = max(1, count)
+        arrays = (device.zeros((room, 2), np.int32), device.zeros(room, np.uint32))
+        return cls(*arrays, device.zeros((room, 4), np.uint16))
+
+
+def place_triangles(
+    device: Device,
+    triangles: Array,
+    count: int,
+    footprints: Footprints,
+    targets: Array,
+    blocks: Superblocks,
+    places: Places,
+) -> None:
+    """Give `count` triangles, int32, the next slots of their strips, in list order.
+
+    targets: int32 (BINS). No place where the strip has none. A triangle wider than its strip's slots is drawn as wide
+    as these.
+    """
+    kernels = device.build("snakebinning/place.cl")
+    classes = device.recycled(count, np.int32)
+    known = (triangles, footprints.bins, targets, blocks.strip_of)
+    device.launch(STAGE, kernels.find_strips, count, count, *known, classes)
+    ranks, _ = rank_by_class(device, classes, count, blocks.numbers["strips"], STAGE)
+    corners = blocks.live_superblocks()
+    corners = device.upload(np.stack([corners["x"], corners["y"]], axis=1))
+    listed = (count, triangles, classes, ranks, blocks.strips, corners)
+    arrays = (footprints.lengths, places.slots, places.places, places.drawn)
+    device.launch(STAGE, kernels.place_triangles, count, *listed, *arrays)
+
+
+def place_twin(
+    rank: np.ndarray, strip: np.ndarray, corner: np.ndarray, lengths: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places and drawn lengths (n, 3) of triangles with ranks (n) in their strips (STRIP records, n), whose superblocks
+    begin at `corner` (n, 2); lengths (n, 3) in 1/8 texel."""
+    row, column = np.divmod(rank, np.maximum(strip["per_row"], 1))
+    turned = column % 2
+    x = corner[:, 0] + column // 2 * strip["period"]
+    y = corner[:, 1] + strip["y"] + row * strip["lines"]
+    foot = 8 * strip["inset"] + strip["before8"]
+    tip = 8 * x + np.where(turned, 8 * strip["odd"] - foot, foot)
+    line = y + turned * (strip["lines"] - 1)
+    largest = np.stack([strip["before8"], strip["after8"], strip["height8"]], axis=1)
+    drawn = np.minimum(lengths, largest)
+    for side in (1, 0):
+        short = np.maximum(8 - drawn[:, 0] - drawn[:, 1], 0)
+        drawn[:, side] += np.minimum(short, largest[:, side] - drawn[:, side])
+    places = tip | line << 16 | turned << 29 | 1 << 31
+    return np.where(strip["superblock"] < 0, 0, places), drawn
+
+
+def list_records(device: Device, triangles: Array, count: int, places: Places, footprints: Footprints) -> np.ndarray:
+    """What a client needs of `count` triangles, int32: uint32 (count, 4) on the host of place, before | after << 16,
+    height, and the word of weights and roles; zeros for one without a place."""
+    records = device.recycled((count, 4), np.uint32)
+    kernel = device.build("snakebinning/place.cl").list_records
+    arrays = (triangles, places.places, places.drawn, footprints.words, records)
+    device.launch("structs/records", kernel, count, count, *arrays)
+    return records.get()[:count]

@@ -1,0 +1,289 @@
+#include "snakebinning/bins.cl"
+#include "snakebinning/strip.cl"
+
+// Superblock management (section 3.5, algorithm 2), by one work-item: bins to strips, strips to superblocks.
+
+// Entries of `state`.
+#define STRIPS 0       // entries in use, with free ones among them
+#define SUPERBLOCKS 1
+#define CURSOR_X 2     // where the next superblock goes
+#define CURSOR_Y 3
+#define FULL 4         // the atlas has no room for a strip
+#define OUTGROWN 5     // counters of events, since the packer began
+#define SHRUNK 6
+#define COLLAPSED 7
+#define ORPHANS 8      // strips in the list of those to place
+#define FREE 9         // first free entry, linked by `next`, -1 for none
+
+#define GENEROUS 1.2f  // area over what is needed that counts as no waste
+
+typedef struct {
+    int atlas_width, atlas_height, height;  // height of superblocks
+    float capacity, shrink, collapse;       // room / triangles; shares
+    int enlarge, best_fit;
+    __global Strip *strips;
+    __global Superblock *blocks;
+    __global int *state, *orphans, *strip_of;
+} Manager;
+
+inline void push_orphan(Manager m, int strip) {
+    m.orphans[m.state[ORPHANS]++] = strip;
+}
+
+// Takes a strip out of its superblock.
+inline void detach(Manager m, int strip) {
+    __global Strip *s = m.strips + strip;
+    __global Superblock *b = m.blocks + s->superblock;
+    if (b->first == strip) b->first = s->next;
+    else {
+        int above = b->first;
+        while (m.strips[above].next != strip) above = m.strips[above].next;
+        m.strips[above].next = s->next;
+    }
+    b->used -= s->rows * s->lines;
+    b->strips--;
+    b->room = m.height;
+    if (b->strips == 0) b->peak = 0;
+    s->superblock = -1;
+}
+
+inline int rows_for(const Strip *s, int per_row, float capacity) {
+    const int room = max(s->count, (int)(capacity * s->count));
+    return (room + per_row - 1) / per_row;
+}
+
+// Puts a strip into the first gap of a superblock that holds it; whether there is one.
+inline bool attach(Manager m, int strip, int block) {
+    Strip s = m.strips[strip];
+    Superblock b = m.blocks[block];
+    s.per_row = slots_in(&s, b.width);
+    if (s.per_row == 0) return false;
+    s.rows = rows_for(&s, s.per_row, m.capacity);
+    const int needed = s.rows * s.lines;
+    if (needed > b.room) return false;
+    int above = -1, below = b.first, end = 0, largest = 0;
+    while (below >= 0 && m.strips[below].y - end < needed) {
+        largest = max(largest, m.strips[below].y - end);
+        end = m.strips[below].y + m.strips[below].rows * m.strips[below].lines;
+        above = below;
+        below = m.strips[below].next;
+    }
+    if (below < 0 && m.height - end < needed) {
+        m.blocks[block].room = max(largest, m.height - end);
+        return false;
+    }
+    s.superblock = block, s.y = end, s.next = below;
+    m.strips[strip] = s;
+    if (above < 0) m.blocks[block].first = strip;
+    else m.strips[above].next = strip;
+    m.blocks[block].used += needed;
+    m.blocks[block].strips++;
+    m.blocks[block].peak = max(m.blocks[block].peak, m.blocks[block].used);
+    return true;
+}
+
+// Texels of atlas that a strip should take, and that it would take in a superblock; -1 if it has no room for sure.
+inline float wanted_area(Manager m, const Strip *s) {
+    return 0.5f * m.capacity * s->count * s->period * s->lines;
+}
+
+inline float area_in(Manager m, const Strip *s, int block) {
+    const int per_row = slots_in(s, m.blocks[block].width);
+    if (per_row == 0) return -1.0f;
+    const int lines = rows_for(s, per_row, m.capacity) * s->lines;
+    return lines > m.blocks[block].room ? -1.0f : (float)lines * m.blocks[block].width;
+}
+
+// The superblock for a strip, -1 for none: the first with room, or, for best fit, the widest in which it wastes next to
+// nothing, else the one in which it takes the smallest area.
+inline int find_superblock(Manager m, const Strip *s) {
+    const float little = GENEROUS * wanted_area(m, s);
+    int best = -1, widest = 0;
+    float least = 0.0f;
+    for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
+        const float area = area_in(m, s, block);
+        if (area < 0.0f) continue;
+        if (!m.best_fit) return block;
+        if (area <= little) {
+            if (m.blocks[block].width > widest) best = block, widest = m.blocks[block].width;
+        } else if (widest == 0 && (best < 0 || area < least)) best = block, least = area;
+    }
+    return best;
+}
+
+inline bool attach_anywhere(Manager m, int strip) {
+    const Strip s = m.strips[strip];
+    for (int block = find_superblock(m, &s); block >= 0; block = find_superblock(m, &s))
+        if (attach(m, strip, block)) return true;  // else its `room` is smaller now
+    return false;
+}
+
+// Width of a superblock in which the strip would be a square, to whole blocks of two slots; wider if the strip would
+// be too high, narrower if the atlas ends. 0 if it cannot be.
+inline int superblock_width(Manager m, const Strip *s, int left) {
+    int blocks = max(1, (int)(sqrt(wanted_area(m, s)) / s->period + 0.5f));
+    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > m.height)
+        blocks += 1 + blocks / 8;
+    const int per_row = min(s->count == 1 ? 1 : 2 * blocks, slots_in(s, left));
+    if (per_row == 0 || rows_for(s, per_row, m.capacity) * s->lines > m.height) return 0;
+    return row_width(s, per_row);
+}
+
+// A new superblock for a strip, next to the last one; false if the atlas has no room.
+inline bool create_superblock(Manager m, int strip) {
+    __global int *state = m.state;
+    const Strip s = m.strips[strip];
+    int width = superblock_width(m, &s, m.atlas_width - state[CURSOR_X]);
+    if (width == 0 && state[CURSOR_X] > 0 && state[CURSOR_Y] + 2 * m.height <= m.atlas_height) {
+        state[CURSOR_X] = 0;
+        state[CURSOR_Y] += m.height;
+        width = superblock_width(m, &s, m.atlas_width);
+    }
+    if (width == 0) return false;
+    Superblock b;
+    b.x = state[CURSOR_X], b.y = state[CURSOR_Y], b.width = width;
+    b.first = -1, b.used = b.peak = b.strips = 0, b.room = m.height;
+    m.blocks[state[SUPERBLOCKS]] = b;
+    state[CURSOR_X] += width;
+    return attach(m, strip, state[SUPERBLOCKS]++);
+}
+
+// An entry for the strip of a bin that has none.
+inline int new_strip(Manager m, int bin) {
+    int strip = m.state[FREE];
+    if (strip >= 0) m.state[FREE] = m.strips[strip].next;
+    else strip = m.state[STRIPS]++;
+    m.strips[strip].bin = bin;
+    m.strips[strip].superblock = -1;
+    m.strips[strip].count = m.strips[strip].base = m.strips[strip].native = 0;
+    m.strips[strip].need_before8 = m.strips[strip].need_after8 = 0;
+    m.strip_of[bin] = strip;
+    return strip;
+}
+
+inline void release(Manager m, int strip) {
+    if (m.strips[strip].superblock >= 0) detach(m, strip);
+    m.strip_of[m.strips[strip].bin] = -1;
+    m.strips[strip].bin = -1;
+    m.strips[strip].next = m.state[FREE];
+    m.state[FREE] = strip;
+}
+
+// The frame's triangles per strip, and how wide those of the strip's own bin are; if it has none, those mapped to it.
+inline void collect(Manager m, int frozen, int used_count, __global const int *used, __global const int *map,
+                    __global const int *counts, __global const int *widest) {
+    for (int i = 0; i < m.state[STRIPS]; i++) {
+        __global Strip *s = m.strips + i;
+        s->count = s->base = frozen ? s->count : 0;
+        s->need_before8 = s->need_after8 = s->native = 0;
+    }
+    for (int i = 0; i < used_count; i++) {
+        const int bin = used[i], target = map[bin], native = bin == target;
+        const int known = m.strip_of[target];
+        __global Strip *s = m.strips + (known >= 0 ? known : new_strip(m, target));
+        s->count += counts[bin];
+        if (native) s->native = 1, s->need_before8 = widest[2 * bin], s->need_after8 = widest[2 * bin + 1];
+        else if (!s->native) {
+            s->need_before8 = max(s->need_before8, widest[2 * bin]);
+            s->need_after8 = max(s->need_after8, widest[2 * bin + 1]);
+        }
+    }
+}
+
+// Whether a placed strip must move: too many triangles, or its own bin's are wider than it by more than an eighth.
+inline bool outgrown(const Strip *s) {
+    return s->count > s->rows * s->per_row ||
+           (s->native && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
+}
+
+// Shrinks a placed strip, or takes it out and makes it an orphan.
+inline void update(Manager m, int strip, int frozen) {
+    const Strip s = m.strips[strip];
+    if (frozen) {
+        if (s.count > s.rows * s.per_row) m.state[FULL] = 1;
+    } else if (outgrown(&s)) {
+        detach(m, strip);
+        push_orphan(m, strip);
+        m.state[OUTGROWN]++;
+    } else if (s.count < m.shrink * s.rows * s.per_row) {
+        const int rows = rows_for(&s, s.per_row, m.capacity);
+        if (rows >= s.rows) return;
+        m.blocks[s.superblock].used -= (s.rows - rows) * s.lines;
+        m.blocks[s.superblock].room = m.height;
+        m.strips[strip].rows = rows;
+        m.state[SHRUNK]++;
+    }
+}
+
+// Superblocks whose use has dropped below a share of their highest become empty; empty ones at the end cease to exist.
+inline void collapse(Manager m) {
+    for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
+        if (m.blocks[block].strips == 0 || m.blocks[block].used >= m.collapse * m.blocks[block].peak) continue;
+        while (m.blocks[block].first >= 0) {
+            const int strip = m.blocks[block].first;
+            detach(m, strip);
+            push_orphan(m, strip);
+        }
+        m.state[COLLAPSED]++;
+    }
+    while (m.state[SUPERBLOCKS] > 0 && m.blocks[m.state[SUPERBLOCKS] - 1].strips == 0) {
+        m.state[SUPERBLOCKS]--;
+        m.state[CURSOR_X] = m.blocks[m.state[SUPERBLOCKS]].x;
+        m.state[CURSOR_Y] = m.blocks[m.state[SUPERBLOCKS]].y;
+    }
+}
+
+// Fits a strip's slots to its triangles, before it is placed.
+inline void reshape(Manager m, int strip, __global const int *tops) {
+    Strip s = m.strips[strip];
+    set_shape(&s, s.need_before8, s.need_after8, tops[s.bin % COLUMN], m.enlarge);
+    m.strips[strip] = s;
+}
+
+// Eight times the logarithm to base 2, rounded down.
+inline int width_class(int width) {
+    const int whole = 31 - clz(width);
+    return 8 * whole + ((width << 3 >> whole) & 7);
+}
+
+// Orphans by the width of their slots, the widest first (in eighths of powers of two; equal ones in the order of the
+// list): into a superblock that has room, else into a new one. So superblocks hold strips of about their width.
+inline void place_orphans(Manager m, __global const int *tops) {
+    __global int *state = m.state;
+    int widest = 0;
+    for (int i = 0; i < state[ORPHANS]; i++) {
+        reshape(m, m.orphans[i], tops);
+        widest = max(widest, width_class(m.strips[m.orphans[i]].extent + 1));
+    }
+    for (int width = widest; width >= 0; width--)
+        for (int i = 0; i < state[ORPHANS]; i++) {
+            const int strip = m.orphans[i];
+            if (width_class(m.strips[strip].extent + 1) != width) continue;
+            if (!attach_anywhere(m, strip) && !create_superblock(m, strip)) state[FULL] = 1;
+        }
+}
+
+// frozen: triangles join strips, and nothing moves. used: bins with triangles, ascending. map: target of each bin.
+// tops: height of each bin of heights in 1/8 texel.
+__kernel void manage(int frozen, int used_count, __global const int *used, __global const int *map,
+                     __global const int *counts, __global const int *widest, __global const int *tops,
+                     int atlas_width, int atlas_height, int height, float capacity, float shrink, float share,
+                     int enlarge, int best_fit, __global Strip *strips, __global Superblock *blocks, __global int *state,
+                     __global int *orphans, __global int *strip_of) {
+    if (get_global_id(0) > 0) return;
+    const Manager m = {atlas_width, atlas_height, height,  capacity, shrink,  share,
+                       enlarge,     best_fit,     strips,  blocks,   state,  orphans, strip_of};
+    state[ORPHANS] = state[FULL] = 0;
+    collect(m, frozen, used_count, used, map, counts, widest);
+    for (int i = 0; i < state[STRIPS]; i++) {
+        if (strips[i].bin < 0) continue;
+        if (strips[i].count == 0) release(m, i);
+        else if (strips[i].superblock >= 0) update(m, i, frozen);
+        else {
+            reshape(m, i, tops);
+            if (!attach_anywhere(m, i)) push_orphan(m, i);
+        }
+    }
+    if (!frozen) collapse(m);
+    place_orphans(m, tops);
+}

@@ -1,0 +1,5 @@
+"""SnakeBinning."""
+
+from packers.snakebinning.packer import SnakeBinning
+
+__all__ = ["SnakeBinning"]

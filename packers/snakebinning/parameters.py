@@ -1,0 +1,67 @@
+"""The parameters of SnakeBinning; every part of the method can be switched off or changed."""
+
+from packers.interface import Parameter
+
+PARAMETERS = {
+    "shading_rate": Parameter(
+        0.7, (0.5, 0.7, 1.0), "factor on the height, and so on all lengths, of triangles", "texels per pixel", "5.2"
+    ),
+    "prediction_frames": Parameter(
+        3, (0, 1, 3), "predicted client views whose largest footprint counts; 0 takes the server's view", "views", "3.1"
+    ),
+    "logarithmic": Parameter(True, (False, True), "whether edges of height bins are spaced logarithmically", "", "5.1"),
+    "enlarge": Parameter(
+        "exact",
+        ("exact", "paper"),
+        "exact: slots hold all texels that lookups touch; paper: sides are moved out by half a texel, which leaves "
+        "some of these texels unwritten",
+        "",
+        "paper: 3.2; exact: ours",
+    ),
+    "mapping": Parameter(
+        "exact",
+        ("off", "hierarchical", "exact"),
+        "where sparse bins go: nowhere, to the sink that a hierarchy finds, or to the nearest sink",
+        "",
+        "exact: 3.4; hierarchical: 4",
+    ),
+    "sink": Parameter(16, (8, 16, 32), "a bin with more triangles attracts others: M", "triangles", "3.4"),
+    "remap_interval": Parameter(
+        60,
+        (0, 30, 60),
+        "frames after which all bins are mapped anew; 0 for only at resets",
+        "frames",
+        "3.4; number: ours",
+    ),
+    "superblock_height": Parameter(
+        0, (0, 512, 1024), "height of superblocks; 0 for that of the atlas", "texels", "3.5"
+    ),
+    "capacity": Parameter(0.3, (0.0, 0.3), "room that a strip gets beyond what it needs", "1", "3.6"),
+    "shrink": Parameter(
+        0.5, (0.0, 0.5), "a strip that uses less than this share of its room gives up the rest", "1", "3.6"
+    ),
+    "collapse": Parameter(
+        0.25,
+        (0.0, 0.25, 0.5),
+        "a superblock with less than this share of its highest use is emptied: T",
+        "1",
+        "3.5; number, and that it is relative to the highest: ours",
+    ),
+    "hysteresis": Parameter(
+        True, (False, True), "whether a triangle within 30 bins of height and 5 of each angle keeps its bin", "", "3.6"
+    ),
+    "freeze": Parameter(
+        0.05, (0.0, 0.05), "change of the set, since strips were last made, below which nothing moves", "1", "3.6"
+    ),
+    "freeze_frames": Parameter(8, (4, 8, 16), "frames in a row that may be frozen", "frames", "ours"),
+    "perspective": Parameter(
+        True,
+        (False, True),
+        "whether samples are placed perspective-correct",
+        "",
+        "3.7; Tessellated Shading Streaming 5",
+    ),
+    "full_footprint": Parameter(
+        True, (False, True), "whether triangles are enlarged to their slot's largest footprint", "", "3.8"
+    ),
+}
