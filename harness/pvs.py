@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.blended import layers_of
 from harness.views import CellFrustum, Pose, rotation
 from kernels.cache import cache_folder, write_atomically
 from kernels.device import kernels_digest
+from kernels.raster.camera import Camera
 from kernels.raster.mark import mark_visible
 from packers.interface import ServerScene, View
 
@@ -84,13 +86,16 @@ def _draw(scene: ServerScene, views: list[View]) -> PotentiallyVisibleSet:
     """Draw the views one after the other and mark what they show; skip those that cannot add anything."""
     device, count = scene.device, scene.host.triangle_count
     flags = device.zeros(count, np.uint8)
-    drawn = 0
+    drawn, layers = 0, layers_of(scene)
     with device.record() as record:
         for view in views:
             if drawn and _adds_nothing(scene, view, flags):
                 continue
-            visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="pvs")
-            mark_visible(device, visible, flags, stage="pvs/mark")
+            camera = (view.view, view.projection, view.width, view.height)
+            if layers:
+                layers.mark(Camera.of(*camera), flags, stage="pvs/layers")
+            else:
+                mark_visible(device, scene.rasteriser.draw(*camera, stage="pvs"), flags, stage="pvs/mark")
             drawn += 1
     ids = np.flatnonzero(flags.get()[:count]).astype(np.int32)
     return PotentiallyVisibleSet(ids, drawn, len(views), sum(record.milliseconds.values()))

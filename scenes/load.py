@@ -134,15 +134,15 @@ def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | N
 
 
 def _not_drawn(scene: Scene) -> list[str]:
-    """Sentences on what the scene has and pictures do not show."""
+    """Sentences on what the scene has and not every picture shows."""
     used = np.bincount(scene.material_ids, minlength=len(scene.materials))
     triangles = {"blend": 0, "transmission": 0}
     for material, count in zip(scene.materials, used, strict=True):
         triangles["blend"] += int(count) * (material.alpha_mode == "blend")
         triangles["transmission"] += int(count) * (material.transmission > 0)
     sentences = {
-        "blend": "Triangles of blended materials, drawn opaque: {:,}.",
-        "transmission": "Triangles that let light through (KHR_materials_transmission), drawn opaque: {:,}.",
+        "blend": "Triangles of blended materials, which methods with an atlas show opaque: {:,}.",
+        "transmission": "Triangles that let light through (KHR_materials_transmission), blended as if thin: {:,}.",
     }
     return [sentences[kind].format(count) for kind, count in triangles.items() if count]
 

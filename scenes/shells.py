@@ -47,9 +47,9 @@ def _shell(radius: float, triangles: int, material: int, rng: np.random.Generato
     directions[:, -1] = directions[:, 0]
     directions[[0, -1]] = np.array([[[0, -1, 0]], [[0, 1, 0]]])
     waves = np.zeros(phi.shape)
-    for frequency in (3.0, 5.0, 9.0, 16.0):
+    for frequency in (3.0, 6.0, 12.0, 24.0):
         axes, shifts = rng.normal(size=(3, 3)), rng.uniform(0, 2 * np.pi, 3)
-        waves += np.sin(frequency * directions @ axes.T + shifts).sum(axis=-1) / frequency
+        waves += np.sin(frequency * directions @ axes.T + shifts).sum(axis=-1) / frequency**0.8
     return _surface(directions * (radius * (1 + 0.1 * waves / np.abs(waves).max()))[..., None], material)
 
 
@@ -90,12 +90,12 @@ def make_shells(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
         _ring(radius, tube, tilt, left, glass(f"ring {number}", colour))
         for number, (radius, tube, tilt, colour) in enumerate(RINGS, 1)
     ]
-    sun = Light("directional", (2.4, 2.3, 2.1), direction=(-0.4, -1.0, -0.6), shadows=False)
+    sun = Light("directional", (1.9, 1.8, 1.6), direction=(-0.4, -1.0, -0.6), shadows=False)
     return palette.assemble(
         "shells",
         parts,
         lights=[sun],
-        sky=Sky((0.30, 0.42, 0.65), (0.60, 0.65, 0.70), (0.22, 0.20, 0.18)),
-        cameras=[Camera((0.0, 0.4, 3.0), (0.0, -0.13, -1.0), name="front")],
+        sky=Sky((0.20, 0.26, 0.38), (0.30, 0.33, 0.36), (0.10, 0.09, 0.08)),
+        cameras=[Camera((0.0, 0.5, 3.4), (0.0, -0.147, -1.0), name="front")],
         place=False,
     )

@@ -174,6 +174,14 @@ __kernel void sort_fragments(const int pixels, __global const int *offsets, __gl
     }
 }
 
+// flags[id] = 1 for the triangles that have a fragment.
+__kernel void mark_fragments(const int count, __global const int *triangle, __global uchar *flags)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        flags[triangle[i]] = 1;
+}
+
 // members[id] = node[id] + 1 for the listed triangles.
 __kernel void mark_members(const int count, __global const int *listed, __global const uchar *node,
                            __global uchar *members)

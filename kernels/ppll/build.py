@@ -65,6 +65,17 @@ class Builder:
         self.device.launch(stage, kernel, count, count, pvs, nodes, members)
         return members
 
+    def all_members(self) -> Array:
+        """uint8 (T) of ones: every triangle, dealt to the first node."""
+        members = self.device.recycled(self.rasteriser.triangles.count, np.uint8)
+        self.device.fill(members, 1)
+        return members
+
+    def mark(self, fragments: Fragments, flags: Array, stage: str) -> None:
+        """Set `flags`, uint8 (T), to 1 for every triangle that has a fragment; others stay as they are."""
+        kernel = self.device.build("ppll/build.cl", TILE=TILE, MASKED=0).mark_fragments
+        self.device.launch(stage, kernel, fragments.count, fragments.count, fragments.samples.triangle, flags)
+
     def bins(self, camera: Camera, stage: str) -> tuple[Bins | None, Picture]:
         """The tile lists of everything in the frustum; they serve all nodes until the next call."""
         picture = Picture.allocate(self.device, camera, TILE)

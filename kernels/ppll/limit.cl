@@ -13,8 +13,10 @@
 // The next fragment to keep from `at` on, or `end`: invisible ones are passed over.
 inline int next_kept(int at, const int end OPACITY_PARAMETER)
 {
-    while (at < end && OPACITY(at) == 0)
+#if BLENDED
+    while (at < end && opacity[at] == 0)
         at++;
+#endif
     return at;
 }
 

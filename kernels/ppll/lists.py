@@ -43,7 +43,7 @@ class Lists:
 
     def host(self) -> tuple[np.ndarray, np.ndarray]:
         """Offsets (P + 1) and rows (count, words) on the host."""
-        return self.offsets.get(), self.rows.get().reshape(-1, self.words)[: self.count]
+        return self.offsets.get(), self.rows.get().ravel()[: self.count * self.words].reshape(-1, self.words)
 
 
 def cut_lists(device: Device, lists: Lists, counts: Array, stage: str) -> Lists:

@@ -31,6 +31,14 @@ class BlendedMaterial(Protocol):
     transmission: float
 
 
+class BlendedScene(Protocol):
+    """What opacity reads of a scene: uvs float32 (V, 2), colours float32 (V, 4)."""
+
+    uvs: np.ndarray
+    colours: np.ndarray
+    materials: Sequence[BlendedMaterial]
+
+
 def blends(material: BlendedMaterial) -> bool:
     """Whether what is behind a material shows through."""
     return material.alpha_mode == "blend" or material.transmission > 0
@@ -52,16 +60,9 @@ class Opacity:
     corners: Array
 
     @classmethod
-    def upload(
-        cls,
-        device: Device,
-        triangles: Triangles,
-        shader: Shader,
-        uvs: np.ndarray,
-        colours: np.ndarray,
-        materials: Sequence[BlendedMaterial],
-    ) -> Opacity:
-        """uvs float32 (V, 2), colours float32 (V, 4); the shader lends textures and the materials of triangles."""
+    def of_scene(cls, triangles: Triangles, shader: Shader, scene: BlendedScene) -> Opacity:
+        """Upload what materials and vertices say; the shader lends textures and the triangles' materials."""
+        materials, device = scene.materials, shader.device
         surfaces = np.array(
             [
                 (
@@ -74,8 +75,8 @@ class Opacity:
             ],
             np.float32,
         )
-        alphas = np.stack([colours[:, 3], np.zeros(len(uvs))], axis=1)
-        corners = np.concatenate([uvs, alphas], axis=1).astype(np.float32)
+        alphas = np.stack([scene.colours[:, 3], np.zeros(len(scene.uvs))], axis=1)
+        corners = np.concatenate([scene.uvs, alphas], axis=1).astype(np.float32)
         uploaded = (device.upload(array) for array in (surfaces, corners))
         return cls(device, triangles.indices, shader.faces, shader.textures, *uploaded)
 

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from kernels.ppll.blend import blend_lists
 from kernels.ppll.build import Builder, Fragments
+from kernels.ppll.layers import shade_fragments
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
 from kernels.ppll.lists import Lists
 from kernels.ppll.opacity import Opacity
-from kernels.ppll.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows, number_fragments
+from kernels.ppll.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows
 from kernels.raster.camera import Camera
 from packers.interface import ServerScene, View
 
@@ -53,8 +54,7 @@ class ListRenderer:
         self.of_triangle = self.device.upload(deal_objects(host.material_ids, nodes))
         self.opacity = None
         if host.features.blend:
-            surface = (host.uvs, host.colours, host.materials)
-            self.opacity = Opacity.upload(self.device, scene.triangles, scene.shader, *surface)
+            self.opacity = Opacity.of_scene(scene.triangles, scene.shader, host)
 
     def render(self, view: View, pvs: Array, count: int, normals: bool) -> list[NodeLists]:
         """The lists of the `count` triangles in `pvs` seen from a view, for each node."""
@@ -74,11 +74,7 @@ class ListRenderer:
             limits = (self.depth.layers, self.depth.threshold)
             fragments, opacity = limit_fragments(device, fragments, opacity, *limits, "structs/limit")
         n = fragments.count
-        texel = number_fragments(device, n, len(fragments.samples.texel), "gather/number")
-        colours = device.recycled((1, n, 4), np.uint8)
-        if n:
-            samples = replace(fragments.samples, texel=texel)
-            self.scene.shader.shade(samples, view.eye, colours, stage="gather/shade")
+        colours = shade_fragments(self.scene.shader, fragments, view.eye, "gather/shade")
         if normals:
             surface = (self.scene.triangles, self.scene.shader.arguments[0], view.projection)
             rows, words = normal_rows(device, fragments, colours, opacity, *surface, "gather/rows"), NORMAL_WORDS
