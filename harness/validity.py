@@ -15,11 +15,14 @@ single owner  No texel is listed twice.
 alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else was written.
 finite        No NaN and no infinity in a plane.
 once          Samples lie where their triangle is looked up. A triangle with more than STRAYS of its samples over
-              DISTANCE texels away is placed a second time. (Fewer may be copies along a cut in its own area.)
+              DISTANCE texels away is placed a second time. Copies along a cut are none of these: they are looked up
+              from the cut's other side.
 written       Every texel that a lookup inside the triangle touches is written.
 surface       A lookup finds its own surface. Where all texels touched are the triangle's own, their interpolated
-              barycentrics differ from the point looked up by at most LOCATION texels. Where a texel has another
-              owner, that owner's surface point is within REACH times the sum of both triangles' texel sizes.
+              barycentrics differ from the point looked up by at most LOCATION texels: of the affine map through the
+              triangle's corners in the atlas or, where the map is another one (in perspective, in parts), by the
+              differences from texel to texel. Where a texel has another owner, that owner's surface point is within
+              REACH times the sum of both triangles' texel sizes.
 
 Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
 its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
@@ -41,7 +44,11 @@ WEIGHT = 1 / 512  # a texel of less weight changes a value by less than half of 
 MARGIN = 2.0  # texels that barycentrics may lie outside: a lookup reaches at most sqrt(2) from an edge
 DISTANCE = 1.0  # texels between a sample and where its surface point is looked up
 STRAYS = 1 / 3
-LOCATION = 0.25  # texels; exact maps give 0, a client that forgets the half-texel offset gives 0.5
+# Steps from a point to its six sides, in barycentrics 1 and 2: between the directions of edges, along which cuts run.
+SIDES = 1e-4 * np.array([[2, -1], [-2, 1], [-1, 2], [1, -2], [-1, -1], [1, 1]], np.float32)
+# Texels; exact maps give 0, the cells on the diagonals of L-packing up to 1/4 (their samples are no parallelogram), a
+# client that forgets the half-texel offset 1/2.
+LOCATION = 1 / 3
 REACH = 3.0
 BUDGET = 200_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
 CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
@@ -279,6 +286,10 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
     located = _locate(client, triangle, bary)
     centre = np.stack([texel % atlas.width, texel // atlas.width], axis=1) + 0.5
     stray = np.abs(located - centre).max(axis=1) > DISTANCE  # False where a triangle has no place
+    for side in SIDES:
+        strays = np.flatnonzero(stray)
+        beside = _locate(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
+        stray[strays] = np.abs(beside - centre[strays]).max(axis=1) > DISTANCE
     if stray.any():
         count = np.bincount(triangle)
         strays = np.bincount(triangle[stray], minlength=len(count))
@@ -398,7 +409,30 @@ class _Lookups:
         )
         to_column, to_row = self._table.jacobian[:, rows]
         column, row = to_column[:, 0] * off1 + to_column[:, 1] * off2, to_row[:, 0] * off1 + to_row[:, 1] * off2
-        self._misplaced[rows[whole & ~(np.maximum(np.abs(column), np.abs(row)) <= LOCATION)]] = True
+        bad = np.flatnonzero(whole & ~(np.maximum(np.abs(column), np.abs(row)) <= LOCATION))
+        if bad.size:
+            off = np.stack([off1[bad], off2[bad]], axis=1)
+            steps = self._steps(texels[:, bad], weights[:, bad] > 0)
+            self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
+
+    def _steps(self, texels: np.ndarray, touched: np.ndarray) -> np.ndarray:
+        """Changes of both barycentrics from a texel to the next column and to the next row: float64 (n, 2, 2).
+
+        The larger of those between the four texels (4, n) around a lookup that it touches, because one may be a copy of
+        another. A direction without is taken to be at right angles to the other one, and as long.
+        """
+        steps = np.empty((texels.shape[1], 2, 2))
+        for axis, pairs in enumerate([((0, 1), (2, 3)), ((0, 2), (1, 3))]):
+            one, other = (
+                np.where(touched[i] & touched[j], np.diff(self._atlas.bary[:, texels[[i, j]]], axis=1)[:, 0], 0).T
+                for i, j in pairs
+            )
+            larger = np.abs(one).sum(axis=1) >= np.abs(other).sum(axis=1)
+            steps[:, :, axis] = np.where(larger[:, None], one, other)
+        for axis in (0, 1):
+            alone = (steps[:, :, axis] == 0).all(axis=1)
+            steps[alone, :, axis] = steps[alone, :, 1 - axis][:, ::-1] * [-1, 1]
+        return steps
 
     def _check_others(
         self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, owner: np.ndarray, other: np.ndarray
@@ -432,6 +466,15 @@ class _Lookups:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
             found.append(Violation("surface", misplaced.size, sentence, _first(misplaced)))
         return found
+
+
+def _distance(off: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Texels, in the worse direction, that make up barycentrics `off` (n, 2) at `steps` (n, 2, 2) per texel."""
+    determinant = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
+    column = off[:, 0] * steps[:, 1, 1] - off[:, 1] * steps[:, 0, 1]
+    row = off[:, 1] * steps[:, 0, 0] - off[:, 0] * steps[:, 1, 0]
+    with np.errstate(all="ignore"):
+        return np.maximum(np.abs(column), np.abs(row)) / np.abs(determinant)
 
 
 def _surface_points(corners: np.ndarray, bary: np.ndarray) -> np.ndarray:

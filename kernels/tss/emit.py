@@ -1,0 +1,162 @@
+"""The shading samples of placed primitives: which texels, on which triangle, where on it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.common.scan import exclusive_scan
+from kernels.samples import WIDTH, Samples
+from kernels.tss.forms import OVERSAMPLED
+from kernels.tss.layout import unpack_place
+from kernels.tss.pattern import TOP, cells_of
+from kernels.tss.perspective import to_object
+from kernels.tss.primitives import piece_corners
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+    from kernels.triangles import Triangles
+    from kernels.tss.primitives import Primitives
+
+STAGE = "gather/emit"
+RUNS = 512  # on a CPU: primitives differ in size, so more runs than cores by far
+
+
+@dataclass(frozen=True)
+class CellTable:
+    """The cells of all levels one after the other, on the device.
+
+    starts: int32 (66), each level's first cell. near, far: float32, weights of corners 1 and 2. at: int32, column |
+    row << 16.
+    """
+
+    starts: Array
+    near: Array
+    far: Array
+    at: Array
+
+    @classmethod
+    def upload(cls, device: Device) -> CellTable:
+        """Tabulate the levels 0 to 64."""
+        levels = [cells_of(level) for level in range(TOP + 1)]
+        starts = np.cumsum([0, *(len(cells.column) for cells in levels)]).astype(np.int32)
+        padding = np.zeros(WIDTH, np.int32)  # whole steps are read
+        weights = np.concatenate([*(cells.weights for cells in levels), np.zeros((WIDTH, 2))]).astype(np.float32)
+        at = np.concatenate([*(cells.column | cells.row << 16 for cells in levels), padding]).astype(np.int32)
+        return cls(*(device.upload(values) for values in (starts, weights[:, 0], weights[:, 1], at)))
+
+
+def emit_samples(
+    device: Device,
+    primitives: Primitives,
+    forms: Array,
+    places: Array,
+    inverse: Array,
+    triangles: Triangles,
+    table: CellTable,
+    atlas_width: int,
+    mipmaps: bool,
+    runs: int | None = None,
+) -> Samples:
+    """The samples of all placed items, in the order of primitives, then rows.
+
+    forms, places: int32 (n, 4) and (n, 2). inverse: as from `invert_depths`. A primitive's samples are spaced evenly on
+    screen. The footprint is the longest way on the surface from a sample to the next along an edge of an L, or along
+    base or height of a right triangle; with `mipmaps` false it is 0.
+    """
+    kernels = device.build("tss/emit.cl")
+    count = primitives.count
+    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
+    runs = -(-count // run)
+    local = 1 if device.is_cpu else None
+    counts = device.empty(runs, np.int32)
+    listed = (count, run, runs, forms, places, table.starts)
+    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
+    offsets, total = exclusive_scan(device, counts, runs, STAGE)
+    s = Samples.allocate(device, total)
+    known = (primitives.firsts, primitives.parents, primitives.starts, primitives.pieces, inverse, primitives.ids)
+    scene = (triangles.indices, triangles.positions, table.near, table.far, table.at, atlas_width, float(mipmaps))
+    arrays = (counts, offsets, s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
+    device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *scene, *arrays, local=local)
+    return s
+
+
+def row_length(p: int, q: int, row: int) -> int:
+    """Texels in a row (0 to q) of a right triangle with p texels to one side and q to the other: those that bilinear
+    lookups inside touch, and few more. Row i of the other side: min(q + 1, ceil(q (1 - max(0, i - 1) / p)) + 1)."""
+    return min(p, -(-p * (q - max(row - 1, 0)) // q)) + 1
+
+
+def half_texels(p: int, q: int) -> tuple[np.ndarray, np.ndarray]:
+    """Column and row, int (n), of all texels of such a right triangle, by row."""
+    lengths = [row_length(p, q, row) for row in range(q + 1)]
+    return np.concatenate([np.arange(n) for n in lengths]), np.repeat(np.arange(q + 1), lengths)
+
+
+def emit_primitive_twin(
+    triangle: int,
+    corners: np.ndarray,
+    inverse: np.ndarray,
+    piece: tuple[int, int],
+    first: int,
+    form: np.ndarray,
+    places: np.ndarray,
+    atlas_width: int,
+) -> dict[str, np.ndarray]:
+    """The samples of one primitive by the names of Samples, float64.
+
+    corners: (3, 3). inverse: (3). piece: parts along an edge, and the piece's number. first: corner where the longest
+    edge begins. form (4), places (2): as in `choose_forms` and `place_items`.
+    """
+    at = piece_corners(*(np.array([k]) for k in piece))[0]
+    local, offset, steps = _halves(at, first, form, places) if form[0] == OVERSAMPLED else _cells(at, form[0], places)
+    column, row, sign = unpack_place(offset[:, 0])
+    texel = (row + sign * offset[:, 2]) * atlas_width + column + sign * offset[:, 1]
+    spread = np.broadcast_to(inverse, (len(local), 3))
+    ways = [_way(corners, inverse, at.mean(axis=0), step) for step in steps]
+    chosen = steps[int(np.argmax(np.round(ways, 9)))]
+    footprint = np.array([_way(corners, inverse, point, chosen) for point in local])
+    bary = to_object(local, spread)
+    names = ("triangle", "bary1", "bary2", "footprint", "texel")
+    return dict(zip(names, (np.full(len(local), triangle), *bary.T, footprint, texel), strict=True))
+
+
+def _cells(at: np.ndarray, level: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """Screen weights (n, 2), place with column and row (n, 3), and steps of an L's samples."""
+    cells = cells_of(int(level))
+    first, second = at[1] - at[0], at[2] - at[0]
+    local = at[0] + cells.weights[:, :1] * first + cells.weights[:, 1:] * second
+    offset = np.stack([np.full(len(cells.row), places[0]), cells.column, cells.row], axis=1)
+    return local, offset, [step / max(level, 1) for step in (first, second, first - second)]
+
+
+def _halves(
+    at: np.ndarray, first: int, form: np.ndarray, places: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+    """The same for right triangles."""
+    _, height, before, after = (int(k) for k in form)
+    begin, end, apex = (at[(first + k) % 3] for k in range(3))
+    along = (end - begin) / (before + after)
+    foot = begin + before * along
+    up = (apex - foot) / height
+    points, offsets = [], []
+    for side, texels, place in ((-along, before, places[0]), (along, after, places[1])):
+        if place < 0:
+            continue
+        column, row = half_texels(max(texels, height), min(texels, height))
+        base, rise = (column, row) if texels > height else (row, column)
+        points.append(foot + base[:, None] * side + rise[:, None] * up)
+        offsets.append(np.stack([np.full(len(row), place), column, row], axis=1))
+    return np.concatenate(points), np.concatenate(offsets), [along, up]
+
+
+def _way(corners: np.ndarray, inverse: np.ndarray, point: np.ndarray, step: np.ndarray) -> float:
+    """Length on the surface of a small step of screen weights, by the derivative of the perspective map."""
+    weights, change = np.array([1 - point.sum(), *point]) * inverse, np.array([-step.sum(), *step]) * inverse
+    total = max(weights.sum(), inverse.min() / 4)
+    derivative = (change - weights / weights.sum() * change.sum()) / total
+    return float(np.linalg.norm(derivative @ (corners.astype(np.float64) - corners[0])))

@@ -1,0 +1,5 @@
+"""Tessellated Shading Streaming."""
+
+from packers.tss.packer import TessellatedShadingStreaming
+
+__all__ = ["TessellatedShadingStreaming"]

@@ -1,0 +1,216 @@
+"""Tessellated Shading Streaming: L-packing for triangles near to equilateral ones, Oversampling for slanted ones.
+
+See README.md in this folder for what is as published and what is ours.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.common.rank import rank_by_class
+from kernels.tss.bins import Bins
+from kernels.tss.emit import CellTable, emit_samples
+from kernels.tss.footprint import camera_floats
+from kernels.tss.forms import choose_forms
+from kernels.tss.layout import lay_out, place_items
+from kernels.tss.perspective import invert_depths
+from kernels.tss.primitives import Primitives, list_primitives
+from packers.atlas_client import geometry_encoder
+from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene
+from packers.tss.client import TessellatedClient
+from packers.tss.message import Placement, encode
+from packers.tss.statistics import describe
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+STRATEGIES = {"lpacking": float("inf"), "oversampling": 0.0}  # threshold of slantedness that they amount to
+ORDERS = ("primitive", "arrival")
+STEPS = 32  # of the scale per doubling
+LAST = 16 * STEPS  # the smallest scale: every primitive is a single texel
+UNPLACED = "the atlas is full with every primitive at one texel"
+
+
+class TessellatedShadingStreaming(Packer):
+    """Packs triangles as Ls or as pairs of right triangles; see the module."""
+
+    name = "tss"
+    paper = Paper("Tessellated Shading Streaming", 2019, "10.1111/cgf.13780")
+    parameters = {  # noqa: RUF012
+        "strategy": Parameter(
+            "combined",
+            ("combined", "lpacking", "oversampling"),
+            "how triangles are sampled: by their slantedness, or all in the same way",
+            "",
+            "TSS, sections 3.2 and 3.3, figure 15",
+        ),
+        "slanted": Parameter(
+            3.0,
+            (2.0, 3.0, 5.0),
+            "longest edge over height on screen above which a triangle goes to Oversampling",
+            "1",
+            "meaning: TSS, section 3.3; value: ours",
+        ),
+        "order": Parameter(
+            "primitive",
+            ORDERS,
+            "which of the triangles of a bin comes first: the one with the lower id, or a random one in each frame, as "
+            "with the paper's atomic counters",
+            "",
+            "arrival: TSS, section 4; primitive: ours",
+        ),
+        "mipmaps": Parameter(
+            True,
+            (True, False),
+            "whether textures are looked up at the mip level of the samples' spacing, or at the finest",
+            "",
+            "TSS, section 6",
+        ),
+    }
+
+    def __init__(self, **values) -> None:
+        super().__init__(**values)
+        if self.strategy not in ("combined", *STRATEGIES):
+            raise ValueError(f"The strategy {self.strategy!r} is not known: combined, {', '.join(STRATEGIES)}.")
+        if self.order not in ORDERS:
+            raise ValueError(f"The order {self.order!r} is not known: {', '.join(ORDERS)}.")
+        self.threshold = STRATEGIES.get(self.strategy, float(self.slanted))
+
+    def prepare(self, scene: ServerScene) -> None:
+        """Tabulate bins and Ls."""
+        self.bins = Bins.make()
+        self.bin_tables = self.bins.upload(scene.device)
+        self.cells = CellTable.upload(scene.device)
+        self.geometry = geometry_encoder(scene, {})
+
+    def pack(self, frame: Frame) -> Payload:
+        """Places for the triangles of the frame's set, and their shading."""
+        device, server = frame.scene.device, frame.server
+        camera = camera_floats(server.view, server.projection, server.width, server.height)
+        triangles, rows = frame.scene.triangles, len(frame.pvs)
+        arranged = self._arrange(frame, device.upload(camera))
+        primitives, listed = arranged.primitives, (*arranged.listed, self.bin_tables, arranged.regions)
+        places = place_items(device, primitives.count, frame.atlas_height, *listed)
+        placement = self._read(arranged, places, camera)
+        lost = find_lost(placement, primitives.parents.get()[: primitives.count])
+        if len(lost):
+            places = device.upload(placement.places)
+        inverse = invert_depths(
+            device, primitives.depths, primitives.pieces, rows, arranged.scale, "structs/perspective"
+        )
+        placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
+        samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps)
+        atlas = device.empty((frame.atlas_height, frame.atlas_width, 4), np.uint8)
+        device.fill(atlas.view(np.uint32), 0, "gather/clear")
+        frame.scene.shader.shade(samples, eye=server.eye, target=atlas, stage="gather/shade")
+        blobs = encode(placement, self.bins)
+        statistics = describe(placement)
+        statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
+        statistics["metadata_bytes"] = sum(len(blob) for blob in blobs.values())
+        return Payload(
+            planes={"atlas": atlas},
+            blobs=blobs,
+            geometry=self.geometry.encode(frame.pvs),
+            sample_count=samples.count,
+            samples=samples,
+            unplaced={int(triangle): UNPLACED for triangle in frame.pvs[lost]},
+            statistics=statistics,
+        )
+
+    def _arrange(self, frame: Frame, camera: Array) -> Arranged:
+        """Primitives, bins and their positions at the largest scale that fits; at the smallest one if none does."""
+        tried = {}
+
+        def fits(step: int) -> bool:
+            tried.clear()
+            tried[step] = self._arrange_at(frame, camera, 2.0 ** (-step / STEPS))
+            return 0 <= tried[step].used <= frame.atlas_height
+
+        if not fits(0):
+            excess = max(tried[0].used, frame.atlas_height) / frame.atlas_height
+            best = smallest_that_fits(fits, min(LAST, 1 + int(STEPS / 2 * np.log2(excess))), LAST)
+            if best not in tried:
+                fits(best)
+        return next(iter(tried.values()))
+
+    def _arrange_at(self, frame: Frame, camera: Array, scale: float) -> Arranged:
+        device, rows = frame.scene.device, len(frame.pvs)
+        primitives = list_primitives(
+            device, frame.pvs_device, rows, frame.scene.triangles, camera, scale, self.threshold
+        )
+        count = primitives.count
+        turns = np.arange(count, dtype=np.int32)
+        if self.order == "arrival":
+            turns = np.random.default_rng((frame.seed, frame.index)).permutation(turns)
+        turns = device.upload(turns)
+        form = (primitives, scale, self.threshold, turns, self.bin_tables)
+        forms, items = choose_forms(device, *form)
+        ranks, totals = rank_by_class(device, items, 2 * count, self.bins.count, "structs/rank")
+        regions, used = lay_out(device, self.bin_tables, totals, frame.atlas_width)
+        return Arranged(scale, primitives, forms, (turns, items, ranks), regions, used)
+
+    def _read(self, arranged: Arranged, places: Array, camera: np.ndarray) -> Placement:
+        """What was decided, on the host."""
+        primitives, count = arranged.primitives, arranged.primitives.count
+
+        def table(array: Array, width: int) -> np.ndarray:
+            return array.get().reshape(-1)[: width * count].reshape(count, width)
+
+        turns, _, ranks = arranged.listed
+        first_ranks = table(ranks, 2)[turns.get()[:count], 0]
+        pieces, firsts = primitives.pieces.get()[: primitives.rows], primitives.firsts.get()[:count]
+        decided = (table(arranged.forms, 4), table(places, 2), firsts, first_ranks, arranged.regions.get())
+        return Placement(camera, arranged.scale, pieces, *decided)
+
+    def client(self, scene: ServerScene) -> TessellatedClient:
+        """A client without any triangle yet."""
+        return TessellatedClient(scene)
+
+
+@dataclass(frozen=True)
+class Arranged:
+    """A layout, on the device.
+
+    listed: the items' turns, bins and ranks. regions: of the bins. used: rows of the atlas that it needs, -1 if the atlas
+    is too narrow.
+    """
+
+    scale: float
+    primitives: Primitives
+    forms: Array
+    listed: tuple[Array, Array, Array]
+    regions: Array
+    used: int
+
+
+def smallest_that_fits(fits: Callable[[int], bool], guess: int, last: int) -> int:
+    """The smallest step from 1 to `last` that fits, or `last`, if larger ones fit where smaller ones do.
+
+    Tries `guess` first, then goes away from it in growing strides until the answer is enclosed, and bisects.
+    """
+    low, high, step, stride = 0, last + 1, guess, 1
+    while high - low > 1:
+        if fits(step):
+            high = step
+        else:
+            low = step
+        if low > 0 and high <= last:
+            step = (low + high) // 2
+        else:
+            step = max(low + 1, high - stride) if high <= last else min(last, low + stride)
+            stride *= 2
+    return min(high, last)
+
+
+def find_lost(placement: Placement, parents: np.ndarray) -> np.ndarray:
+    """Rows of the triangles that have not all of their items placed; takes the places of the others from them."""
+    forms, places = placement.forms, placement.places
+    halves = forms[:, 0] < 0
+    missing = (places[:, 0] < 0) & (~halves | (forms[:, 2] > 0)) | halves & (forms[:, 3] > 0) & (places[:, 1] < 0)
+    lost = np.unique(parents[missing])
+    places[np.isin(parents, lost)] = -1
+    return lost
