@@ -38,7 +38,7 @@ INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETE
     const int2 origin = target->origin;
     const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
     const float3 d = (float3)(as_float(record[6]), as_float(record[7]), as_float(record[8]));
-    const int4 box = record_pixels(record, target->width, target->height);
+    const int4 box = record_pixels(record);
     const int left = GREATER(box.x - origin.x, 0), right = LESSER(box.z - origin.x, TILE - 1);
     const int top = GREATER(box.y - origin.y, 0), bottom = LESSER(box.w - origin.y, TILE - 1);
     const int id = record[9] & ~MASK_BIT;

@@ -1,4 +1,5 @@
 // Which fragments of each pixel are kept: the nearest, up to a number of layers or until little shows through.
+#include "common/wide.cl"
 
 #if BLENDED
 #define OPACITY(at) opacity[at]
@@ -11,7 +12,7 @@
 #endif
 
 // The next fragment to keep from `at` on, or `end`: invisible ones are passed over.
-inline int next_kept(int at, const int end OPACITY_PARAMETER)
+INLINE int next_kept(int at, const int end OPACITY_PARAMETER)
 {
 #if BLENDED
     while (at < end && opacity[at] == 0)
@@ -21,7 +22,7 @@ inline int next_kept(int at, const int end OPACITY_PARAMETER)
 }
 
 // Whether nothing more is wanted behind a fragment that is kept, after which the share `through` of light passes.
-inline int is_last(const int kept, const int layers, const float through, const float threshold)
+INLINE int is_last(const int kept, const int layers, const float through, const float threshold)
 {
     return kept >= layers || 1.0f - through >= threshold;
 }

@@ -1,4 +1,5 @@
 // Lists of fragments per pixel: cut out of, and spliced into, other lists.
+#include "common/wide.cl"
 
 // The first fragments of each pixel, as many as it has room for; transparent ones where there are not so many.
 __kernel void cut_lists(const int pixels, const int words, __global const int *offsets, __global const uint *rows,
@@ -39,7 +40,7 @@ __kernel void splice_lists(const int pixels, const int words, __global const int
         rows[to + i] = from[i];
 }
 
-inline int differs(const uint a, const uint b, const int tolerance)
+INLINE int differs(const uint a, const uint b, const int tolerance)
 {
     int most = 0;
     for (int shift = 0; shift < 32; shift += 8) {

@@ -1,6 +1,7 @@
 // Sorting the numbers of one pixel's fragments by (key, number): no two compare equal, so the order is the only one.
+#include "common/wide.cl"
 
-inline void sort_numbers(__global int *numbers, const int count, __global const float *keys)
+INLINE void sort_numbers(__global int *numbers, const int count, __global const float *keys)
 {
     int gap = count > 16 ? count / 2 : 1;
     for (; count > 1; gap = gap * 5 / 11 > 1 ? gap * 5 / 11 : 1) {

@@ -51,7 +51,7 @@ __kernel void place_points(const int pixels, const int width, __global const int
 }
 
 // The pixels (left, top, right, bottom) whose centres a point's square covers; none where right < left.
-inline int4 covered(const float4 point, const int width, const int height)
+INLINE int4 covered(const float4 point, const int width, const int height)
 {
     const float left = point.x - point.w, right = point.x + point.w, top = point.y - point.w, low = point.y + point.w;
     if (point.w < 0.0f || !(left < width && right > 0.0f && top < height && low > 0.0f))
