@@ -38,9 +38,11 @@ INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETE
     const int2 origin = target->origin;
     const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
     const float3 d = (float3)(as_float(record[6]), as_float(record[7]), as_float(record[8]));
-    const int4 box = record_pixels(record);
-    const int left = GREATER(box.x - origin.x, 0), right = LESSER(box.z - origin.x, TILE - 1);
-    const int top = GREATER(box.y - origin.y, 0), bottom = LESSER(box.w - origin.y, TILE - 1);
+    const int2 low = (int2)(least(a.x, b.x, c.x), least(a.y, b.y, c.y));
+    const int2 high = (int2)(most(a.x, b.x, c.x), most(a.y, b.y, c.y));
+    const int left = GREATER(first_pixel(low.x) - origin.x, 0), top = GREATER(first_pixel(low.y) - origin.y, 0);
+    const int right = LESSER(LESSER(last_pixel(high.x), target->width - 1) - origin.x, TILE - 1);
+    const int bottom = LESSER(LESSER(last_pixel(high.y), target->height - 1) - origin.y, TILE - 1);
     const int id = record[9] & ~MASK_BIT;
     const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
