@@ -138,6 +138,8 @@ def _settings_of(options: dict[str, Any]) -> Settings:
         given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
     if "crf" in given:
         given["crf"] = s.parse_crfs(given["crf"])
+    if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
+        raise s.SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
     for not_a_setting in ("out", "dry_run", "config"):
         given.pop(not_a_setting, None)
     config = options["config"]
@@ -190,7 +192,7 @@ def main() -> None:
     try:
         app()
     except KeyboardInterrupt:
-        print("Interrupted; finished frames are kept, the same command goes on from there.", file=sys.stderr)
+        print("Interrupted.", file=sys.stderr)
         sys.exit(130)
 
 

@@ -103,25 +103,26 @@ SUMMARY = (  # column of frames.csv, heading, format
 
 
 def show_summary(store: Store, folder: Path) -> None:
-    """Print medians per method, codec and rate, then where the results are."""
+    """Print medians per method, codec and rate, what went wrong, and where the results are."""
+    from reports.charts import method_labels
+    from reports.columns import MEASURED_STATUSES
+
     console = make_console()
     groups: dict[tuple, list[dict[str, Any]]] = {}
     for row in store.rows():
         groups.setdefault((row["method"], row["variant"], row["codec"], row["crf"]), []).append(row)
-    several = len({key[:2] for key in groups}) > len({key[0] for key in groups})
-    table = make_table("medians over the frames", "method", "codec", *(heading for _, heading, _ in SUMMARY))
-    for column in table.columns[2:]:
-        column.justify = "right"
-        column.no_wrap = True
+    labels = method_labels([key[:2] for key in groups])
+    lines = []
     for (method, variant, codec, crf), rows in groups.items():
-        name = f"{method}\\[{variant}]" if several and variant else method
-        good = [row for row in rows if row["status"] in ("ok", "overflow")]
+        good = [row for row in rows if row["status"] in MEASURED_STATUSES]
         cells = [_median(good, column, form) for column, _, form in SUMMARY]
-        table.add_row(name, f"{codec} {crf}" if crf is not None else codec, *cells)
-    console.print(table)
-    for status, count, reason in _troubles(store.rows()):
+        lines.append([escape(labels[method, variant]), f"{codec} {crf}" if crf is not None else codec, *cells])
+    console.print(_fitting("medians over the frames", ["method", "codec", *(h for _, h, _ in SUMMARY)], lines, console))
+    for status, count, reason in _troubles(store.rows(), labels):
         colour = "dim" if status == "skipped" else "red"
         console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
+    for text in store.notes.under("scene/").values():
+        console.print(f"[dim]note[/] {escape(text)}")
     for text in store.notes.under("warning/").values():
         console.print(f"[yellow]warning[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)
@@ -132,14 +133,29 @@ def _median(rows: list[dict[str, Any]], column: str, form: str) -> str:
     return form.format(median(values)) if values else ""
 
 
-def _troubles(rows: list[dict[str, Any]]) -> list[tuple[str, int, str]]:
-    """Statuses other than ok with how many rows they have and the first reason of each method."""
+def _fitting(title: str, headings: list[str], lines: list[list[str]], console: Console) -> Table:
+    """A table of the leading columns that fit the console's width; numbers are never cut."""
+    widths = [max(len(cell) for cell in column) for column in zip(headings, *lines, strict=True)]
+    widths[0] = min(widths[0], 28)
+    count = max(n for n in range(3, len(headings) + 1) if n == 3 or sum(widths[:n]) + 2 * (n - 1) <= console.width)
+    table = make_table(title, *headings[:count])
+    for column in table.columns[1:]:
+        column.no_wrap = True
+    for column in table.columns[2:]:
+        column.justify = "right"
+    for line in lines:
+        table.add_row(*line[:count])
+    return table
+
+
+def _troubles(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[tuple[str, int, str]]:
+    """Statuses other than ok with how many rows they have and the first reason, method by method."""
     counts: dict[tuple[str, str], tuple[int, str]] = {}
     for row in rows:
         if row["status"] != "ok":
-            key = (row["status"], row["method"])
-            count, reason = counts.get(key, (0, f"{row['method']}: {row['reason']}"))
-            counts[key] = (count + 1, reason)
+            label = labels[row["method"], row["variant"]]
+            count, reason = counts.get((row["status"], label), (0, f"{label}: {row['reason']}"))
+            counts[row["status"], label] = (count + 1, reason)
     return [(status, count, reason) for (status, _), (count, reason) in counts.items()]
 
 
@@ -156,7 +172,7 @@ def show_report(folder: Path) -> None:
 
 def show_comparison(first: Path, second: Path) -> None:
     """Print how run `second` compares to run `first`, one line per method, codec, rate and metric."""
-    from reports.compare import compare
+    from reports.compare import ALL, compare, differences
 
     for folder in (first, second):
         if not (folder / "results.sqlite").is_file():
@@ -168,10 +184,12 @@ def show_comparison(first: Path, second: Path) -> None:
     groups: dict[tuple, list[Comparison]] = {}
     for row in rows:
         groups.setdefault((row.method, row.variant, row.codec, row.crf), []).append(row)
+    for text in differences(first, second):
+        console.print(f"[yellow]differs[/] {escape(text)}")
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
     for (method, variant, codec, crf), group in groups.items():
-        rate = "" if crf is None else f" CRF {crf}"
-        table = make_table(f"{method} {codec}{rate}", "metric", "A", "B", "B is", "p")
+        coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
+        table = make_table(f"{method}, {coding}, {group[0].frames} frames", "metric", "A", "B", "B is", "p")
         if variant:
             console.print(f"[dim]{variant}[/]")
         for row in group:

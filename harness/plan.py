@@ -3,18 +3,19 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 import json
 from pathlib import Path
 from typing import Any
 
-from harness.console import make_console, make_table
+from harness.console import InputError, make_console, make_table
 from harness.lane import Lane
 from harness.plugins import variant_string
-from harness.session import Session, find_methods, open_path, open_scene
+from harness.session import Session, find_methods, open_head_motion, open_path, open_scene
 from harness.settings import Settings
 from harness.skips import skipped_stages
 from kernels.cache import VERSION, cache_folder, write_atomically
-from kernels.device import kernels_digest
+from kernels.device import Device, kernels_digest
 from packers.interface import Packer
 from scenes.model import Scene
 
@@ -29,7 +30,7 @@ def make_plan(session: Session, lanes: list[Lane]) -> dict[str, Any]:
     settings = {key: value for key, value in session.settings.to_json().items() if key not in FREE}
     return {
         "settings": settings,
-        "methods": [f"{lane.method}[{lane.variant}]" for lane in lanes],
+        "methods": {f"{lane.method}[{lane.variant}]": source_digest(type(lane.packer)) for lane in lanes},
         "scene_hash": session.scene.host.content_hash,
         "path_hash": session.path_hash,
         "device": session.device.name,
@@ -38,11 +39,34 @@ def make_plan(session: Session, lanes: list[Lane]) -> dict[str, Any]:
     }
 
 
+def source_digest(packer: type[Packer]) -> str:
+    """A hash of the Python files beside a packer's: results of an edited packer do not mix with older ones."""
+    file = Path(inspect.getfile(packer))
+    files = sorted(file.parent.glob("*.py")) if (file.parent / "__init__.py").is_file() else [file]
+    digest = hashlib.sha256()
+    for source in files:
+        digest.update(source.name.encode() + source.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def check_folder(out: Path | None) -> None:
+    """Raise InputError for a results folder that holds something else already."""
+    if out is None or not out.exists() or (out / "results.sqlite").is_file():
+        return
+    if not out.is_dir():
+        raise InputError(f"{out} is a file: give a folder for --out.")
+    if any(entry.name != ".lock" for entry in out.iterdir()):
+        raise InputError(f"The folder {out} holds other things than results: give a new or empty one for --out.")
+
+
 def show_plan(settings: Settings, out: Path | None) -> None:
-    """Print what `bench run` with these settings would do; loads the scene and path, runs no kernel."""
+    """Print what `bench run` with these settings would do; opens all it needs, runs no kernel."""
+    check_folder(out)
     packers = find_methods(settings)
     scene = open_scene(settings)
     path = open_path(settings, scene)
+    open_head_motion(settings)
+    device = Device.open(settings.device)
     count = len(path.times_ms[: settings.frames])
     console = make_console()
     console.print(f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {count} frames")
@@ -50,6 +74,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
         f"client {settings.width}x{settings.height} at {settings.fov:g} degrees, cell {settings.cell_radius:g} m / "
         f"{settings.cell_fov:g} degrees, atlas {settings.atlas_width}x{settings.atlas_height}, {settings.latency:g} ms"
     )
+    console.print(f"device {device.name}")
     rates = ", ".join(str(crf) for crf in settings.crfs)
     console.print(f"codec {settings.codec}" + (f", CRF {rates}, shown at {settings.display_crf}" if rates else ""))
     for note in [*scene.notes, *path.notes]:

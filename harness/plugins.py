@@ -76,6 +76,8 @@ def nearest(word: str, known: list[str]) -> str:
 
 def _installed(name: str) -> type[Packer]:
     entries = {entry.value: entry for entry in entry_points(group=GROUP) if entry.name == name}
+    if not entries and name.endswith(".py"):
+        raise ValueError(f"{name} is a file: name the packer's class in it, like {name}:MyPacker.")
     if not entries:
         raise ValueError(f"There is no packer {name!r}.{nearest(name, [*packer_names(), 'all'])}")
     if len(entries) > 1:

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import fcntl
+import itertools
 import json
 import os
 import platform
+import signal
+import threading
 import time
+import traceback
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
@@ -15,6 +19,7 @@ from pathlib import Path
 from typing import Any, TextIO
 
 import numpy as np
+import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from harness.console import InputError, make_console, show_summary
@@ -24,7 +29,7 @@ from harness.lane import Lane, Measured, stopped_rows
 from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
-from harness.plan import make_plan, remember_pace
+from harness.plan import check_folder, make_plan, remember_pace
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
 from harness.skips import skipped_stages
@@ -44,6 +49,7 @@ def run(settings: Settings, out: Path | None) -> bool:
     Raises InputError, SettingsError, SceneError, PathError, DeviceError or StoreError for what cannot be used.
     """
     console = make_console(stderr=True)
+    check_folder(out)
     console.print(f"[dim]Opening {settings.scene} ...[/]")
     lanes_of = find_methods(settings)
     session = open_session(settings)
@@ -54,7 +60,8 @@ def run(settings: Settings, out: Path | None) -> bool:
         store.set_plan(plan)
         (folder / "run.json").write_text(json.dumps({"settings": settings.to_json(), "plan": plan}, indent=2) + "\n")
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
-        Run(session, lanes, store, folder).all_frames()
+        with _stops_kept(folder):
+            Run(session, lanes, store, folder).all_frames()
         csv_files.write_all(folder)
         html.write_report(folder)
         show_summary(store, folder)
@@ -214,7 +221,10 @@ class Run:
         except PackTimeoutError:
             lane.dead = ("timeout", f"{doing}: it took longer than --timeout {self.settings.timeout:g} allows.")
         except Exception as error:  # whatever a method does, the others go on and the rows say what happened
-            lane.dead = ("failed", f"{doing}: {type(error).__name__}: {error}")
+            place = traceback.extract_tb(error.__traceback__)[-1]
+            where = f"{Path(place.filename).name}, line {place.lineno}"
+            lane.dead = ("failed", f"{doing}: {type(error).__name__}: {error} ({where})")
+            self.store.notes[f"traceback/{lane.method}[{lane.variant}]"] = traceback.format_exc()
 
     def _commit_stopped(self, lane: Lane, index: int) -> None:
         status, reason = lane.dead
@@ -234,6 +244,7 @@ class Run:
         notes, scene = self.store.notes, self.session.scene.host
         notes.setdefault("environment/date", datetime.now().astimezone().isoformat(timespec="seconds"))
         notes["environment/machine"] = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+        notes["environment/triangles"] = f"{scene.triangle_count:,}"
         notes["environment/system"] = platform.platform()
         notes["environment/python"] = platform.python_version()
         for name in PACKAGES:
@@ -287,7 +298,36 @@ def _folder_for(plan: dict[str, Any], settings: Settings) -> Path:
                 if store.plan() == json.loads(json.dumps(plan)):
                     return folder
     stem = datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + Path(settings.scene).stem
-    return next(f for n in range(1000) if not (f := RUNS / (stem if n == 0 else f"{stem}-{n}")).exists())
+    for number in itertools.count():
+        folder = RUNS / (stem if number == 0 else f"{stem}-{number}")
+        try:
+            folder.mkdir(parents=True)
+            return folder
+        except FileExistsError:  # another run began in the same second
+            continue
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made ({error.strerror}): give --out.") from error
+    raise AssertionError("the numbers do not end")
+
+
+@contextmanager
+def _stops_kept(folder: Path) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end the run with a word about what is kept."""
+
+    def stop(_signal: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGTERM, stop) if main else None
+    try:
+        yield
+    except KeyboardInterrupt:
+        console = make_console(stderr=True)
+        console.print(f"Stopped. Finished frames are kept: the same command with --out {folder} goes on.")
+        raise typer.Exit(130) from None
+    finally:
+        if main:
+            signal.signal(signal.SIGTERM, before)
 
 
 @contextmanager

@@ -11,13 +11,13 @@ import numpy as np
 from harness.console import InputError
 from harness.frames import FrameSource
 from harness.reference import ForwardRenderer
-from harness.settings import Settings
+from harness.settings import Settings, SettingsError
 from harness.upload import upload_scene
 from kernels.cache import cache_folder
 from kernels.device import Device
 from packers.interface import ServerScene
 from scenes.head_motion import HeadMotion
-from scenes.load import load_scene
+from scenes.load import list_scenes, load_scene
 from scenes.model import Scene
 from scenes.paths import CameraPath, make_path
 
@@ -66,7 +66,9 @@ def find_methods(settings: Settings) -> list[Packer]:
 
 
 def open_scene(settings: Settings) -> Scene:
-    """The scene of the settings, from the cache where it is there. Raises SceneError."""
+    """The scene of the settings, from the cache where it is there. Raises SceneError or SettingsError."""
+    if settings.unit is not None and settings.scene in list_scenes():
+        raise SettingsError(f"--unit is for files: the built-in scene {settings.scene} is in metres.")
     scene = load_scene(
         settings.scene,
         unit=settings.unit,
@@ -89,11 +91,16 @@ def open_path(settings: Settings, scene: Scene) -> CameraPath:
     return make_path(scene, settings.path, settings.frames, settings.seed)
 
 
+def open_head_motion(settings: Settings) -> HeadMotion:
+    """The head motion of the settings. Raises PathError."""
+    return HeadMotion.recorded(settings.head_motion) if settings.head_motion else HeadMotion.synthetic(settings.seed)
+
+
 def open_session(settings: Settings) -> Session:
     """Open the device, load and upload the scene, and make the path."""
     scene = open_scene(settings)
     path = open_path(settings, scene)
-    head = HeadMotion.recorded(settings.head_motion) if settings.head_motion else HeadMotion.synthetic(settings.seed)
+    head = open_head_motion(settings)
     device = Device.open(settings.device)
     server = upload_scene(device, scene)
     source = FrameSource(server, path, head, settings)

@@ -80,11 +80,12 @@ class Settings:
             ),
             (bool(self.crf), "--crf is empty: give at least one number."),
             (self.unit is None or self.unit > 0, f"--unit is {self.unit}: give metres per unit above 0."),
-            (self.detail is None or self.detail >= 1000, f"--detail is {self.detail}: give 1000 triangles or more."),
             (
                 self.decimate is None or 0 < self.decimate < 1,
                 f"--decimate is {self.decimate}: give the share of triangles to keep, between 0 and 1.",
             ),
+            (0 <= self.seed < 2**32, f"--seed is {self.seed}: give a whole number from 0 to {2**32 - 1}."),
+            (bool(self.scene), "--scene is empty: give a built-in scene or a file."),
             (self.repeat >= 1, f"--repeat is {self.repeat}: give at least 1."),
             (self.timeout > 0, f"--timeout is {self.timeout:g}: give seconds above 0."),
         ]
@@ -123,8 +124,10 @@ def read_settings(path: Path) -> Settings:
     try:
         content = json.loads(path.read_text())
         return Settings.from_json(content["settings"], str(path))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise SettingsError(f"{path} cannot be read as JSON: {error}.") from error
+    except OSError as error:
+        raise SettingsError(f"{path} cannot be read: {error.strerror}.") from error
+    except (UnicodeDecodeError, json.JSONDecodeError) as error:
+        raise SettingsError(f"{path} is not JSON: {error}.") from error
     except (KeyError, TypeError) as error:
         raise SettingsError(f"{path} has no 'settings': give the run.json of an earlier run.") from error
 

@@ -35,13 +35,29 @@ class Paper:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a method: its default, values for a sweep, what it means, its unit and its source."""
+    """One parameter of a method: its default, values for a sweep, what it means, its unit and its source.
+
+    limits: lowest and highest value of a number, None for no limit. choices: all values there are, empty for any.
+    """
 
     default: Any
     sweep: tuple
     meaning: str
     unit: str = ""
     source: str = ""
+    limits: tuple[float | None, float | None] = (None, None)
+    choices: tuple = ()
+
+    def objection(self, value: Any) -> str | None:
+        """Why `value` cannot be used, as the end of a sentence, or None."""
+        low, high = self.limits
+        if self.choices and value not in self.choices:
+            return f"is {value!r}: give one of {', '.join(str(choice) for choice in self.choices)}"
+        if low is not None and not value >= low:
+            return f"is {value}: give {low:g} or more"
+        if high is not None and not value <= high:
+            return f"is {value}: give {high:g} or less"
+        return None
 
 
 @dataclass(frozen=True)
@@ -208,13 +224,16 @@ class Packer(ABC):
     parameters: ClassVar[dict[str, Parameter]] = {}
 
     def __init__(self, **values: Any) -> None:
-        """Set the parameters; unknown names raise ValueError, naming the known ones."""
+        """Set the parameters; unknown names and values that cannot be used raise ValueError, naming those that can."""
         for name in values:
             if name not in self.parameters:
                 known = ", ".join(sorted(self.parameters)) or "none"
                 raise ValueError(f"{self.name} has no parameter {name!r}; it has: {known}.")
         for name, parameter in self.parameters.items():
-            setattr(self, name, values.get(name, parameter.default))
+            value = values.get(name, parameter.default)
+            if objection := parameter.objection(value):
+                raise ValueError(f"{self.name}: the parameter {name} {objection}.")
+            setattr(self, name, value)
 
     def skip(self, scene: Scene) -> str | None:
         """Why this scene has nothing for this method to do, or None."""

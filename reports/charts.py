@@ -17,9 +17,8 @@ Figure = dict[str, Any]
 COLOURS = ("#0a84c6", "#e08a00", "#009e73", "#d1495b", "#8a6fd1", "#a68a2a", "#56b4e9", "#cc79a7")
 DASHES = ("solid", "dot", "dashdot", "longdash")
 # One hue per group of stages, in degrees; stages of a group differ in lightness.
-GROUP_HUES = {"structs": 212, "gather": 32, "client": 160, "pvs": 275}
+GROUP_HUES = {"structs": 212, "gather": 32, "client": 160}
 OTHER_HUE = 340
-HIDDEN_GROUP = "pvs"
 
 PER_FRAME = (
     "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms",
@@ -104,7 +103,6 @@ def stage_times(stages: list[Row], labels: Labels) -> Figure | None:
             "y": list(labels.values()),
             "x": [median(times[name][key]) if key in times[name] else None for key in labels],
             "marker": {"color": _stage_colour(name, names)},
-            "visible": "legendonly" if _group(name) == HIDDEN_GROUP else True,
             "hovertemplate": "%{x:.3~g} ms",
         }
         for name in names

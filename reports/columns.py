@@ -87,7 +87,12 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     _quality(
         "stretch_l2", "px/texel", "lower", "root mean square stretch of the atlas on screen; undersampled above 1"
     ),
-    _quality("stretch_linf", "px/texel", "lower", "largest stretch of the atlas on screen"),
+    _quality(
+        "stretch_linf",
+        "px/texel",
+        "lower",
+        "largest stretch of the atlas on screen; both are empty where no pixel can be measured",
+    ),
     _quality("coherence", "0..1", "higher", "share of owned texels with the same owner as in the frame before"),
     _quality("coherence_bytes", "0..1", "higher", "share of the atlas' bytes unchanged since the frame before"),
     _quality(
@@ -164,7 +169,14 @@ def document() -> str:
             summary_columns(),
         ),
         ("stages.csv", "One row per frame and stage of a method's kernels.", STAGE_COLUMNS),
-        ("statistics.csv", "One row per frame and number that a method reports of itself.", STATISTIC_COLUMNS),
+        (
+            "statistics.csv",
+            "One row per frame and number that is in no common column: what the method's README explains, and of the "
+            "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference) "
+            "and `metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
+            "clients).",
+            STATISTIC_COLUMNS,
+        ),
     )
     parts = [
         "# Columns of the CSV files",

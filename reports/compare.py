@@ -9,7 +9,7 @@ from statistics import median
 from typing import Any
 
 from reports.columns import MEASURED_STATUSES, MEASURES, Column
-from reports.store import Store, StoreError
+from reports.store import Store, StoreError, flat
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
 ALPHA = 0.01
@@ -83,6 +83,23 @@ def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
         for method_a, method_b in matches
         for comparison in _compare_method(method_a, method_b, grouped_a[method_a], grouped_b[method_b])
     ]
+
+
+def differences(folder_a: Path, folder_b: Path) -> list[str]:
+    """Sentences about what else differs between two runs: settings, and methods that only one of them has."""
+    with Store(folder_a, must_exist=True) as a, Store(folder_b, must_exist=True) as b:
+        plans = [flat(store.plan() or {}) for store in (a, b)]
+        methods = [{(row["method"], row["variant"]) for row in store.rows()} for store in (a, b)]
+    found = []
+    for key in sorted(set(plans[0]) | set(plans[1])):
+        old, new = (plan.get(key) for plan in plans)
+        if old != new and not key.startswith("methods"):
+            found.append(f"{key.removeprefix('settings.')}: {old} in A, {new} in B")
+    for name, here, there in (("A", *methods), ("B", *reversed(methods))):
+        lone = sorted(method for method, _ in here - there)
+        if lone and len(here) > 1:
+            found.append(f"only {name} has a variant of {', '.join(lone)}")
+    return found
 
 
 def _read(folder: Path) -> list[dict[str, Any]]:

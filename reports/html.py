@@ -88,8 +88,9 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Latency": _joined(row, "{latency:g} ms"),
         "Atlas": _joined(next((r for r in rows if r["atlas_width"]), row), "{atlas_width} x {atlas_height} texels"),
         "Seed": _joined(row, "{seed}"),
-        "Scene": _joined(row, "{scene_hash:.12}"),
-        "Path": _joined(row, "{path_hash:.12}"),
+        "Triangles": notes["environment"].get("triangles", ""),
+        "Scene hash": _joined(row, "{scene_hash:.12}"),
+        "Path hash": _joined(row, "{path_hash:.12}"),
         "Device": notes["device"].get("name") or row["device"] or "",
         "Driver": notes["device"].get("version", ""),
         "Machine": notes["environment"].get("machine", ""),
@@ -166,10 +167,7 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
         _section(
             "stages",
             "Time per stage",
-            _caption(
-                "Median device time of each stage, stacked: shorter is better. Click a name to show or hide it; "
-                "the potentially visible set (pvs) is the same for all methods and hidden at first."
-            ),
+            _caption("Median device time of each stage, stacked: shorter is better. Click a name to show or hide it."),
             '<div class="chart" data-figure="stages"></div>',
         )
         if stages

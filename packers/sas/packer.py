@@ -41,6 +41,7 @@ class ShadingAtlasStreaming(Packer):
             "8 million texels and more, 128 below, less where an atlas would hold fewer than 128 of them",
             "texels",
             "128 and 256: SAS as quoted in FastAtlas, appendix B; smaller atlases: ours",
+            choices=(0, 1, 2, 4, 8, 16, 32, 64, 128, 256),
         ),
         "fit": Parameter(
             0.75,
@@ -48,6 +49,7 @@ class ShadingAtlasStreaming(Packer):
             "share of the superblocks that one frame's request may take; the rest is room until the next reset",
             "1",
             "ours",
+            limits=(0.01, 1.0),
         ),
         "reuse": Parameter(
             False,
