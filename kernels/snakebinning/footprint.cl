@@ -169,13 +169,19 @@ inline uint limited_weights(const float *w, int a, int b, int c, Shape s) {
     return word;
 }
 
+// Of a shape, in texels.
+inline float area_of(ushort4 length) {
+    return 0.5f / (UNIT * UNIT) * (float)(length.x + length.y) * (float)length.z;
+}
+
 // lengths: before, after, height in 1/8 texel, by triangle; words: weights and, from bit 24 on, roles; bins: by
-// triangle, -1 at first. A triangle keeps all three while its bin, measured with its old roles, is near its old one.
+// triangle, -1 at first; areas in texels, by place in the list. A triangle keeps all three while its bin, measured with its old roles, is near its old one.
 __kernel void measure_triangles(int count, __global const int *triangles, __global const float *positions,
                                 __global const int *indices, int views, __global const float *view,
                                 __constant const float *edges, float scale, int logarithmic, float highest,
                                 float longest, int perspective, int near_height, int near_angle, __global int *bins,
-                                __global ushort4 *lengths, __global uint *words, __global uchar *notes) {
+                                __global ushort4 *lengths, __global uint *words, __global uchar *notes,
+                                __global float *areas) {
     const int first = 8 * get_global_id(0);
     if (first >= count) return;
     Vector8 corner[3];
@@ -223,6 +229,7 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
             if (raw.before >= OBTUSE * s.height && raw.after >= OBTUSE * s.height && abs(d.x) <= near_angle &&
                 abs(d.y) <= near_angle && abs(d.z) <= near_height) {
                 notes[first + lane] = flags | unused | KEPT;
+                areas[first + lane] = area_of(lengths[triangle]);
                 continue;
             }
         }
@@ -232,7 +239,9 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
         const int3 index = indices_of(s, edges, scale, logarithmic);
         const ushort low = (ushort)(UNIT * s.before + 0.5f), high = (ushort)(UNIT * s.after + 0.5f);
         bins[triangle] = bin_of(index.x, index.y, index.z);
-        lengths[triangle] = (ushort4)(low, low + high < 8 ? 8 - low : high, (ushort)(UNIT * s.height + 0.5f), 0);
+        const ushort4 length = (ushort4)(low, low + high < 8 ? 8 - low : high, (ushort)(UNIT * s.height + 0.5f), 0);
+        lengths[triangle] = length;
+        areas[first + lane] = area_of(length);
         words[triangle] = (perspective ? limited_weights(w, a, b, c, s) : 0xFFFFFFu) | (uint)roles << 24;
         notes[first + lane] = flags;
     }

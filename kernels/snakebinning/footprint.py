@@ -81,23 +81,25 @@ def measure_triangles(
     views: np.ndarray,
     fit: Fit,
     state: Footprints,
-) -> Array:
-    """Measure `count` triangles, int32, in all views (see pack_views) and update `state`; returns notes uint8 (count).
+) -> tuple[np.ndarray, np.ndarray]:
+    """Measure `count` triangles, int32, in all views (see pack_views) and update `state`.
+
+    Returns, on the host, notes uint8 (count) and areas in the atlas float32 (count), in texels.
 
     Of all views the one counts in which the triangle is largest, seen by a camera turned to its middle, and moved back
     until it is all on the screen. A triangle whose bin is within fit.near_height and fit.near_angle of its old one,
     measured with its old roles, keeps everything. Notes are MOVED_BACK, SLENDER (alpha below 15 degrees, drawn as 15),
     CLIPPED (larger than the atlas) and KEPT.
     """
-    notes = device.recycled(count, np.uint8)
+    notes, areas = device.recycled(count, np.uint8), device.recycled(count, np.float32)
     heights = fit.heights
     constants = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest))
     constants += (int(fit.perspective), fit.near_height, fit.near_angle)
     seen = (triangles, positions, indices, len(views), device.upload(views), device.upload(edge_table()))
     kernel = device.build("snakebinning/footprint.cl").measure_triangles
-    arrays = (state.bins, state.lengths, state.words, notes)
+    arrays = (state.bins, state.lengths, state.words, notes, areas)
     device.launch(STAGE, kernel, -(-count // 8), count, *seen, *constants, *arrays)
-    return notes
+    return notes.get()[:count], areas.get()[:count]
 
 
 @dataclass(frozen=True)

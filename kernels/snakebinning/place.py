@@ -23,11 +23,13 @@ STAGE = "structs/place"
 class Places:
     """Per triangle of the scene, on the device, kept from frame to frame.
 
-    slots: int32 (T, 2), strip and rank. places: uint32 (T), 0 for none, else column of the tip in 1/8 texel from the
-    centre of the first, line of the longest edge << 16, turned << 29, 1 << 31. drawn: uint16 (T, 4), lengths in 1/8
-    texel as they are in the atlas: before and after the foot of the height, and the height.
+    placed_at: int32 (T), frame in which it got its slot, -1 for never. slots: int32 (T, 2), strip and rank.
+    places: uint32 (T), 0 for none, else column of the tip in 1/8 texel from the centre of the first, line of the
+    longest edge << 16, turned << 29, 1 << 31. drawn: uint16 (T, 4), lengths in 1/8 texel as they are in the atlas:
+    before and after the foot of the height, and the height.
     """
 
+    placed_at: Array
     slots: Array
     places: Array
     drawn: Array
@@ -36,33 +38,48 @@ class Places:
     def allocate(cls, device: Device, count: int) -> Places:
         """For a scene of `count` triangles without places."""
         room = max(1, count)
-        arrays = (device.zeros((room, 2), np.int32), device.zeros(room, np.uint32))
+        arrays = (device.empty(room, np.int32), device.zeros((room, 2), np.int32), device.zeros(room, np.uint32))
+        device.fill(arrays[0], -1)
         return cls(*arrays, device.zeros((room, 4), np.uint16))
+
+
+def find_new(device: Device, triangles: Array, count: int, rebuilt: int, places: Places, strips: Array) -> Array:
+    """Of `count` triangles, int32, those without a valid slot: uint8 (count) on the device.
+
+    rebuilt: frame since which slots count, unless their strip has moved since.
+    """
+    is_new = device.recycled(count, np.uint8)
+    kernel = device.build("snakebinning/place.cl").find_new
+    known = (triangles, places.placed_at, places.slots, strips)
+    device.launch(STAGE, kernel, count, count, rebuilt, *known, is_new)
+    return is_new
 
 
 def place_triangles(
     device: Device,
+    frame: int,
     triangles: Array,
     count: int,
+    is_new: Array,
     footprints: Footprints,
     targets: Array,
     blocks: Superblocks,
     places: Places,
 ) -> None:
-    """Give `count` triangles, int32, the next slots of their strips, in list order.
+    """Give those of `count` triangles, int32, that are new (uint8) or in strips that have moved slots, in list order.
 
     targets: int32 (BINS). No place where the strip has none. A triangle wider than its strip's slots is drawn as wide
     as these.
     """
     kernels = device.build("snakebinning/place.cl")
     classes = device.recycled(count, np.int32)
-    known = (triangles, footprints.bins, targets, blocks.strip_of)
-    device.launch(STAGE, kernels.find_strips, count, count, *known, classes)
+    known = (triangles, is_new, footprints.bins, targets, blocks.strip_of, blocks.strips)
+    device.launch(STAGE, kernels.find_strips, count, count, frame, *known, classes)
     ranks, _ = rank_by_class(device, classes, count, blocks.numbers["strips"], STAGE)
     corners = blocks.live_superblocks()
     corners = device.upload(np.stack([corners["x"], corners["y"]], axis=1))
-    listed = (count, triangles, classes, ranks, blocks.strips, corners)
-    arrays = (footprints.lengths, places.slots, places.places, places.drawn)
+    listed = (count, frame, triangles, classes, ranks, blocks.strips, corners)
+    arrays = (footprints.lengths, places.placed_at, places.slots, places.places, places.drawn)
     device.launch(STAGE, kernels.place_triangles, count, *listed, *arrays)
 
 
@@ -87,11 +104,17 @@ def place_twin(
     return np.where(strip["superblock"] < 0, 0, places), drawn
 
 
-def list_records(device: Device, triangles: Array, count: int, places: Places, footprints: Footprints) -> np.ndarray:
-    """What a client needs of `count` triangles, int32: uint32 (count, 4) on the host of place, before | after << 16,
-    height, and the word of weights and roles; zeros for one without a place."""
-    records = device.recycled((count, 4), np.uint32)
+def list_records(
+    device: Device, triangles: Array, count: int, places: Places, footprints: Footprints, strips: Array
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a client needs of `count` triangles, int32, and what their mapping did, on the host.
+
+    records: uint32 (count, 4): place, before | after << 16, height, and the word of weights and roles; zeros for one
+    without a place. cuts: float32 (count), texels by which the lengths of a triangle in another bin's strip differ from
+    its own, -1 in its own bin's.
+    """
+    records, cuts = device.recycled((count, 4), np.uint32), device.recycled(count, np.float32)
     kernel = device.build("snakebinning/place.cl").list_records
-    arrays = (triangles, places.places, places.drawn, footprints.words, records)
-    device.launch("structs/records", kernel, count, count, *arrays)
-    return records.get()[:count]
+    arrays = (triangles, places.places, places.drawn, footprints.words, footprints.bins, footprints.lengths)
+    device.launch("structs/records", kernel, count, count, *arrays, places.slots, strips, records, cuts)
+    return records.get().reshape(-1, 4)[:count], cuts.get()[:count]

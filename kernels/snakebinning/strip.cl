@@ -16,7 +16,8 @@ typedef struct {
     int texels;                    // of a slot
     int need_before8, need_after8; // of this frame's triangles
     int native;                    // whether these are the bin's own
-    int base;                      // triangles in it when the frame began
+    int base;                      // triangles in it that keep their slots
+    int moved_at;                  // frame in which all of them got their slots
 } Strip;
 
 typedef struct {
@@ -69,14 +70,18 @@ inline void set_shape(Strip *s, int before8, int after8, int height8, int enlarg
     s->lines = lines_of(height8);
     const int2 bottom = needed_columns(before8, before8, s->after8, height8, 0, 0, enlarge);
     s->inset = -bottom.x, s->extent = bottom.y - bottom.x;
-    int most = 0, least = 1 << 30, texels = 0;
+    // Slot and turned slot may share columns where one of them needs none of a line, as above a tip.
+    int most = s->extent - 1, least = s->extent, widest = 0, texels = 0;
     for (int line = 0; line < s->lines; line++) {
         const int2 here = needed_columns(before8, before8, s->after8, height8, s->inset, line, enlarge);
         const int2 there =
             needed_columns(before8, before8, s->after8, height8, s->inset, s->lines - 1 - line, enlarge);
-        texels += max(0, here.y - here.x + 1);
+        if (here.y < here.x) continue;
+        texels += here.y - here.x + 1;
+        widest = max(widest, here.y - here.x + 1);
+        if (there.y < there.x) continue;
         most = max(most, here.y + there.y);
         least = min(least, here.x + there.x);
     }
-    s->odd = most + 1, s->period = most + 2 - least, s->texels = texels;
+    s->odd = most + 1, s->period = max(most + 2 - least, widest), s->texels = texels;
 }

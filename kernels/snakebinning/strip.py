@@ -36,11 +36,12 @@ def slot_shape(before: int, after: int, height: int, enlarge: str = "exact") -> 
     lines = lines_of(height)
     first, last = needed_columns(before, before, after, height, 0, 0, enlarge)
     columns = [needed_columns(before, before, after, height, -first, line, enlarge) for line in range(lines)]
-    most = max(a[1] + b[1] for a, b in zip(columns, columns[::-1], strict=True))
-    least = min(a[0] + b[0] for a, b in zip(columns, columns[::-1], strict=True))
-    texels = sum(max(0, end - start + 1) for start, end in columns)
+    both = [(a, b) for a, b in zip(columns, columns[::-1], strict=True) if a[0] <= a[1] and b[0] <= b[1]]
+    most = max([last - first - 1, *(a[1] + b[1] for a, b in both)])
+    least = min([last - first, *(a[0] + b[0] for a, b in both)])
+    widths = [max(0, end - start + 1) for start, end in columns]
     named = {"before8": before, "after8": after, "height8": height, "inset": -first, "extent": last - first}
-    return named | {"lines": lines, "odd": most + 1, "period": most + 2 - least, "texels": texels}
+    return named | {"lines": lines, "odd": most + 1, "period": max(most + 2 - least, *widths), "texels": sum(widths)}
 
 
 def row_width(strip: dict[str, int], slots: int) -> int:

@@ -20,7 +20,7 @@
 typedef struct {
     int atlas_width, atlas_height, height;  // height of superblocks
     float capacity, shrink, collapse;       // room / triangles; shares
-    int enlarge, best_fit;
+    int enlarge, best_fit, frozen, frame;
     __global Strip *strips;
     __global Superblock *blocks;
     __global int *state, *orphans, *strip_of;
@@ -133,18 +133,17 @@ inline int superblock_width(Manager m, const Strip *s, int left) {
 inline bool create_superblock(Manager m, int strip) {
     __global int *state = m.state;
     const Strip s = m.strips[strip];
-    int width = superblock_width(m, &s, m.atlas_width - state[CURSOR_X]);
-    if (width == 0 && state[CURSOR_X] > 0 && state[CURSOR_Y] + 2 * m.height <= m.atlas_height) {
-        state[CURSOR_X] = 0;
-        state[CURSOR_Y] += m.height;
+    int x = state[CURSOR_X], y = state[CURSOR_Y], width = superblock_width(m, &s, m.atlas_width - x);
+    if (width == 0 && x > 0 && y + 2 * m.height <= m.atlas_height) {
+        x = 0, y += m.height;
         width = superblock_width(m, &s, m.atlas_width);
     }
     if (width == 0) return false;
     Superblock b;
-    b.x = state[CURSOR_X], b.y = state[CURSOR_Y], b.width = width;
+    b.x = x, b.y = y, b.width = width;
     b.first = -1, b.used = b.peak = b.strips = 0, b.room = m.height;
     m.blocks[state[SUPERBLOCKS]] = b;
-    state[CURSOR_X] += width;
+    state[CURSOR_X] = x + width, state[CURSOR_Y] = y;
     return attach(m, strip, state[SUPERBLOCKS]++);
 }
 
@@ -157,6 +156,8 @@ inline int new_strip(Manager m, int bin) {
     m.strips[strip].superblock = -1;
     m.strips[strip].count = m.strips[strip].base = m.strips[strip].native = 0;
     m.strips[strip].need_before8 = m.strips[strip].need_after8 = 0;
+    m.strips[strip].before8 = m.strips[strip].after8 = 0;
+    m.strips[strip].moved_at = m.frame;
     m.strip_of[bin] = strip;
     return strip;
 }
@@ -170,11 +171,12 @@ inline void release(Manager m, int strip) {
 }
 
 // The frame's triangles per strip, and how wide those of the strip's own bin are; if it has none, those mapped to it.
-inline void collect(Manager m, int frozen, int used_count, __global const int *used, __global const int *map,
+inline void collect(Manager m, int used_count, __global const int *used, __global const int *map,
                     __global const int *counts, __global const int *widest) {
     for (int i = 0; i < m.state[STRIPS]; i++) {
         __global Strip *s = m.strips + i;
-        s->count = s->base = frozen ? s->count : 0;
+        s->count = s->base = m.frozen ? s->count : 0;
+        if (!m.frozen) s->moved_at = m.frame;
         s->need_before8 = s->need_after8 = s->native = 0;
     }
     for (int i = 0; i < used_count; i++) {
@@ -190,22 +192,23 @@ inline void collect(Manager m, int frozen, int used_count, __global const int *u
     }
 }
 
-// Whether a placed strip must move: too many triangles, or its own bin's are wider than it by more than an eighth.
-inline bool outgrown(const Strip *s) {
+// Whether a placed strip must move: too many triangles, or, where things may move, those of its own bin are wider than
+// it by more than an eighth.
+inline bool outgrown(const Strip *s, int frozen) {
     return s->count > s->rows * s->per_row ||
-           (s->native && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
+           (s->native && !frozen && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
 }
 
 // Shrinks a placed strip, or takes it out and makes it an orphan.
-inline void update(Manager m, int strip, int frozen) {
+inline void update(Manager m, int strip) {
     const Strip s = m.strips[strip];
-    if (frozen) {
-        if (s.count > s.rows * s.per_row) m.state[FULL] = 1;
-    } else if (outgrown(&s)) {
+    if (outgrown(&s, m.frozen)) {
         detach(m, strip);
+        m.strips[strip].base = 0;
+        m.strips[strip].moved_at = m.frame;
         push_orphan(m, strip);
         m.state[OUTGROWN]++;
-    } else if (s.count < m.shrink * s.rows * s.per_row) {
+    } else if (!m.frozen && s.count < m.shrink * s.rows * s.per_row) {
         const int rows = rows_for(&s, s.per_row, m.capacity);
         if (rows >= s.rows) return;
         m.blocks[s.superblock].used -= (s.rows - rows) * s.lines;
@@ -233,10 +236,12 @@ inline void collapse(Manager m) {
     }
 }
 
-// Fits a strip's slots to its triangles, before it is placed.
+// Fits a strip's slots to its triangles, before it is placed; in a frozen frame these are those before and the new ones.
 inline void reshape(Manager m, int strip, __global const int *tops) {
     Strip s = m.strips[strip];
-    set_shape(&s, s.need_before8, s.need_after8, tops[s.bin % COLUMN], m.enlarge);
+    const int before8 = m.frozen ? max(s.need_before8, s.before8) : s.need_before8;
+    const int after8 = m.frozen ? max(s.need_after8, s.after8) : s.need_after8;
+    set_shape(&s, before8, after8, tops[s.bin % COLUMN], m.enlarge);
     m.strips[strip] = s;
 }
 
@@ -263,22 +268,22 @@ inline void place_orphans(Manager m, __global const int *tops) {
         }
 }
 
-// frozen: triangles join strips, and nothing moves. used: bins with triangles, ascending. map: target of each bin.
+// frozen: triangles join strips, of which only outgrown ones move. used: bins with triangles, ascending. map: target of each bin.
 // tops: height of each bin of heights in 1/8 texel.
-__kernel void manage(int frozen, int used_count, __global const int *used, __global const int *map,
+__kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops,
                      int atlas_width, int atlas_height, int height, float capacity, float shrink, float share,
                      int enlarge, int best_fit, __global Strip *strips, __global Superblock *blocks, __global int *state,
                      __global int *orphans, __global int *strip_of) {
     if (get_global_id(0) > 0) return;
     const Manager m = {atlas_width, atlas_height, height,  capacity, shrink,  share,
-                       enlarge,     best_fit,     strips,  blocks,   state,  orphans, strip_of};
+                       enlarge,     best_fit, frozen, frame, strips,  blocks,   state,  orphans, strip_of};
     state[ORPHANS] = state[FULL] = 0;
-    collect(m, frozen, used_count, used, map, counts, widest);
+    collect(m, used_count, used, map, counts, widest);
     for (int i = 0; i < state[STRIPS]; i++) {
         if (strips[i].bin < 0) continue;
         if (strips[i].count == 0) release(m, i);
-        else if (strips[i].superblock >= 0) update(m, i, frozen);
+        else if (strips[i].superblock >= 0) update(m, i);
         else {
             reshape(m, i, tops);
             if (!attach_anywhere(m, i)) push_orphan(m, i);

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STAGE = "structs/superblocks"
 STRIP = np.dtype([(name, np.int32) for name in (
     "bin", "count", "superblock", "y", "rows", "per_row", "next", "before8", "after8", "height8", "inset", "extent",
-    "lines", "odd", "period", "texels", "need_before8", "need_after8", "native", "base",
+    "lines", "odd", "period", "texels", "need_before8", "need_after8", "native", "base", "moved_at",
 )])  # fmt: skip
 SUPERBLOCK = np.dtype([(name, np.int32) for name in ("x", "y", "width", "first", "used", "peak", "room", "strips")])
 STATE = ("strips", "superblocks", "cursor_x", "cursor_y", "full", "outgrown", "shrunk", "collapsed", "orphans", "free")
@@ -65,18 +65,18 @@ class Superblocks:
         self.numbers = {name: kept.get(name, -1 if name == "free" else 0) for name in STATE}
         self.state.set(np.array(list(self.numbers.values()), np.int32))
 
-    def update(self, bins: BinCounts, targets: Array, tops: Array, frozen: bool) -> bool:
-        """Give every strip of this frame its place; False if the atlas has no room for some (or, frozen, a strip).
+    def update(self, frame: int, bins: BinCounts, targets: Array, tops: Array, frozen: bool) -> bool:
+        """Give every strip of this frame its place; False if the atlas has no room for some.
 
-        targets: int32 (BINS). tops: int32, height of each bin of heights in 1/8 texel. frozen: the triangles counted
-        join those that strips have, and no strip moves.
+        frame: a number that grows. targets: int32 (BINS). tops: int32, height of each bin of heights in 1/8 texel.
+        frozen: the triangles counted join those that strips have, and only strips that these outgrow move.
         """
         self._grow(self.numbers["strips"] + bins.used_count)
         a = self.atlas
         counted = (bins.used_count, bins.used, targets, bins.counts, bins.widest, tops)
         rules = (a.width, a.lines, a.height, a.capacity, a.shrink, a.collapse, ENLARGE[a.enlarge], int(a.fit == "best"))
         arrays = (self.strips, self.blocks, self.state, self.orphans, self.strip_of)
-        self.device.launch(STAGE, self.kernels.manage, 1, int(frozen), *counted, *rules, *arrays, local=1)
+        self.device.launch(STAGE, self.kernels.manage, 1, frame, int(frozen), *counted, *rules, *arrays, local=1)
         self.numbers = dict(zip(STATE, map(int, self.state.get()), strict=True))
         return not self.numbers["full"]
 
@@ -108,10 +108,17 @@ class SuperblocksTwin:
     entries: list[int] = field(default_factory=list)  # bins in the order of the kernel's entries, -1 for free ones
     free: list[int] = field(default_factory=list)
 
-    def update_twin(self, used: np.ndarray, targets: np.ndarray, counts: np.ndarray, widest: np.ndarray, tops: np.ndarray,
-               frozen: bool = False) -> bool:  # fmt: skip
+    def update_twin(
+        self,
+        used: np.ndarray,
+        targets: np.ndarray,
+        counts: np.ndarray,
+        widest: np.ndarray,
+        tops: np.ndarray,
+        frozen: bool = False,
+    ) -> bool:
         """Place the strips of k used bins: their targets, triangles (k) and widest lengths (k, 2)."""
-        self.full = False
+        self.full, self.frozen = False, frozen
         self._collect(used, targets, counts, widest, frozen)
         orphans = []
         for entry, number in enumerate(self.entries):
@@ -136,10 +143,12 @@ class SuperblocksTwin:
 
     def _collect(self, used: np.ndarray, targets: np.ndarray, counts: np.ndarray, widest: np.ndarray, frozen: bool):
         for strip in self.strips.values():
-            strip.update(count=strip["count"] if frozen else 0, need=(0, 0), native=False)
+            kept = strip["count"] if frozen else 0
+            strip.update(count=kept, base=kept, need=(0, 0), native=False)
         for number, target, count, wide in zip(used, targets, counts, widest, strict=True):
             if target not in self.strips:
-                self.strips[target] = {"count": 0, "block": None, "need": (0, 0), "native": False}
+                self.strips[target] = dict.fromkeys(("count", "base", "before8", "after8"), 0)
+                self.strips[target] |= {"block": None, "need": (0, 0), "native": False}
                 if self.free:
                     self.entries[self.free.pop()] = target
                 else:
@@ -169,22 +178,25 @@ class SuperblocksTwin:
         """Shrink a placed strip, or take it out."""
         strip = self.strips[number]
         room = strip["rows"] * strip["per_row"]
-        if frozen:
-            self.full |= strip["count"] > room
-            return False
-        wide = strip["native"] and any(
-            8 * need > 9 * strip[name] + 32 for need, name in zip(strip["need"], ("before8", "after8"), strict=True)
+        wide = (
+            strip["native"]
+            and not frozen
+            and any(
+                8 * need > 9 * strip[name] + 32 for need, name in zip(strip["need"], ("before8", "after8"), strict=True)
+            )
         )
         if strip["count"] > room or wide:
             self._detach(number)
+            strip["base"] = 0
             return True
-        if strip["count"] < self.atlas.shrink * room:
+        if not frozen and strip["count"] < self.atlas.shrink * room:
             strip["rows"] = min(strip["rows"], self._rows(strip, strip["per_row"]))
         return False
 
     def _shape(self, number: int, tops: np.ndarray) -> None:
         strip = self.strips[number]
-        strip.update(slot_shape(*strip["need"], int(tops[number % COLUMN]), self.atlas.enlarge))
+        need = np.maximum(strip["need"], [strip["before8"], strip["after8"]]) if self.frozen else strip["need"]
+        strip.update(slot_shape(*map(int, need), int(tops[number % COLUMN]), self.atlas.enlarge))
 
     def _rows(self, strip: dict, per_row: int) -> int:
         room = max(strip["count"], int(np.float32(self.atlas.capacity) * np.float32(strip["count"])))

@@ -51,7 +51,11 @@ PARAMETERS = {
         True, (False, True), "whether a triangle within 30 bins of height and 5 of each angle keeps its bin", "", "3.6"
     ),
     "freeze": Parameter(
-        0.05, (0.0, 0.05), "change of the set, since strips were last made, below which nothing moves", "1", "3.6"
+        0.05,
+        (0.0, 0.05),
+        "new triangles' share of all area in the atlas, since strips were last made, below which nothing moves",
+        "1",
+        "3.6",
     ),
     "freeze_frames": Parameter(8, (4, 8, 16), "frames in a row that may be frozen", "frames", "ours"),
     "perspective": Parameter(
@@ -63,5 +67,13 @@ PARAMETERS = {
     ),
     "full_footprint": Parameter(
         True, (False, True), "whether triangles are enlarged to their slot's largest footprint", "", "3.8"
+    ),
+    "average_clear": Parameter(
+        False,
+        (False, True),
+        "whether what is left of a strip is cleared with its average colour; the suite replaces the colours of texels "
+        "without an owner before video coding, for every method alike, so this costs time and changes no byte",
+        "",
+        "3.8",
     ),
 }
