@@ -16,7 +16,7 @@ alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else
 finite        No NaN and no infinity in a plane.
 once          Samples lie where their triangle is looked up. A triangle with more than STRAYS of its samples over
               DISTANCE texels away is placed a second time. Copies along a cut are none of these: they are looked up
-              from the cut's other side.
+              from the cut's other side, or continue samples that lie where they are looked up (to EXACT texels).
 written       Every texel that a lookup inside the triangle touches is written.
 surface       A lookup finds its own surface. Where all texels touched are the triangle's own, their interpolated
               barycentrics differ from the point looked up by at most LOCATION texels: of the affine map through the
@@ -42,6 +42,7 @@ from packers.interface import Client, Frame, Owners, Payload
 
 WEIGHT = 1 / 512  # a texel of less weight changes a value by less than half of an 8-bit step
 MARGIN = 2.0  # texels that barycentrics may lie outside: a lookup reaches at most sqrt(2) from an edge
+EXACT = 0.1  # texels
 DISTANCE = 1.0  # texels between a sample and where its surface point is looked up
 STRAYS = 1 / 3
 # Steps from a point to its six sides, in barycentrics 1 and 2: between the directions of edges, along which cuts run.
@@ -148,7 +149,7 @@ class _Atlas:
     def __init__(self, owners: Owners, width: int, height: int) -> None:
         self.width, self.height, self.stride = width, height, width + 2
         self._owners = owners
-        self._inside = (owners.texel >= 0) & (owners.texel < width * height)
+        self._inside = self._contains(owners.texel)
         owner = np.full((height + 2, width + 2), BORDER, np.int32)
         owner[1:-1, 1:-1] = UNOWNED
         self.owner = owner.reshape(-1)
@@ -157,7 +158,7 @@ class _Atlas:
         texel, triangle, bary = owners.texel, owners.triangle, owners.bary
         if not everything:
             texel, triangle, bary = texel[self._inside], triangle[self._inside], bary[self._inside]
-        padded = texel + (texel // width) * 2 + (self.stride + 1)
+        padded = self.padded(texel)
         self.owner[padded] = triangle
         self.bary[0][padded], self.bary[1][padded] = bary[:, 0], bary[:, 1]
         self._listed = len(texel)
@@ -170,6 +171,24 @@ class _Atlas:
     def unpadded(self, padded: np.ndarray) -> np.ndarray:
         """row * width + column of texels in the plane with its border."""
         return (padded // self.stride - 1) * self.width + padded % self.stride - 1
+
+    def beside(self, texel: np.ndarray, triangle: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Whether one of the four texels next to each texel (n) is among `others` and has the same owner: bool (n)."""
+        at, other = (self.padded(inside[self._contains(inside)]) for inside in (texel, others))
+        among = np.zeros(self.owner.size, bool)
+        among[other] = True
+        found = np.zeros(len(texel), bool)
+        kept = self._contains(texel)
+        for step in (1, -1, self.stride, -self.stride):
+            found[kept] |= among[at + step] & (self.owner[at + step] == triangle[kept])
+        return found
+
+    def _contains(self, texel: np.ndarray) -> np.ndarray:
+        return (texel >= 0) & (texel < self.width * self.height)
+
+    def padded(self, texel: np.ndarray) -> np.ndarray:
+        """Of texels row * width + column, the index in the plane with its border."""
+        return texel + (texel // self.width) * 2 + (self.stride + 1)
 
     def violations(self) -> list[Violation]:
         """Of the rules `inside` and `single owner`."""
@@ -285,11 +304,13 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
     triangle, bary, texel = triangle[within], bary[within], texel[within]
     located = _locate(client, triangle, bary)
     centre = np.stack([texel % atlas.width, texel // atlas.width], axis=1) + 0.5
-    stray = np.abs(located - centre).max(axis=1) > DISTANCE  # False where a triangle has no place
+    distance = np.abs(located - centre).max(axis=1)
+    stray = distance > DISTANCE  # False where a triangle has no place
     for side in SIDES:
         strays = np.flatnonzero(stray)
         beside = _locate(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
         stray[strays] = np.abs(beside - centre[strays]).max(axis=1) > DISTANCE
+    stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
     if stray.any():
         count = np.bincount(triangle)
         strays = np.bincount(triangle[stray], minlength=len(count))

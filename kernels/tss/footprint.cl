@@ -12,15 +12,15 @@ INLINE float8 length_of(Points8 a, Points8 b) {
     return sqrt(x * x + y * y + z * z);
 }
 
-// The level that a triangle would need if all of it were as near as its nearest point may be: at least the distance of
-// its plane, and of its farthest corner less its longest edge.
-INLINE float8 level_nearby(const Points8 *p, __global const float *camera) {
+// The level and height of a triangle if all of it were as near as its nearest point may be: at least the distance of its
+// plane, and of its farthest corner less its longest edge.
+INLINE float8 level_nearby(const Points8 *p, __global const float *camera, float8 *height) {
     const Points8 a = {p[1].x - p[0].x, p[1].y - p[0].y, p[1].z - p[0].z};
     const Points8 b = {p[2].x - p[0].x, p[2].y - p[0].y, p[2].z - p[0].z};
     const Points8 n = {a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
     const float8 twice = sqrt(n.x * n.x + n.y * n.y + n.z * n.z);
-    const float8 height = n.x * p[0].x + n.y * p[0].y + n.z * p[0].z;
-    const float8 plane = (height < 0.0f ? -height : height) / (twice > 0.0f ? twice : (float8)(1.0f));
+    const float8 off = n.x * p[0].x + n.y * p[0].y + n.z * p[0].z;
+    const float8 plane = (off < 0.0f ? -off : off) / (twice > 0.0f ? twice : (float8)(1.0f));
     const Points8 eye = {(float8)(0.0f), (float8)(0.0f), (float8)(0.0f)};
     float8 farthest = (float8)(0.0f), longest = (float8)(0.0f);
     for (int k = 0; k < 3; k++) {
@@ -30,8 +30,9 @@ INLINE float8 level_nearby(const Points8 *p, __global const float *camera) {
     }
     float8 distance = GREATER(plane, farthest - longest);
     distance = GREATER(distance, (float8)(camera[NEAR]));
-    const float8 scale = (float8)(camera[SCALE_X]);
-    return sqrt(twice * (2.0f / 3.0f)) * scale / distance;
+    const float8 scale = camera[SCALE_X] / distance;
+    *height = scale * twice / (longest > 0.0f ? longest : (float8)(1.0f));
+    return sqrt(twice * (2.0f / 3.0f)) * scale;
 }
 
 // depths: of the three corners, and the height in pixels, negative where the triangle leaves the view. pieces: along an
@@ -60,10 +61,11 @@ __kernel void measure_triangles(int count, __global const int *ids, __global con
         y[j] = camera[SCALE_Y] * along(p[j], camera + UP) / depth[j];
     }
     const Shape8 shape = shape_of(x, y);
-    const float8 nearby = level_nearby(p, camera);
+    float8 nearby_height;
+    const float8 nearby = level_nearby(p, camera, &nearby_height);
     const float8 level = bounded && nearby > shape.level ? nearby : shape.level;
     const float8 wanted = scale * GREATER(level / LEVELS, shape.base / LONGEST);
-    const float8 most = scale * shape.height / LEAST_HEIGHT;
+    const float8 most = scale * (bounded ? nearby_height : shape.height) / LEAST_HEIGHT;
     const float8 fewer = shape.base > threshold * shape.height && most < wanted ? floor(most) : ceil(wanted);
     const float8 along_edge = clamp(fewer, 1.0f, MOST_PIECES);
     const float8 height = bounded ? -shape.height : shape.height;

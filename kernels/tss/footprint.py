@@ -100,20 +100,23 @@ def measure_triangles_twin(
     screen, depth, bounded = project_twin(corners, camera)
     shape = shape_twin(screen)
     leaves = bounded.any(axis=1)
-    level = np.where(leaves, np.maximum(shape["level"], _level_nearby(corners, camera)), shape["level"])
+    nearby, nearby_height = _nearby(corners, camera)
+    level = np.where(leaves, np.maximum(shape["level"], nearby), shape["level"])
     wanted = scale * np.maximum(level / LEVELS, shape["base"] / LONGEST)
-    most = scale * shape["height"] / LEAST_HEIGHT
+    most = scale * np.where(leaves, nearby_height, shape["height"]) / LEAST_HEIGHT
     fewer = (shape["base"] > threshold * shape["height"]) & (most < wanted)
     parts = np.where(fewer, np.floor(most), np.ceil(wanted))
     height = np.where(leaves, -1, 1) * shape["height"]
     return np.column_stack([depth, height]), np.clip(parts, 1, MOST_PIECES).astype(int)
 
 
-def _level_nearby(corners: np.ndarray, camera: np.ndarray) -> np.ndarray:
+def _nearby(corners: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Level and height of triangles if all of them were as near as their nearest points may be."""
     p = corners.astype(np.float64) - camera[:3].astype(np.float64) - camera[3:6]
     normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])
     twice = np.linalg.norm(normal, axis=1)
     plane = np.abs((normal * p[:, 0]).sum(axis=1)) / np.where(twice > 0, twice, 1)
     longest = np.linalg.norm(p - np.roll(p, -1, axis=1), axis=2).max(axis=1)
     reach = np.linalg.norm(p, axis=2).max(axis=1) - longest
-    return np.sqrt(2 / 3 * twice) * camera[15] / np.maximum(np.maximum(plane, reach), camera[20])
+    scale = camera[15] / np.maximum(np.maximum(plane, reach), camera[20])
+    return np.sqrt(2 / 3 * twice) * scale, twice / np.where(longest > 0, longest, 1) * scale

@@ -27,8 +27,8 @@ def choose_forms(
     scale: texels per pixel. threshold: longest edge over height from which a primitive is
     slanted (0: all, infinity: none). turns: int32 (count), when each primitive is placed. bins: from `Bins.upload`.
     A form is kind, height, texels before and texels after the foot; kind is OVERSAMPLED for right triangles, else the
-    level of the L, 0 for a single texel, which pieces of cut triangles never are. Bins are listed by turn, -1 for an item
-    that a primitive does not have.
+    level of the L, 0 for a single texel, which pieces of cut triangles never are. Bins are listed by turn, -1 for an
+    item that a primitive does not have.
     """
     _, _, of_level, of_size, size_class = bins
     count, known = primitives.count, (primitives.shapes, primitives.parents, primitives.pieces)

@@ -1,8 +1,8 @@
 """The equal-spacing triangle pattern and its L: which sample of a triangle lies in which cell.
 
 A triangle has corners 0, 1, 2; a point of it has weights 1 - a - b, a, b. At level l its samples are the vertices of
-the hardware tessellator's pattern with all factors l: rings around the centre, ring k with smallest weight 2k / 3l. Three
-squares unfold it (Tessellated Shading Streaming, section 3.2), d = floor(l / 2):
+the hardware tessellator's pattern with all factors l: rings around the centre, ring k with smallest weight 2k / 3l.
+Three squares unfold it (Tessellated Shading Streaming, section 3.2), d = floor(l / 2):
 
     0 ─────── cut ─────── 1        corner 0 at (0, 0), corner 1 at (l, 0), corner 2 at (0, l)
     │ square 0  │ square 1 │       even l: neighbouring squares share a line of cells, and the cut between the

@@ -16,8 +16,8 @@ def invert_depths(device: Device, depths: Array, pieces: Array, count: int, scal
     """Inverse depths float32 (count, 4) of each triangle's corners, the largest 1, and 0.
 
     depths, pieces: as from `measure_triangles`. scale: texels per pixel. The ratio of the largest to the smallest is at
-    most a quarter of the triangle's height in texels, where it leaves the view also of its pieces, and 1 below 4: samples
-    outside the triangle stay before the horizon, and a bilinear lookup is off by a sixteenth of a texel at most.
+    most a quarter of the triangle's height in texels, where it leaves the view also of its pieces, and 1 below 4:
+    samples outside the triangle stay before the horizon, and a bilinear lookup is off by 1/16 of a texel at most.
     """
     inverse = device.empty((count, 4), np.float32)
     kernel = device.build("tss/perspective.cl").invert_depths
