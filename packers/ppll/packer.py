@@ -10,11 +10,11 @@ import numpy as np
 from kernels.ppll.blend import blend_lists
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
 from kernels.ppll.lists import Lists, changed_colours, changed_lists, splice_lists
-from kernels.ppll.rows import COLOUR_WORDS
+from kernels.ppll.match import find_differences, merge_differences, move_lists, turning
 from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene, View
 from packers.ppll.client import ListClient
 from packers.ppll.server import Depth, ListRenderer, NodeLists
-from packers.ppll.wire import LAYOUTS, MOST_NODES, Message, encode
+from packers.ppll.wire import LAYOUTS, MERGES, MODES, MOST_NODES, Message, encode
 
 DEPTH_SHARE = 1e-4  # of a depth: less than this is no change of a list
 
@@ -28,10 +28,11 @@ class PerPixelLinkedLists(Packer):
     parameters = {  # noqa: RUF012
         "mode": Parameter(
             "full",
-            ("full", "depth-limited", "difference"),
-            "which fragments are sent: all, the nearest, or the lists of pixels that changed",
+            MODES,
+            "which fragments are sent: all, the nearest, the lists of pixels that changed, or those that moving the "
+            "last frame's does not give",
             "",
-            "chapters 2 to 4",
+            "chapters 2 to 5",
         ),
         "layers": Parameter(
             0,
@@ -61,6 +62,27 @@ class PerPixelLinkedLists(Packer):
             "of 255",
             "chapter 7; 0: chapter 4",
         ),
+        "merge": Parameter(
+            "exact",
+            MERGES,
+            "how the display applies bilateral differences: as published, or removing exactly what is meant",
+            "",
+            "paper: chapter 5; exact: chapter 7",
+        ),
+        "threshold": Parameter(
+            0.005,
+            (0.001, 0.005, 0.02, 0.1),
+            "largest difference of a moved fragment's distance from the new one's it stands for",
+            "of the distance",
+            "chapter 5, which gives no value: ours",
+        ),
+        "drift": Parameter(
+            16,
+            (4, 16, 64),
+            "largest difference of a moved fragment's colour channels from the new one's it stands for",
+            "of 255",
+            "ours: the thesis' display lights its fragments anew",
+        ),
         "nodes": Parameter(
             1, (1, 2, 4), "render nodes that the scene's objects are dealt to", "nodes", "chapters 1 and 7"
         ),
@@ -78,6 +100,10 @@ class PerPixelLinkedLists(Packer):
             raise ValueError(f"ppll: nodes must be 1 to {MOST_NODES}, not {self.nodes}.")
         if self.layers < 0 or self.tolerance < 0 or not self.opacity > 0:
             raise ValueError("ppll: layers and tolerance must not be negative, and opacity must be above 0.")
+        if not 0 <= self.threshold <= 1 or self.drift < 0:
+            raise ValueError("ppll: threshold must be 0 to 1, and drift must not be negative.")
+        if self.preblend and self.mode == "bilateral":
+            raise ValueError("ppll: preblend and mode=bilateral exclude each other: blended fragments cannot be moved.")
         limited = self.mode == "depth-limited"
         layers = self.layers or (6 if limited else EVERY_LAYER)
         depth = Depth(layers, self.opacity if limited else NO_THRESHOLD)
@@ -88,14 +114,15 @@ class PerPixelLinkedLists(Packer):
     def pack(self, frame: Frame) -> Payload:
         """The lists of the frame's set in the list view, as far as the display does not hold them."""
         view = list_view(frame)
-        nodes = self.renderer.render(view, frame.pvs_device, len(frame.pvs), normals=False)
+        nodes = self.renderer.render(view, frame.pvs_device, len(frame.pvs), self.mode == "bilateral")
         lists = [node.lists for node in nodes]
-        still = self.view is not None and np.array_equal(self.view.matrix, view.matrix)
-        sent = self._changed(lists, 0 if still else self.tolerance) if self.mode == "difference" else lists
+        encoders = {"difference": self._changed, "bilateral": self._unmatched}
+        sent = encoders[self.mode](lists, view) if self.mode in encoders else lists
         self.view = view
         hosts = tuple((offsets.astype(np.int64), rows) for offsets, rows in (part.host() for part in sent))
         size = (view.width, view.height)
-        message = Message(self.mode, self.layout, *size, view.view, view.projection, hosts)
+        how = (self.merge, self.threshold)
+        message = Message(self.mode, self.layout, *size, view.view, view.projection, hosts, *how)
         head, packed = encode(message)
         return Payload(
             planes={},
@@ -108,10 +135,29 @@ class PerPixelLinkedLists(Packer):
             details=details(message),
         )
 
-    def _changed(self, lists: list[Lists], tolerance: int) -> list[Lists]:
+    def _held(self, lists: list[Lists]) -> list[Lists]:
+        """What the display holds of each node: nothing at first."""
+        device = self.renderer.device
+        return self.held or [Lists.empty(device, part.width, part.height, part.words) for part in lists]
+
+    def _unmatched(self, lists: list[Lists], view: View) -> list[Lists]:
+        """What moving the lists held does not give of each node's; `held` becomes what an exact merge gives."""
+        device, sent, held = self.renderer.device, [], self._held(lists)
+        turn = turning(self.view.view if self.view else view.view, view.view)
+        for node, part in enumerate(lists):
+            moved = move_lists(device, held[node], turn, view.projection, "structs/transform")
+            changes = find_differences(device, moved, part, self.threshold, self.drift, "structs/match")
+            held[node] = merge_differences(device, moved, changes, None, "structs/hold")
+            sent.append(changes)
+        self.held = held
+        return sent
+
+    def _changed(self, lists: list[Lists], view: View) -> list[Lists]:
         """What changed of each node's lists; `held` becomes what the display then holds."""
         device = self.renderer.device
-        self.held = self.held or [Lists.empty(device, part.width, part.height, COLOUR_WORDS) for part in lists]
+        still = self.view is not None and np.array_equal(self.view.matrix, view.matrix)
+        tolerance = 0 if still else self.tolerance
+        self.held = self._held(lists)
         sent = []
         for node, part in enumerate(lists):
             held = self.held[node]

@@ -3,7 +3,9 @@
 The head (metadata), little-endian:
 
     uint8 (4)     "PPLL"
-    uint32 (8)    version, mode, layout, width, height, words per fragment without `next`, nodes, CRC-32 of the lists
+    uint32 (9)    version, mode, layout, width, height, words per fragment without `next`, nodes, CRC-32 of the lists,
+                  merge
+    float32       threshold of the merge
     uint32 (n)    fragments of each node
     float64 (32)  view and projection of the lists
 
@@ -29,13 +31,14 @@ from packers.geometry import shuffle, unshuffle
 
 MODES = ("full", "depth-limited", "difference", "bilateral")
 LAYOUTS = ("paper", "shuffled")
+MERGES = ("exact", "paper")
 VERSION = 1
-HEAD = 4 + 8 * 4
+HEAD = 4 + 10 * 4
 MATRICES = 32 * 8
 LARGEST_SIDE = 16384
 MOST_NODES = 255
 MOST_FRAGMENTS = 1 << 28
-WORDS = (2, 5)
+WORDS = (2, 5)  # of colour fragments, and of normal fragments, which bilateral differences consist of
 
 
 class WireError(ValueError):
@@ -44,7 +47,10 @@ class WireError(ValueError):
 
 @dataclass(frozen=True)
 class Message:
-    """One frame's lists: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
+    """One frame's lists: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first.
+
+    merge, threshold: how bilateral differences are applied, see kernels.ppll.match.
+    """
 
     mode: str
     layout: str
@@ -53,6 +59,8 @@ class Message:
     view: np.ndarray
     projection: np.ndarray
     nodes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    merge: str = "exact"
+    threshold: float = 0.0
 
     @property
     def raw_bytes(self) -> int:
@@ -72,7 +80,8 @@ def encode(message: Message) -> tuple[bytes, bytes]:
     lists = b"".join(_encode_node(*node, message.layout) for node in message.nodes)
     words = message.nodes[0][1].shape[1]
     numbers = [VERSION, MODES.index(message.mode), LAYOUTS.index(message.layout), message.width, message.height]
-    numbers += [words, len(message.nodes), zlib.crc32(lists), *(len(rows) for _, rows in message.nodes)]
+    numbers += [words, len(message.nodes), zlib.crc32(lists), MERGES.index(message.merge)]
+    numbers += [int(np.float32(message.threshold).view(np.uint32)), *(len(rows) for _, rows in message.nodes)]
     matrices = np.concatenate([message.view.ravel(), message.projection.ravel()]).astype("<f8")
     return b"PPLL" + np.array(numbers, "<u4").tobytes() + matrices.tobytes(), lists
 
@@ -95,10 +104,12 @@ def decode(head: bytes, lists: bytes) -> Message:
     larger than the input is allocated before it is known to fit."""
     if len(head) < HEAD + MATRICES or head[:4] != b"PPLL":
         raise WireError("The lists' head is truncated or damaged.")
-    numbers = np.frombuffer(head, "<u4", 8, 4).astype(int).tolist()
-    version, mode, layout, width, height, words, nodes, checksum = numbers
-    if version != VERSION or mode >= len(MODES) or layout >= len(LAYOUTS) or words not in WORDS:
-        raise WireError("The lists' head names a version, mode or layout that this client does not know.")
+    numbers = np.frombuffer(head, "<u4", 9, 4).astype(int).tolist()
+    version, mode, layout, width, height, words, nodes, checksum, merge = numbers
+    threshold = float(np.frombuffer(head, "<f4", 1, 40)[0])
+    known = mode < len(MODES) and layout < len(LAYOUTS) and merge < len(MERGES) and 0 <= threshold <= 1
+    if version != VERSION or not known or words != WORDS[MODES[mode] == "bilateral"]:
+        raise WireError("The lists' head names a version, mode, layout or merge that this client does not know.")
     if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE and 1 <= nodes <= MOST_NODES):
         raise WireError(f"The lists' head claims {width} x {height} pixels of {nodes} nodes, which is out of range.")
     if len(head) != HEAD + 4 * nodes + MATRICES:
@@ -115,7 +126,8 @@ def decode(head: bytes, lists: bytes) -> Message:
     ends = np.cumsum(sizes)
     parts = [lists[end - size : end] for end, size in zip(ends.tolist(), sizes.tolist(), strict=True)]
     decoded = [_decode_node(part, LAYOUTS[layout], width * height, words) for part in parts]
-    return Message(MODES[mode], LAYOUTS[layout], width, height, *matrices, tuple(decoded))
+    size = (width, height)
+    return Message(MODES[mode], LAYOUTS[layout], *size, *matrices, tuple(decoded), MERGES[merge], threshold)
 
 
 def _decode_node(data: bytes, layout: str, pixels: int, words: int) -> tuple[np.ndarray, np.ndarray]:

@@ -214,7 +214,9 @@ def test_what_tolerance_omits_is_sent_when_the_camera_stands_still(glass):
     assert np.abs(pictures[0] - pictures[1]).max() <= 1
 
 
-@pytest.mark.parametrize("parameters", [{}, {"mode": "difference", "nodes": 2, "layout": "shuffled"}])
+@pytest.mark.parametrize(
+    "parameters", [{}, {"mode": "difference", "nodes": 2, "layout": "shuffled"}, {"mode": "bilateral"}]
+)
 def test_same_bytes_for_every_work_group_size(glass, parameters, device, monkeypatch):
     sent = []
     for local_size, chunks in ((64, 64), (1, 5), (7, 300)):
@@ -225,6 +227,57 @@ def test_same_bytes_for_every_work_group_size(glass, parameters, device, monkeyp
         picture = rgb(stream.client.draw(novel_view(2)))
         sent.append([*(payload.lists["lists"] for payload in payloads), picture.tobytes()])
     assert sent[0] == sent[1] == sent[2]
+
+
+def same_lists(a, b) -> bool:
+    return all(x.tobytes() == y.tobytes() for x, y in zip(a.host(), b.host(), strict=True))
+
+
+@pytest.mark.parametrize("name", ["opaque", "glass"])
+@pytest.mark.parametrize("parameters", [{}, {"nodes": 2, "layers": 4, "layout": "shuffled"}])
+def test_the_exact_merge_reproduces_what_the_sender_holds(request, name, parameters):
+    """Bit for bit, and so its picture; both stay close to the lists sent in full."""
+    scene = request.getfixturevalue(name)
+    stream, full = Stream(scene, mode="bilateral", **parameters), Stream(scene, layers=parameters.get("layers", 0))
+    for step in [0, 0, *np.arange(0.1, 2, 0.2), 6]:
+        made = frame(scene, step)
+        sent = stream.send(made).statistics
+        full.send(made)
+        assert all(same_lists(*pair) for pair in zip(stream.client.nodes, stream.packer.held, strict=True))
+        pictures = [rgb(each.client.draw(list_view(made))) for each in (stream, full)]
+        assert np.abs(pictures[0] - pictures[1]).mean() < 4
+        assert sent["fragments_sent"] < 2 * sent["fragments_kept"]
+    assert sent["fragments_deleted"] > 0
+
+
+def test_bilateral_saves_fragments_and_nothing_is_sent_when_nothing_moves(glass):
+    stream = Stream(glass, mode="bilateral")
+    first = stream.send(frame(glass, 0)).statistics
+    assert first["fragments_sent"] == first["fragments_kept"]
+    assert stream.send(frame(glass, 0)).statistics["fragments_sent"] == 0
+    assert stream.send(frame(glass, 0.1)).statistics["share_saved"] > 0.2
+
+
+def test_the_published_merge_leaves_bad_pixels(glass):
+    """Figure 5.8, which ours does not have; figure 5.9: a larger threshold leaves more."""
+    bad = []
+    for merge, threshold in (("exact", 0.1), ("paper", 0.02), ("paper", 0.3)):
+        stream = Stream(glass, mode="bilateral", merge=merge, threshold=threshold)
+        for step in range(4):
+            stream.send(frame(glass, 0.5 * step))
+        held = [same_lists(*pair) for pair in zip(stream.client.nodes, stream.packer.held, strict=True)]
+        rows = [np.unique(part.host()[1], axis=0) for part in (stream.client.nodes[0], stream.packer.held[0])]
+        shared = len(np.unique(np.concatenate(rows), axis=0))
+        bad.append(0 if all(held) else 2 * shared - len(rows[0]) - len(rows[1]))
+    assert bad[0] == 0 < bad[1] < bad[2]
+
+
+def test_normal_fragments_take_24_bytes(glass):
+    payload = Stream(glass, mode="bilateral").send(frame(glass))
+    message = decode(payload.blobs["head"], payload.lists["lists"])
+    sent = payload.statistics["fragments_sent"]
+    assert payload.raw_bytes == 4 * message.width * message.height + 24 * sent
+    assert payload.statistics["padded_bytes"] == 4 * message.width * message.height + 32 * sent
 
 
 def cards(*cards: tuple[float, tuple[float, float, float], float]) -> Scene:
@@ -333,7 +386,17 @@ def test_masked_triangles_have_holes_in_lists(device):
 
 
 @pytest.mark.parametrize(
-    "parameters", [{"nodes": 0}, {"nodes": 1000}, {"layers": -1}, {"opacity": 0.0}, {"tolerance": -1}]
+    "parameters",
+    [
+        {"nodes": 0},
+        {"nodes": 1000},
+        {"layers": -1},
+        {"opacity": 0.0},
+        {"tolerance": -1},
+        {"threshold": 2.0},
+        {"drift": -1},
+        {"mode": "bilateral", "preblend": True},
+    ],
 )
 def test_parameters_out_of_range_are_refused(opaque, parameters):
     with pytest.raises(ValueError, match="ppll"):

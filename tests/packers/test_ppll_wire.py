@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from packers.ppll.wire import LAYOUTS, MODES, Message, WireError, decode, encode
 
 
-def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5, mode="full") -> Message:
+def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5) -> Message:
+    mode = MODES[seed % 3] if words == 2 else "bilateral"
     rng = np.random.default_rng(seed)
     parts = []
     for _ in range(nodes):
@@ -17,7 +18,7 @@ def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5, mod
         real = rng.uniform(0, 10, (len(rows), 1 if words == 2 else 3)).astype(np.float32)
         rows[:, -real.shape[1] :] = real.view(np.uint32)
         parts.append((np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), rows))
-    return Message(mode, layout, *pixels, rng.normal(size=(4, 4)), rng.normal(size=(4, 4)), tuple(parts))
+    return Message(mode, layout, *pixels, rng.normal(size=(4, 4)), rng.normal(size=(4, 4)), tuple(parts), "paper", 0.25)
 
 
 @settings(max_examples=40, deadline=None)
@@ -27,14 +28,14 @@ def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5, mod
     words=st.sampled_from([2, 5]),
     nodes=st.integers(1, 3),
     most=st.integers(0, 40),
-    mode=st.sampled_from(MODES),
 )
-def test_what_was_sent_arrives(seed, layout, words, nodes, most, mode):
-    sent = message(seed, layout, words, nodes, most=most, mode=mode)
+def test_what_was_sent_arrives(seed, layout, words, nodes, most):
+    sent = message(seed, layout, words, nodes, most=most)
     head, lists = encode(sent)
     assert len(lists) == sent.raw_bytes  # before LZ4 both layouts are as long as the thesis' structures
     got = decode(head, lists)
-    assert (got.mode, got.layout, got.width, got.height) == (mode, layout, sent.width, sent.height)
+    assert (got.mode, got.layout, got.width, got.height) == (sent.mode, layout, sent.width, sent.height)
+    assert (got.merge, got.threshold) == ("paper", 0.25)
     np.testing.assert_array_equal(got.view, sent.view)
     np.testing.assert_array_equal(got.projection, sent.projection)
     for (offsets, rows), (expected_offsets, expected_rows) in zip(got.nodes, sent.nodes, strict=True):
@@ -108,7 +109,20 @@ def test_wrong_lists_with_a_right_checksum_do_no_harm(seed, layout):
 
 
 @pytest.mark.parametrize(
-    ("at", "value"), [(4, 99), (8, 4), (12, 2), (16, 0), (16, 1 << 31), (20, 70000), (24, 3), (28, 0), (28, 1 << 20)]
+    ("at", "value"),
+    [
+        (4, 99),
+        (8, 4),
+        (12, 2),
+        (16, 0),
+        (16, 1 << 31),
+        (20, 70000),
+        (24, 3),
+        (28, 0),
+        (28, 1 << 20),
+        (36, 2),
+        (40, 0x7FC00000),
+    ],
 )
 def test_a_head_out_of_range_is_refused_before_anything_is_allocated(at, value):
     head, lists = encode(message())
@@ -120,4 +134,4 @@ def test_a_head_out_of_range_is_refused_before_anything_is_allocated(at, value):
 def test_a_wrong_number_of_fragments_is_refused(count):
     head, lists = encode(message())
     with pytest.raises(WireError, match=r"announces|bytes"):
-        decode(head[:36] + np.uint32(count).tobytes() + head[40:], lists)
+        decode(head[:44] + np.uint32(count).tobytes() + head[48:], lists)
