@@ -113,8 +113,8 @@ def list_records(
     without a place. cuts: float32 (count), texels by which the lengths of a triangle in another bin's strip differ from
     its own, -1 in its own bin's.
     """
-    records, cuts = device.recycled((count, 4), np.uint32), device.recycled(count, np.float32)
+    records, cuts = device.recycled((max(1, count), 4), np.uint32), device.recycled(count, np.float32)
     kernel = device.build("snakebinning/place.cl").list_records
     arrays = (triangles, places.places, places.drawn, footprints.words, footprints.bins, footprints.lengths)
     device.launch("structs/records", kernel, count, count, *arrays, places.slots, strips, records, cuts)
-    return records.get().reshape(-1, 4)[:count], cuts.get()[:count]
+    return records.get()[:count], cuts.get()[:count]

@@ -88,7 +88,8 @@ class SnakeBinning(Packer):
         """Set up for an atlas of this size."""
         width, height = frame.atlas_width, frame.atlas_height
         self.superblock = check_atlas(width, height, self.superblock_height)
-        atlas = Atlas(width, height, self.superblock, 1 + self.capacity, self.shrink, self.collapse, self.enlarge)
+        rules = (1 + self.capacity, self.shrink, self.collapse, self.enlarge, self.assignment)
+        atlas = Atlas(width, height, self.superblock, *rules)
         self.blocks = Superblocks(frame.scene.device, atlas)
         self.heights = HeightBins(float(self.superblock - 1), self.logarithmic)
         self.tops = frame.scene.device.upload(self.heights.tops())
@@ -100,7 +101,7 @@ class SnakeBinning(Packer):
 
     def _append(self, frame: Frame) -> bool:
         """Add what is new to strips in which nothing moves; False if the set has changed too much for that."""
-        if self.frozen_frames >= self.freeze_frames or self.freeze <= 0:
+        if self.frozen_frames >= self.freeze_frames or self.freeze <= 0 or self._remap_is_due():
             return False
         listed = (frame.pvs_device, len(frame.pvs))
         is_new = find_new(frame.scene.device, *listed, self.rebuilt, self.places, self.blocks.strips)
@@ -115,14 +116,16 @@ class SnakeBinning(Packer):
 
     def _rebuild(self, frame: Frame) -> bool:
         """Bins, mapping, superblocks and ranks of the whole set; False if the atlas has no room."""
-        remap = 0 < self.remap_interval <= self.since_mapping
-        if remap and self.rate_step > 0:
-            return False
-        if remap:
+        if self._remap_is_due():
+            if self.rate_step > 0:
+                return False
             self.mapper.reset()
             self.since_mapping = 0
         self.rebuilt_area = self._measure(frame, frame.pvs_device, len(frame.pvs), keep=self.hysteresis)
         return self._settle(frame)
+
+    def _remap_is_due(self) -> bool:
+        return 0 < self.remap_interval <= self.since_mapping
 
     def _reset(self, frame: Frame) -> None:
         """Empty the atlas, and fill it at the largest shading rate at which everything has a place."""

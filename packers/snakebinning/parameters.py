@@ -36,6 +36,13 @@ PARAMETERS = {
     "superblock_height": Parameter(
         0, (0, 512, 1024), "height of superblocks; 0 for that of the atlas", "texels", "3.5"
     ),
+    "assignment": Parameter(
+        "best",
+        ("best", "first"),
+        "the superblock of a strip: the one in which it wastes least, or the first that has room",
+        "",
+        "first: 3.5; best: ours",
+    ),
     "capacity": Parameter(0.3, (0.0, 0.3), "room that a strip gets beyond what it needs", "1", "3.6"),
     "shrink": Parameter(
         0.5, (0.0, 0.5), "a strip that uses less than this share of its room gives up the rest", "1", "3.6"

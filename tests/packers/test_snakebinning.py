@@ -1,0 +1,246 @@
+"""SnakeBinning on a small room: valid with every switch, coherent, deterministic, and it looks right."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from harness.reference import ForwardRenderer
+from harness.validity import check
+from packers.interface import Decoded, Frame, Payload, ServerScene
+from packers.snakebinning import SnakeBinning
+from packers.snakebinning.client import decode_records, encode_records
+from packers.snakebinning.packer import check_atlas, reference_views
+from tests.packers.rooms import frame_of, novel_view, room, server_of
+
+
+@pytest.fixture(scope="module")
+def scene(device) -> ServerScene:
+    return server_of(device, room())
+
+
+class Stream:
+    """A packer and its client over some frames."""
+
+    def __init__(self, scene: ServerScene, **parameters) -> None:
+        self.packer = SnakeBinning(**parameters)
+        self.packer.prepare(scene)
+        self.client = self.packer.client(scene)
+
+    def send(self, frame: Frame) -> Payload:
+        payload = self.packer.pack(frame)
+        planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
+        self.client.receive(Decoded(planes, payload.blobs, payload.geometry))
+        return payload
+
+    def violations(self, frame: Frame, payload: Payload) -> list:
+        return check(frame, payload, self.packer.owners(payload), self.client)
+
+
+SWITCHES = [
+    {},
+    {"full_footprint": False},
+    {"perspective": False},
+    {"mapping": "hierarchical", "average_clear": True},
+    {"mapping": "off", "capacity": 0.0},
+    {"logarithmic": False, "prediction_frames": 0},
+    {"hysteresis": False, "freeze": 0.0},
+    {"freeze": 0.5, "freeze_frames": 2, "remap_interval": 2},
+    {"superblock_height": 128, "collapse": 0.9, "shrink": 0.9},
+    {"assignment": "first", "shading_rate": 1.0},
+]
+
+
+@pytest.mark.parametrize("parameters", SWITCHES)
+def test_a_walk_is_valid(scene, parameters):
+    stream = Stream(scene, **parameters)
+    for step in range(4):
+        frame = frame_of(scene, 1024, 512, 3 * step)
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.unplaced == {}
+        found = payload.statistics
+        wasted = [found[n] for n in ("wasted_in_slots", "wasted_row_ends", "wasted_in_superblocks", "unallocated")]
+        assert payload.sample_count + sum(wasted) == 1024 * 512
+        assert min(wasted[1:]) >= 0
+
+
+def test_the_enlargement_of_the_paper_leaves_texels_unwritten(scene):
+    stream = Stream(scene, enlarge="paper")
+    frame = frame_of(scene, 1024, 512)
+    rules = {violation.rule for violation in stream.violations(frame, stream.send(frame))}
+    assert "written" in rules
+    assert not rules & {"single owner", "inside", "placed", "alpha", "barycentrics"}
+
+
+def test_the_client_sees_what_the_reference_shows(scene):
+    stream = Stream(scene, shading_rate=1.0)
+    stream.send(frame_of(scene, 2048, 1024))
+    image = stream.client.draw(novel_view())
+    reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    assert (image.triangle.get() == reference.triangle.get()).mean() > 0.995
+    error = np.abs(image.rgb.get().astype(int) - reference.rgb.get())
+    assert error.mean() < 0.5
+    empty = reference.triangle.get() < 0
+    assert (error[empty & (image.triangle.get() < 0)] == 0).all()
+
+
+def test_samples_follow_the_shading_rate_and_the_picture_follows_the_samples(scene):
+    counts, errors = [], []
+    reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    for rate in (0.2, 0.5, 1.0):
+        stream = Stream(scene, shading_rate=rate, full_footprint=False)
+        payload = stream.send(frame_of(scene, 2048, 1024))
+        assert payload.statistics["shading_rate"] == rate
+        counts.append(payload.sample_count)
+        image = stream.client.draw(novel_view())
+        errors.append(np.abs(image.rgb.get().astype(int) - reference.rgb.get()).mean())
+    assert counts[0] < counts[1] < counts[2]
+    assert errors[0] > errors[1] > errors[2]
+
+
+@settings(max_examples=10, deadline=None)
+@given(seed=st.integers(0, 1000), freeze=st.sampled_from([0.0, 0.05, 0.9]), side=st.sampled_from([16, 64, 200, 512]))
+def test_any_sequence_of_sets_is_valid(scene, seed, freeze, side):
+    """Sets that change a little, entirely, to nothing, to one triangle and back, in atlases that may be too small."""
+    rng = np.random.default_rng(seed)
+    stream = Stream(scene, freeze=freeze)
+    count = scene.triangles.count
+    chosen = rng.random(count) < 0.4
+    for kind in rng.permutation(["little", "all", "none", "one", "little", "little"]):
+        match kind:
+            case "little":
+                chosen = chosen ^ (rng.random(count) < 0.03)
+            case "all":
+                chosen = ~chosen
+            case "none":
+                chosen = np.zeros(count, bool)
+            case "one":
+                chosen = np.arange(count) == rng.integers(count)
+        frame = frame_of(scene, side, side, 0, np.flatnonzero(chosen).astype(np.int32))
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.sample_count <= side * side
+        assert (len(payload.unplaced) > 0) <= (payload.statistics["shading_rate"] < 0.003)
+
+
+def test_what_does_not_change_stays(scene):
+    stream = Stream(scene)
+    frame = frame_of(scene, 512, 512)
+    first = stream.send(frame)
+    second = stream.send(frame)
+    assert second.planes["atlas"].get().tobytes() == first.planes["atlas"].get().tobytes()
+    assert not any(second.blobs["places"])
+    assert second.statistics["frozen_frames"] == 1
+    assert second.statistics["triangles_moved"] == 0
+
+
+def test_frozen_frames_move_nothing_and_add_what_is_new(scene):
+    """The paper's freeze: all earlier triangles stay exactly in place; the strips of the new ones may have grown."""
+    stream = Stream(scene, freeze=0.9, capacity=1.0)
+    everything = frame_of(scene, 1024, 1024).pvs
+    before, after = everything[np.arange(len(everything)) % 40 > 0], everything[np.arange(len(everything)) % 40 < 39]
+    first = stream.send(frame_of(scene, 1024, 1024, 0, before))
+    owners = stream.packer.owners(first)
+    payload = stream.send(frame_of(scene, 1024, 1024, 1, after))
+    assert payload.statistics["frozen_frames"] == 1
+    later = stream.packer.owners(payload)
+    stay = np.intersect1d(before, after)
+    moved = sum(set(owners.texel[owners.triangle == t]) != set(later.texel[later.triangle == t]) for t in stay)
+    assert moved <= 0.1 * len(stay)
+    assert set(after) == set(later.triangle)
+
+
+def test_a_rebuilt_frame_puts_triangles_in_primitive_order(scene):
+    stream = Stream(scene)
+    frame = frame_of(scene, 1024, 1024)
+    stream.send(frame)
+    slots = stream.packer.places.slots.get()[frame.pvs]
+    for strip in np.unique(slots[:, 0]):
+        np.testing.assert_array_equal(slots[slots[:, 0] == strip, 1], np.arange((slots[:, 0] == strip).sum()))
+
+
+@pytest.mark.parametrize(("local_size", "chunks"), [(1, 3), (7, 64), (256, 1000)])
+def test_work_groups_and_chunks_change_no_byte(device, scene, local_size, chunks, monkeypatch):
+    frames = [frame_of(scene, 256, 256, step) for step in (0, 1, 8)]
+
+    def send_all() -> list[tuple]:
+        stream = Stream(scene, mapping="hierarchical", average_clear=True)
+        return [as_bytes(stream.send(frame)) for frame in frames]
+
+    expected = send_all()
+    monkeypatch.setattr(device, "local_size", local_size)
+    monkeypatch.setattr(device, "chunks", chunks)
+    assert send_all() == expected
+
+
+def as_bytes(payload: Payload) -> tuple:
+    return payload.planes["atlas"].get().tobytes(), payload.blobs["places"], payload.geometry, payload.statistics
+
+
+def test_an_atlas_too_small_lowers_the_rate_to_the_largest_that_fits(scene):
+    rates = []
+    for side in (256, 128, 96):
+        stream = Stream(scene)
+        frame = frame_of(scene, side, side)
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.unplaced == {}
+        rates.append(payload.statistics["shading_rate"])
+    assert 0.7 > rates[0] > rates[1] > rates[2]
+
+
+def test_an_atlas_too_small_for_four_texels_each_names_the_rest(scene):
+    stream = Stream(scene)
+    pvs = np.arange(scene.triangles.count, dtype=np.int32)
+    frame = frame_of(scene, 16, 16, 0, pvs)
+    payload = stream.send(frame)
+    assert 0 < payload.sample_count <= 256
+    assert 0 < len(payload.unplaced) < len(pvs)
+    assert stream.violations(frame, payload) == []
+    image = stream.client.draw(novel_view())
+    assert not np.isin(image.triangle.get(), list(payload.unplaced)).any()
+
+
+def test_a_smaller_set_gets_the_full_rate_back(scene):
+    stream = Stream(scene, remap_interval=2)
+    pvs = frame_of(scene, 128, 128).pvs
+    assert stream.send(frame_of(scene, 128, 128, 0, pvs)).statistics["shading_rate"] < 0.7
+    few = pvs[-3:]
+    rates = [stream.send(frame_of(scene, 128, 128, 0, few)).statistics["shading_rate"] for _ in range(4)]
+    assert rates[-1] > 0.7 * 2**-2
+
+
+@given(st.integers(0, 2**32 - 1), st.integers(1, 50))
+def test_records_survive_coding(seed, count):
+    rng = np.random.default_rng(seed)
+    before, now = (rng.integers(0, 2**32, (count, 4), dtype=np.uint32) & [2**32 - 1, 2**32 - 1, 2**16 - 1, 2**32 - 1]
+                   for _ in range(2))  # fmt: skip
+    before, now = before.astype(np.uint32), now.astype(np.uint32)
+    data = encode_records(now, before)
+    assert len(data) == 14 * count
+    np.testing.assert_array_equal(decode_records(data, count) ^ before, now)
+
+
+def test_predicted_views_are_evenly_spaced(scene):
+    frame = frame_of(scene, 64, 64)
+    assert reference_views(frame, 3)[0] is frame.server
+    views = tuple(novel_view(k) for k in range(3))
+    frame = Frame(**{**frame.__dict__, "predicted": views})
+    for count, expected in ((1, [2]), (2, [1, 2]), (9, [0, 1, 2])):
+        chosen = reference_views(frame, count)
+        assert [[view is other for other in views].index(True) for view in chosen] == expected
+    assert reference_views(frame, 0)[0] is frame.server
+
+
+@pytest.mark.parametrize(
+    ("size", "height", "chosen"), [((2048, 2048), 0, 512), ((512, 256), 0, 256), ((64, 64), 32, 32)]
+)
+def test_superblocks_follow_the_atlas(size, height, chosen):
+    assert check_atlas(*size, height) == chosen
+
+
+@pytest.mark.parametrize(("size", "height"), [((9000, 100), 0), ((100, 100), 101), ((100, 1), 0), ((64, 64), 1)])
+def test_sizes_that_cannot_be_used_are_refused(size, height):
+    with pytest.raises(ValueError, match=r"outside 2 to"):
+        check_atlas(*size, height)
