@@ -9,27 +9,48 @@ typedef struct {
     int2 origin; // the tile's first pixel
     int width, height;
     __global const int *offsets; // 0: count only
-    __global int *triangle, *pixel;
+    __global int *triangle;
     __global float *depth;
     int8 cursor[TILE * BLOCKS];
 } Target;
 
-// Write a row's fragments behind those that their pixels have.
+// Which lanes of a comparison hold, as bits.
+INLINE uint lanes_of(const int8 mask)
+{
+    const int8 bits = mask & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+    const int4 four = bits.lo | bits.hi;
+    return four.x | four.y | four.z | four.w;
+}
+
+// Write a row's fragments behind those that their pixels have: at once where they come to lie side by side, as most do
+// where one surface covers all.
 INLINE void write_row(Target *target, const int x, const int y, const int at, const int8 draw, const float8 z,
                       const int id)
 {
-    int *cursor = (int *)&target->cursor[at];
-    const int4 four = draw.lo | draw.hi;
-    if ((four.x | four.y | four.z | four.w) == 0)
+    uint left = lanes_of(draw);
+    if (left == 0)
         return;
-    for (int lane = 0; lane < 8; lane++)
-        if (((const int *)&draw)[lane]) {
-            const int pixel = (target->origin.y + y) * target->width + target->origin.x + x + lane;
-            const int to = target->offsets[pixel] + cursor[lane]++;
-            target->triangle[to] = id;
-            target->pixel[to] = pixel;
-            target->depth[to] = ((const float *)&z)[lane];
+    __global const int *offsets = target->offsets + (target->origin.y + y) * target->width + target->origin.x + x;
+    if (left == 255 && target->origin.x + x + 8 <= target->width) {
+        const int8 to = *(__global const loose_int8 *)offsets + target->cursor[at];
+        const int8 aside = to != to.s0 + (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+        const int4 apart = aside.lo | aside.hi;
+        if ((apart.x | apart.y | apart.z | apart.w) == 0) {
+            target->cursor[at] += 1;
+            *(__global loose_int8 *)(target->triangle + to.s0) = (int8)id;
+            *(__global loose_float8 *)(target->depth + to.s0) = z;
+            return;
         }
+    }
+    int *cursor = (int *)&target->cursor[at];
+    __global int *triangle = target->triangle;
+    __global float *depth = target->depth;
+    for (; left; left &= left - 1) { // over the bits that are set: a branch per lane would be hard to predict
+        const int lane = 31 - clz(left & (0u - left));
+        const int to = offsets[lane] + cursor[lane]++;
+        triangle[to] = id;
+        depth[to] = ((const float *)&z)[lane];
+    }
 }
 
 // Count or write the fragments of one record in a tile: the pixels and depths that the rasteriser gives it.
@@ -132,7 +153,7 @@ __kernel void count_fragments(const int tiles, const int tiles_x, const int widt
 __kernel void write_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
                               __global const int *ends, __global const int *entries, __global const int *records,
                               __global const uchar *members, const int member, __global const int *offsets,
-                              __global int *triangle, __global int *pixel, __global float *depth ALPHA_PARAMETERS)
+                              __global int *triangle, __global float *depth ALPHA_PARAMETERS)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
@@ -142,20 +163,21 @@ __kernel void write_fragments(const int tiles, const int tiles_x, const int widt
     target.height = height;
     target.offsets = offsets;
     target.triangle = triangle;
-    target.pixel = pixel;
     target.depth = depth;
     add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS);
 }
 
-// Sorts each pixel's fragments, nearest (greatest depth) first, of equal depths the lowest triangle. Shell's sort, which
-// is plain insertion for short lists; no two fragments compare equal, so the order is the only one.
+// Sorts each pixel's fragments, nearest (greatest depth) first, of equal depths the lowest triangle, and notes whose they
+// are. Shell's sort, which is plain insertion for short lists; no two compare equal, so the order is the only one.
 __kernel void sort_fragments(const int pixels, __global const int *offsets, __global int *triangle,
-                             __global float *depth)
+                             __global int *owner, __global float *depth)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
         return;
     const int first = offsets[pixel], count = offsets[pixel + 1] - first;
+    for (int i = 0; i < count; i++)
+        owner[first + i] = pixel;
     __global int *ids = triangle + first;
     __global float *depths = depth + first;
     int gap = count > 16 ? count / 2 : 1;

@@ -103,10 +103,11 @@ class Builder:
         samples = Samples.allocate(device, total)
         depth = device.recycled(len(samples.texel), np.float32)
         if bins:
-            results = (offsets, samples.triangle, samples.texel, depth)
+            results = (offsets, samples.triangle, depth)
             write = (f"{stage}/write", kernels.write_fragments, picture.tiles)
             device.launch(*write, *inputs, *results, *alpha, local=1)
-            device.launch(f"{stage}/sort", kernels.sort_fragments, pixels, pixels, offsets, samples.triangle, depth)
+            lists = (offsets, samples.triangle, samples.texel, depth)
+            device.launch(f"{stage}/sort", kernels.sort_fragments, pixels, pixels, *lists)
         locate_samples(device, triangles, samples, camera, f"{stage}/locate")
         return Fragments(camera.width, camera.height, samples, depth, offsets)
 

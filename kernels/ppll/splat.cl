@@ -3,6 +3,8 @@
 
 // Squares are this much larger than a pixel's share, so that neighbours overlap where the view stretches them.
 #define OVERLAP 1.5f
+// Those of fragments that lie anywhere in their pixel: two of them may be nearly two pixels apart.
+#define LOOSE_OVERLAP 1.95f
 #define WIDEST 4.0f // pixels to each side
 // Points of neighbouring list pixels belong to one surface if their distances differ by less than this share.
 #define SAME_SURFACE 0.02f
@@ -42,7 +44,7 @@ __kernel void place_points(const int pixels, const int width, __global const int
         const float column = lens.x * dot(turn_x, p) / distance + lens.z;
         const float line = lens.w - lens.y * dot(turn_y, p) / distance;
         const float spread = size * from / distance;
-        const float half_side = 0.5f * OVERLAP * (spread > 1.0f ? spread : 1.0f);
+        const float half_side = 0.5f * (words == 2 ? OVERLAP : LOOSE_OVERLAP) * (spread > 1.0f ? spread : 1.0f);
         points[at + i] = (float4)(column, line, distance, seen ? (half_side < WIDEST ? half_side : WIDEST) : -1.0f);
         keys[at + i] = distance;
         sources[at + i] = pixel;
