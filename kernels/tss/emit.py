@@ -117,9 +117,8 @@ def emit_primitive_twin(
     column, row, sign = unpack_place(offset[:, 0])
     texel = (row + sign * offset[:, 2]) * atlas_width + column + sign * offset[:, 1]
     spread = np.broadcast_to(inverse, (len(local), 3))
-    ways = [_way(corners, inverse, at.mean(axis=0), step) for step in steps]
-    chosen = steps[int(np.argmax(np.round(ways, 9)))]
-    footprint = np.array([_way(corners, inverse, point, chosen) for point in local])
+    ways = [_ways(corners, inverse, at.mean(axis=0)[None], step)[0] for step in steps]
+    footprint = _ways(corners, inverse, local, steps[int(np.argmax(ways))])
     bary = to_object(local, spread)
     names = ("triangle", "bary1", "bary2", "footprint", "texel")
     return dict(zip(names, (np.full(len(local), triangle), *bary.T, footprint, texel), strict=True))
@@ -154,9 +153,10 @@ def _halves(
     return np.concatenate(points), np.concatenate(offsets), [along, up]
 
 
-def _way(corners: np.ndarray, inverse: np.ndarray, point: np.ndarray, step: np.ndarray) -> float:
-    """Length on the surface of a small step of screen weights, by the derivative of the perspective map."""
-    weights, change = np.array([1 - point.sum(), *point]) * inverse, np.array([-step.sum(), *step]) * inverse
-    total = max(weights.sum(), inverse.min() / 4)
-    derivative = (change - weights / weights.sum() * change.sum()) / total
-    return float(np.linalg.norm(derivative @ (corners.astype(np.float64) - corners[0])))
+def _ways(corners: np.ndarray, inverse: np.ndarray, points: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """Lengths (n) on the surface of a small step of screen weights at points (n, 2): the perspective's derivative."""
+    weights = np.column_stack([1 - points.sum(axis=1), points]) * inverse
+    change = np.array([-step.sum(), *step]) * inverse
+    total = np.maximum(weights.sum(axis=1, keepdims=True), inverse.min() / 4)
+    derivative = (change - weights / total * change.sum()) / total
+    return np.linalg.norm(derivative @ (corners.astype(np.float64) - corners[0]), axis=1)
