@@ -5,8 +5,18 @@
 #define LESSER(a, b) ((a) < (b) ? (a) : (b))
 #define GREATER(a, b) ((a) > (b) ? (a) : (b))
 
-// For loads and stores of 8 values at any address: *(loose_int8 *)pointer.
+// For loads and stores at any address: *(loose_int8 *)pointer.
+typedef int4 __attribute__((aligned(4))) loose_int4;
 typedef int8 __attribute__((aligned(4))) loose_int8;
 typedef float8 __attribute__((aligned(4))) loose_float8;
 
 #define INLINE __attribute__((always_inline)) inline
+
+// Which lanes of a comparison hold, as bits.
+INLINE uint bits_of(const int8 mask)
+{
+    const int8 bits = mask & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
+    const int4 four = bits.lo | bits.hi;
+    const int2 two = four.lo | four.hi;
+    return (uint)(two.x | two.y);
+}

@@ -2,7 +2,7 @@
 //   0..5   x, y of three corners in sub-pixels from the image's top left; clockwise on screen (positive area)
 //   6..8   depth at the corners, as the bits of floats
 //   9      triangle | MASK_BIT where it has an alpha mask
-//   10, 11 unused
+//   10, 11 the pixels whose centres its box holds: left | top << 16, right | bottom << 16
 #include "raster/camera.cl"
 
 #define RECORD 12
@@ -15,12 +15,8 @@ INLINE int most(const int a, const int b, const int c) { return GREATER(GREATER(
 INLINE int first_pixel(const int low) { return (low + SUBPIXELS / 2 - 1) >> 8; }
 INLINE int last_pixel(const int high) { return (high - SUBPIXELS / 2) >> 8; }
 
-// The pixels (left, top, right, bottom) of the image whose centres lie in a record's box.
-INLINE int4 record_pixels(__global const int *record, const int width, const int height)
+// The pixels (left, top, right, bottom) of the image whose centres lie in a record's box, from its last two ints.
+INLINE int4 record_pixels(const int2 packed)
 {
-    const int left = first_pixel(least(record[0], record[2], record[4]));
-    const int top = first_pixel(least(record[1], record[3], record[5]));
-    const int right = last_pixel(most(record[0], record[2], record[4]));
-    const int bottom = last_pixel(most(record[1], record[3], record[5]));
-    return (int4)(GREATER(left, 0), GREATER(top, 0), LESSER(right, width - 1), LESSER(bottom, height - 1));
+    return (int4)(packed.x & 0xffff, packed.x >> 16, packed.y & 0xffff, packed.y >> 16);
 }

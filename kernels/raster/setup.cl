@@ -66,8 +66,8 @@ INLINE void add_record(Output *out, const int2 a, int2 b, int2 c, const float da
     if (out->written < out->capacity) {
         __global int *record = out->records + (size_t)out->written * RECORD;
         *(__global loose_int8 *)record = (int8)(a, b, c, as_int(da), as_int(db));
-        record[8] = as_int(dc);
-        record[9] = triangle | (flags & MASKED ? MASK_BIT : 0);
+        *(__global loose_int4 *)(record + 8) =
+            (int4)(as_int(dc), triangle | (flags & MASKED ? MASK_BIT : 0), left | top << 16, right | bottom << 16);
     }
     out->written++;
 }
@@ -279,7 +279,7 @@ __kernel void fill_bins(const int chunks, const int width, const int height, con
         return;
     const int first = chunk * capacity, end = first + written[chunk];
     for (int i = first; i < end; i++) {
-        const int4 box = record_pixels(records + (size_t)i * RECORD, width, height);
+        const int4 box = record_pixels(*(__global const int2 *)(records + (size_t)i * RECORD + 10));
         for (int y = box.y / TILE; y <= box.w / TILE; y++)
             for (int x = box.x / TILE; x <= box.z / TILE; x++)
                 entries[offsets[(size_t)(y * tiles_x + x) * chunks + chunk]++] = i;

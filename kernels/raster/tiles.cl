@@ -11,12 +11,13 @@ INLINE float smallest_of(const float8 v)
     return LESSER(two.x, two.y);
 }
 
-// A tile while it is drawn, block by block, rows of 8 pixels; `held` tells which blocks are here yet.
+// A tile while it is drawn, block by block, two rows of 8 pixels per vector. Of each block: whether it is `held` yet, how
+// often it was touched, and its farthest depth, which may lag behind.
 typedef struct {
-    float8 depth[TILE * BLOCKS];
-    int8 ids[TILE * BLOCKS];
+    float16 depth[TILE * BLOCKS / 2];
+    int16 ids[TILE * BLOCKS / 2];
     float farthest[BLOCKS * BLOCKS];
-    uchar held[BLOCKS * BLOCKS];
+    uchar held[BLOCKS * BLOCKS], touched[BLOCKS * BLOCKS];
     int2 origin; // its first pixel
     int width, height, resumes;
     __global int *triangles; // the images
@@ -27,22 +28,23 @@ typedef struct {
 INLINE void hold_block(Tile *tile, const int bx, const int by)
 {
     const int block = by * BLOCKS + bx, x = tile->origin.x + bx * BLOCK, y = tile->origin.y + by * BLOCK;
+    float8 *depth = (float8 *)tile->depth + block * BLOCK;
+    int8 *ids = (int8 *)tile->ids + block * BLOCK;
     tile->held[block] = 1;
     for (int j = 0; j < BLOCK; j++) {
-        const int at = block * BLOCK + j;
-        tile->depth[at] = 0.0f;
-        tile->ids[at] = -1;
+        depth[j] = 0.0f;
+        ids[j] = -1;
         if (!tile->resumes || y + j >= tile->height)
             continue;
         const size_t from = (size_t)(y + j) * tile->width + x;
         if (x + BLOCK <= tile->width) {
-            tile->depth[at] = *(__global loose_float8 *)(tile->depths + from);
-            tile->ids[at] = *(__global loose_int8 *)(tile->triangles + from);
+            depth[j] = *(__global loose_float8 *)(tile->depths + from);
+            ids[j] = *(__global loose_int8 *)(tile->triangles + from);
             continue;
         }
         for (int i = 0; i < tile->width - x; i++) {
-            ((float *)&tile->depth[at])[i] = tile->depths[from + i];
-            ((int *)&tile->ids[at])[i] = tile->triangles[from + i];
+            ((float *)&depth[j])[i] = tile->depths[from + i];
+            ((int *)&ids[j])[i] = tile->triangles[from + i];
         }
     }
 }
@@ -54,8 +56,8 @@ INLINE void store_row(const Tile *tile, const int y)
         const int block = y / BLOCK * BLOCKS + bx, x = tile->origin.x + bx * BLOCK;
         if (x >= tile->width || (tile->resumes && !tile->held[block]))
             continue;
-        const float8 depth = tile->held[block] ? tile->depth[block * BLOCK + y % BLOCK] : (float8)0.0f;
-        const int8 ids = tile->held[block] ? tile->ids[block * BLOCK + y % BLOCK] : (int8)-1;
+        const float8 depth = tile->held[block] ? ((float8 *)tile->depth)[block * BLOCK + y % BLOCK] : (float8)0.0f;
+        const int8 ids = tile->held[block] ? ((int8 *)tile->ids)[block * BLOCK + y % BLOCK] : (int8)-1;
         const size_t to = (size_t)(tile->origin.y + y) * tile->width + x;
         if (x + BLOCK <= tile->width) {
             *(__global loose_float8 *)(tile->depths + to) = depth;
@@ -69,6 +71,14 @@ INLINE void store_row(const Tile *tile, const int y)
     }
 }
 
+// The farthest depth of a block.
+INLINE float farthest_of(const float16 *depth)
+{
+    const float16 low01 = LESSER(depth[0], depth[1]), low23 = LESSER(depth[2], depth[3]);
+    const float16 low = LESSER(low01, low23);
+    return smallest_of(LESSER(low.lo, low.hi));
+}
+
 // Whether a box of few blocks (left, top, right, bottom) lies behind what is drawn.
 INLINE int behind(const Tile *tile, const int4 box, const float nearest)
 {
@@ -78,79 +88,142 @@ INLINE int behind(const Tile *tile, const int4 box, const float nearest)
     return (nearest < upper[box.x]) & (nearest < upper[box.z]) & (nearest < lower[box.x]) & (nearest < lower[box.z]);
 }
 
-// Draw one record into a tile.
-INLINE void draw_record(__global const int *record, Tile *tile ALPHA_PARAMETERS)
+// A record, see record.cl.
+typedef struct {
+    int8 corners;
+    int4 rest;
+} Record;
+
+INLINE Record fetch(__global const int *records, const int number)
 {
-    const int2 origin = tile->origin;
-    const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
-    const float3 d = (float3)(as_float(record[6]), as_float(record[7]), as_float(record[8]));
-    const int4 box = record_pixels(record, tile->width, tile->height);
-    const int left = GREATER(box.x - origin.x, 0), right = LESSER(box.z - origin.x, TILE - 1);
-    const int top = GREATER(box.y - origin.y, 0), bottom = LESSER(box.w - origin.y, TILE - 1);
-    const int id = record[9] & ~MASK_BIT;
-    const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    __global const int *at = records + (size_t)number * RECORD;
+    return (Record){*(__global const loose_int8 *)at, *(__global const loose_int4 *)(at + 8)};
+}
 
-    if (behind(tile, (int4)(left, top, right, bottom) / BLOCK, GREATER(d.x, GREATER(d.y, d.z))))
-        return;
-    const Plane plane = depth_plane(a, b, c, d);
-    const int2 centre = origin * SUBPIXELS + SUBPIXELS / 2;
-    const Edge e0 = edge_at(a, b, centre), e1 = edge_at(b, c, centre), e2 = edge_at(c, a, centre);
-    const int reach0 = 7 * (GREATER(e0.along_x, 0) + GREATER(e0.along_y, 0));
-    const int reach1 = 7 * (GREATER(e1.along_x, 0) + GREATER(e1.along_y, 0));
-    const int reach2 = 7 * (GREATER(e2.along_x, 0) + GREATER(e2.along_y, 0));
-    const float slope_x = (float)(plane.along_x * SUBPIXELS), slope_y = (float)(plane.along_y * SUBPIXELS);
-
+// A record in a tile: the tile's pixels that its box holds, and what decides coverage and depth.
+typedef struct {
+    int left, top, right, bottom, id;
+    int2 centre; // of the tile's first pixel
+    Edge edges[3];
+    Plane plane;
+    float slope_x, slope_y; // depth per pixel
+    int is_masked;
 #if MASKED
-    const int is_masked = record[9] & MASK_BIT;
     MaskedTriangle masked;
-    if (is_masked)
-        masked = masked_triangle(id ALPHA_ARGUMENTS);
-    const float2 middle = (float2)(centre.x - tile->width * (SUBPIXELS / 2), centre.y - tile->height * (SUBPIXELS / 2));
+    float2 middle; // `centre`, from the image's centre
 #endif
-    for (int by = top / BLOCK; by <= bottom / BLOCK; by++)
-        for (int bx = left / BLOCK; bx <= right / BLOCK; bx++) {
-            const int block = by * BLOCKS + bx, px = bx * BLOCK, py = by * BLOCK;
-            const int at0 = e0.at + e0.along_x * px + e0.along_y * py;
-            const int at1 = e1.at + e1.along_x * px + e1.along_y * py;
-            const int at2 = e2.at + e2.along_x * px + e2.along_y * py;
-            if (((at0 + reach0) | (at1 + reach1) | (at2 + reach2)) < 0)
-                continue;
-            const float z0 = (float)(plane.depth + plane.along_x * (px * SUBPIXELS + centre.x - plane.corner.x) +
-                                     plane.along_y * (py * SUBPIXELS + centre.y - plane.corner.y));
-            const float reached = (z0 + (slope_y > 0 ? 7.0f : 0.0f) * slope_y) + (slope_x > 0 ? 7.0f : 0.0f) * slope_x;
-            if (LESSER(reached, plane.nearest) < tile->farthest[block])
-                continue;
-            if (!tile->held[block])
-                hold_block(tile, bx, by);
-            const int first = GREATER(top - py, 0), last = LESSER(bottom - py, BLOCK - 1);
-            int8 row0 = at0 + e0.along_y * first + e0.along_x * steps;
-            int8 row1 = at1 + e1.along_y * first + e1.along_x * steps;
-            int8 row2 = at2 + e2.along_y * first + e2.along_x * steps;
-            for (int j = first; j <= last; j++) {
-                float8 z = (z0 + j * slope_y) + lanes * slope_x;
-                z = LESSER(z, plane.nearest);
-                z = GREATER(z, plane.farthest);
-                const int at = block * BLOCK + j;
-                const float8 old = tile->depth[at];
-                int8 draw = ((row0 | row1 | row2) >= 0) & ((z > old) | ((z == old) & (id < tile->ids[at])));
+} Shape;
+
 #if MASKED
-                if (is_masked)
-                    draw = without_holes(draw, &masked, middle.x + (px + lanes) * SUBPIXELS,
-                                         middle.y + (py + j) * SUBPIXELS ALPHA_ARGUMENTS);
+// Clear the lanes of two rows of 8 pixels from (x, y) of the tile that fall into the mask's holes.
+INLINE int16 rows_without_holes(int16 draw, const Shape *shape, const int x, const int y ALPHA_PARAMETERS)
+{
+    const float8 px = shape->middle.x + (x + (float8)(0, 1, 2, 3, 4, 5, 6, 7)) * SUBPIXELS;
+    const float py = shape->middle.y + y * SUBPIXELS;
+    draw.lo = without_holes(draw.lo, &shape->masked, px, py ALPHA_ARGUMENTS);
+    draw.hi = without_holes(draw.hi, &shape->masked, px, py + SUBPIXELS ALPHA_ARGUMENTS);
+    return draw;
+}
 #endif
-                tile->depth[at] = draw ? z : old;
-                tile->ids[at] = draw ? (int8)id : tile->ids[at];
-                row0 += e0.along_y;
-                row1 += e1.along_y;
-                row2 += e2.along_y;
-            }
-            const float8 *row = tile->depth + block * BLOCK;
-            const float8 low0 = LESSER(row[0], row[1]), low1 = LESSER(row[2], row[3]);
-            const float8 low2 = LESSER(row[4], row[5]), low3 = LESSER(row[6], row[7]);
-            const float8 low01 = LESSER(low0, low1), low23 = LESSER(low2, low3);
-            tile->farthest[block] = smallest_of(LESSER(low01, low23));
+
+// Draw the part of a shape that lies in a block.
+INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int by ALPHA_PARAMETERS)
+{
+    const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7), zero = 0, one = 1;
+    const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7), upper = 0.0f, lower = 1.0f;
+    const int16 columns = (int16)(steps, steps), rows_down = (int16)(zero, one);
+    const float16 across = (float16)(lanes, lanes), down = (float16)(upper, lower);
+    const int block = by * BLOCKS + bx, px = bx * BLOCK, py = by * BLOCK;
+    const Plane plane = shape->plane;
+    const float slope_x = shape->slope_x, slope_y = shape->slope_y;
+    const float z0 = (float)(plane.depth + plane.along_x * (px * SUBPIXELS + shape->centre.x - plane.corner.x) +
+                             plane.along_y * (py * SUBPIXELS + shape->centre.y - plane.corner.y));
+    const float reached = (z0 + (slope_y > 0 ? 7.0f : 0.0f) * slope_y) + (slope_x > 0 ? 7.0f : 0.0f) * slope_x;
+    if (LESSER(reached, plane.nearest) < tile->farthest[block])
+        return;
+    if (!tile->held[block])
+        hold_block(tile, bx, by);
+    const int first = GREATER(shape->top - py, 0) / 2, last = LESSER(shape->bottom - py, BLOCK - 1) / 2;
+    int16 inside[3];
+    for (int i = 0; i < 3; i++) {
+        const Edge edge = shape->edges[i];
+        inside[i] = (edge.at + edge.along_x * px + edge.along_y * (py + 2 * first)) +
+                    (edge.along_x * columns + edge.along_y * rows_down);
+    }
+    float16 *depth = tile->depth + block * (BLOCK / 2);
+    int16 *ids = tile->ids + block * (BLOCK / 2);
+    for (int j = first; j <= last; j++) {
+        float16 z = (z0 + (2 * j + down) * slope_y) + across * slope_x;
+        z = LESSER(z, plane.nearest);
+        z = GREATER(z, plane.farthest);
+        int16 draw = ((inside[0] | inside[1] | inside[2]) >= 0) &
+                     ((z > depth[j]) | ((z == depth[j]) & (shape->id < ids[j])));
+#if MASKED
+        if (shape->is_masked)
+            draw = rows_without_holes(draw, shape, px, py + 2 * j ALPHA_ARGUMENTS);
+#endif
+        depth[j] = draw ? z : depth[j];
+        ids[j] = draw ? (int16)shape->id : ids[j];
+        for (int i = 0; i < 3; i++)
+            inside[i] += 2 * shape->edges[i].along_y;
+    }
+    if (last - first == BLOCK / 2 - 1 || ++tile->touched[block] % 4 == 0)
+        tile->farthest[block] = farthest_of(depth);
+}
+
+// Draw a shape: the blocks of its box, 8 at a time, that its edges reach.
+INLINE void draw_shape(Tile *tile, const Shape *shape ALPHA_PARAMETERS)
+{
+    const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const int left = shape->left / BLOCK, right = shape->right / BLOCK;
+    for (int start = left / 8 * 8; start <= right; start += 8) {
+        const int8 blocks = start + steps, within = (blocks >= left) & (blocks <= right);
+        int8 reach[3]; // the edges' greatest values in each block
+        for (int i = 0; i < 3; i++) {
+            const Edge edge = shape->edges[i];
+            reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) +
+                       edge.along_x * BLOCK * blocks;
         }
+        for (int by = shape->top / BLOCK; by <= shape->bottom / BLOCK; by++) {
+            int8 inside = 0;
+            for (int i = 0; i < 3; i++)
+                inside |= reach[i] + shape->edges[i].along_y * by * BLOCK;
+            for (uint todo = bits_of(within & (inside >= 0)); todo; todo &= todo - 1)
+                draw_block(tile, shape, start + 31 - (int)clz(todo & -todo), by ALPHA_ARGUMENTS);
+        }
+    }
+}
+
+// Draw one record into a tile.
+INLINE void draw_record(Tile *tile, const Record record ALPHA_PARAMETERS)
+{
+    const int2 a = record.corners.s01, b = record.corners.s23, c = record.corners.s45, origin = tile->origin;
+    const float3 d = (float3)(as_float2(record.corners.s67), as_float(record.rest.x));
+    const int4 box = record_pixels(record.rest.zw);
+    Shape shape;
+    shape.left = GREATER(box.x - origin.x, 0);
+    shape.top = GREATER(box.y - origin.y, 0);
+    shape.right = LESSER(box.z - origin.x, TILE - 1);
+    shape.bottom = LESSER(box.w - origin.y, TILE - 1);
+    const int4 blocks = (int4)(shape.left / BLOCK, shape.top / BLOCK, shape.right / BLOCK, shape.bottom / BLOCK);
+    if (behind(tile, blocks, GREATER(d.x, GREATER(d.y, d.z))))
+        return;
+    shape.id = record.rest.y & ~MASK_BIT;
+    shape.is_masked = record.rest.y & MASK_BIT;
+    shape.centre = origin * SUBPIXELS + SUBPIXELS / 2;
+    shape.edges[0] = edge_at(a, b, shape.centre);
+    shape.edges[1] = edge_at(b, c, shape.centre);
+    shape.edges[2] = edge_at(c, a, shape.centre);
+    shape.plane = depth_plane(a, b, c, d);
+    shape.slope_x = (float)(shape.plane.along_x * SUBPIXELS);
+    shape.slope_y = (float)(shape.plane.along_y * SUBPIXELS);
+#if MASKED
+    if (shape.is_masked)
+        shape.masked = masked_triangle(shape.id ALPHA_ARGUMENTS);
+    const int2 half_size = (int2)(tile->width, tile->height) * (SUBPIXELS / 2);
+    shape.middle = (float2)(shape.centre.x - half_size.x, shape.centre.y - half_size.y);
+#endif
+    draw_shape(tile, &shape ALPHA_ARGUMENTS);
 }
 
 // The nearest triangle (-1: none) and its depth at each pixel; of equal depths the lowest triangle. `blocks` and `far`
@@ -178,13 +251,20 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
     tile.depths = depths;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         tile.held[i] = 0;
+        tile.touched[i] = 0;
         tile.farthest[i] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
     }
-    for (int i = first; i < end; i++)
-        draw_record(records + (size_t)entries[i] * RECORD, &tile ALPHA_ARGUMENTS);
+    Record next = first < end ? fetch(records, entries[first]) : (Record){0, 0};
+    for (int i = first; i < end; i++) {
+        const Record record = next;
+        next = fetch(records, entries[LESSER(i + 1, end - 1)]); // ahead of its use, because it is seldom in the cache
+        draw_record(&tile, record ALPHA_ARGUMENTS);
+    }
 
     float farthest = INFINITY;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
+        if (tile.held[i])
+            tile.farthest[i] = farthest_of(tile.depth + i * (BLOCK / 2));
         tile_blocks[i / BLOCKS * pitch + i % BLOCKS] = tile.farthest[i];
         farthest = LESSER(tile.farthest[i], farthest);
     }
