@@ -23,6 +23,7 @@ RATE = 60.0  # frames per second
 WALK_FRAMES, ORBIT_FRAMES = 660, 300
 LEAD_OUT = 60  # frames that a path goes on after its last one: a second, more than any latency
 SPEED = 1.0  # of a person who looks around, metres per second
+STEP = 0.3  # metres, of a person without room to walk
 TURNTABLE_STEP = 5.0  # degrees per frame
 # Half angles, in degrees, of the view that an orbit fits its object in: 60 degrees across in 16:9.
 HALF_ACROSS, HALF_UP = 30.0, 18.0
@@ -283,11 +284,14 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
         direction = np.asarray(scene.cameras[0].direction) if scene.cameras else eyes[1] - eyes[0]
         return _stroll(_rounded(eyes), direction, scene.metres_per_unit, seed)
     for camera in scene.cameras[:1]:
-        route = route_from(scene, np.array(camera.position), np.array(camera.direction), length)
-        if route is not None:
+        eye = np.array(camera.position)
+        route = route_from(scene, eye, np.array(camera.direction), length)
+        if route is not None and _in_sight(scene, eye, route.eyes[0]):
             if not route.on_floor:
                 notes.append("The scene's camera does not stand on a floor: the walk stays at its height.")
             return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
+        notes.append("The scene's camera has no room to walk: the person there takes a small step and looks around.")
+        return _stand(scene, eye, np.array(camera.direction), seed)
     for eye, direction in viewpoints(scene):
         route = route_from(scene, eye, direction, length)
         if route is not None:
@@ -295,6 +299,22 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
             return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
     notes.append("The scene has no room to walk: walk falls back to orbit.")
     return None
+
+
+def _in_sight(scene: Scene, eye: np.ndarray, other: np.ndarray) -> bool:
+    """Whether nothing stands between two points: the nearest free place may lie behind a wall."""
+    way = other - eye
+    length = float(np.linalg.norm(way))
+    return length == 0 or Rays(scene).distance(eye, way / length) > length
+
+
+def _stand(scene: Scene, eye: np.ndarray, direction: np.ndarray, seed: int) -> Poses:
+    """One slow step from `eye` the way the camera looks, at most STEP metres and a quarter of what is free."""
+    ahead = direction / np.linalg.norm(direction)
+    free = Rays(scene).distance(eye, ahead) * scene.metres_per_unit
+    step = min(STEP, free / 4)
+    eyes = np.stack([eye, eye + ahead * step / scene.metres_per_unit])
+    return _stroll(eyes, ahead, scene.metres_per_unit, seed, step * RATE / (WALK_FRAMES + LEAD_OUT))
 
 
 def _rounded(points: np.ndarray) -> np.ndarray:
@@ -306,7 +326,7 @@ def _rounded(points: np.ndarray) -> np.ndarray:
     return PchipInterpolator(along, points)(fine)
 
 
-def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, seed: int) -> Poses:
+def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, seed: int, speed: float = SPEED) -> Poses:
     """A walk with the eyes along a line (N, 3), looking along `direction` first: steps, sway, a look around.
 
     Steps: 1.9 a second, 2 cm up and down; sway half as often. The gaze follows the way with a lag and wanders by about
@@ -317,7 +337,7 @@ def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, see
     count = WALK_FRAMES + LEAD_OUT
     t = np.arange(count) / RATE
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(eyes, axis=0), axis=1))]) * metres_per_unit
-    track = np.stack([np.interp(t * SPEED, along, eyes[:, k]) for k in range(3)], axis=1)
+    track = np.stack([np.interp(t * speed, along, eyes[:, k]) for k in range(3)], axis=1)
     heading = np.gradient(gaussian_filter1d(track, 0.15 * RATE, axis=0, mode="nearest"), axis=0)
     yaw = np.unwrap(np.arctan2(-heading[:, 0], -heading[:, 2]))
     yaw = gaussian_filter1d(yaw, 0.6 * RATE, mode="nearest")

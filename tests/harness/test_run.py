@@ -222,6 +222,15 @@ def test_reports_are_rebuilt_and_runs_compared(whole: Path):
         (["--device", "abacus"], "abacus"),
         (["--config", "nowhere.json"], "nowhere.json"),
         (["--crf", "99"], "--crf"),
+        (["--seed", "-1"], "--seed"),
+        (["--scene", ""], "--scene"),
+        (["--unit", "2"], "--unit"),
+        (["--codec", "none", "--crf", "5"], "--crf"),
+        (["--method", "sas[fit=2]"], "fit"),
+        (["--method", "sas[superblock=100]"], "superblock"),
+        (["--method", "mine.py"], "mine.py:"),
+        (["--head-motion", "nowhere.txt", "--dry-run"], "nowhere.txt"),
+        (["--device", "abacus", "--dry-run"], "abacus"),
     ],
 )
 def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], says: str, tmp_path: Path):
@@ -229,6 +238,43 @@ def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], sa
     assert done.returncode == 2, done.stdout
     assert says in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def test_results_go_into_a_folder_of_their_own(tmp_path: Path):
+    (tmp_path / "thesis.tex").write_text("years of work")
+    for out in (tmp_path, tmp_path / "thesis.tex"):
+        done = bench("run", *SMALL, "--out", str(out))
+        assert done.returncode == 2
+        assert "--out" in done.stderr
+    assert [entry.name for entry in tmp_path.iterdir()] == ["thesis.tex"]
+
+
+def test_results_of_an_edited_packer_do_not_mix_with_older_ones(tmp_path: Path):
+    source = tmp_path / "mine.py"
+    source.write_text(
+        "from packers.sas import ShadingAtlasStreaming\n\nclass Mine(ShadingAtlasStreaming):\n    name = 'mine'\n"
+    )
+    small = [*SMALL, "--frames", "1", "--codec", "none", "--method", f"{source}:Mine", "--out", str(tmp_path / "run")]
+    small = [argument for argument in small if argument not in ("--crf", "25")]
+    assert bench("run", *small).returncode == 0
+    source.write_text(source.read_text() + "\n# edited\n")
+    done = bench("run", *small)
+    assert done.returncode == 2
+    assert "mine" in done.stderr
+
+
+def test_a_stopped_run_says_what_is_kept(tmp_path: Path):
+    folder = tmp_path / "run"
+    command = [sys.executable, "-m", "harness.cli", "run", *SMALL, "--out", str(folder)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
+    until = time.monotonic() + 200
+    while not _finished(folder) and time.monotonic() < until and process.poll() is None:
+        os.sched_yield()
+    process.terminate()
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert "--out" in said.split("Stopped.")[1]
+    assert "Traceback" not in said
 
 
 def test_run_json_says_what_ran(whole: Path):
