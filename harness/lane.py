@@ -277,7 +277,7 @@ class Lane:
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
             payload.statistics | self._cost_of_metrics(packed, novel, drawn),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
-            drawn.pictures | ({"atlas": plane[..., :3]} if plane is not None else {}),
+            drawn.pictures | ({"atlas": plane[..., :3]} if plane is not None else {}) | self.packer.pictures(payload),
             drawn.lossless,
             plane,
             owners,

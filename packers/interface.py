@@ -255,6 +255,10 @@ class Packer(ABC):
         bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
         return Owners(samples.texel.get()[:n].astype(np.int64), samples.triangle.get()[:n], bary)
 
+    def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
+        """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""
+        return {}
+
     @abstractmethod
     def client(self, scene: ServerScene) -> Client:
         """A fresh client. It may take from `scene` only what a client is shipped with (the device, alpha masks)."""

@@ -23,6 +23,7 @@ from packers.atlas_client import geometry_encoder
 from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene
 from packers.tss.client import TessellatedClient
 from packers.tss.message import Placement, encode
+from packers.tss.picture import draw_strategies
 from packers.tss.statistics import describe
 
 if TYPE_CHECKING:
@@ -119,15 +120,26 @@ class TessellatedShadingStreaming(Packer):
             samples=samples,
             unplaced={int(triangle): UNPLACED for triangle in frame.pvs[lost]},
             statistics=statistics,
+            details={"forms": placement.forms, "places": placement.places},
         )
+
+    def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
+        """The atlas by strategy."""
+        height, width = payload.planes["atlas"].shape[:2]
+        texel = payload.samples.texel.get()[: payload.sample_count]
+        drawn = draw_strategies(payload.details["forms"], payload.details["places"], texel, width, height)
+        return {"strategies": drawn}
 
     def _arrange(self, frame: Frame, camera: Array) -> Arranged:
         """Primitives, bins and their positions at the largest scale that fits; at the smallest one if none does."""
         tried: dict[int, Arranged] = {}
+        whole = self._list(frame, camera, 0)
+        uncut = whole.count == whole.rows  # then no smaller scale cuts any triangle either
 
         def excess(step: int) -> float:
             tried.clear()
-            arranged = tried[step] = self._arrange_at(frame, camera, 2.0 ** (-step / STEPS))
+            primitives = whole if uncut or step == 0 else self._list(frame, camera, step)
+            arranged = tried[step] = self._arrange_at(frame, primitives, step)
             return float(np.log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
 
         best = smallest_that_fits(excess, LAST)
@@ -135,12 +147,12 @@ class TessellatedShadingStreaming(Packer):
             excess(best)
         return tried[best]
 
-    def _arrange_at(self, frame: Frame, camera: Array, scale: float) -> Arranged:
-        device, rows = frame.scene.device, len(frame.pvs)
-        primitives = list_primitives(
-            device, frame.pvs_device, rows, frame.scene.triangles, camera, scale, self.threshold
-        )
-        count = primitives.count
+    def _list(self, frame: Frame, camera: Array, step: int) -> Primitives:
+        listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale_at(step), self.threshold)
+        return list_primitives(frame.scene.device, *listed)
+
+    def _arrange_at(self, frame: Frame, primitives: Primitives, step: int) -> Arranged:
+        device, count, scale = frame.scene.device, primitives.count, scale_at(step)
         turns = np.arange(count, dtype=np.int32)
         if self.order == "arrival":
             turns = np.random.default_rng((frame.seed, frame.index)).permutation(turns)
@@ -183,6 +195,11 @@ class Arranged:
     listed: tuple[Array, Array, Array]
     regions: Array
     used: int
+
+
+def scale_at(step: int) -> float:
+    """Texels per pixel."""
+    return 2.0 ** (-step / STEPS)
 
 
 def smallest_that_fits(excess: Callable[[int], float], last: int) -> int:

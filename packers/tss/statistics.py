@@ -30,6 +30,18 @@ def published(w: int, h: int) -> int:
     return rows * blocks * (2 * h - blocks - 1) // 2 + 2 * h + w + 1
 
 
+def samples_by_primitive(forms: np.ndarray, places: np.ndarray) -> np.ndarray:
+    """Samples of each primitive, int (m): forms int32 (m, 4), places int32 (m, 2), as in Placement."""
+    counts = np.where(forms[:, 0] == OVERSAMPLED, 0, CELLS[np.maximum(forms[:, 0], 0)]) * (places[:, 0] >= 0)
+    for k in (0, 1):
+        has = (forms[:, 0] == OVERSAMPLED) & (places[:, k] >= 0)
+        sides = np.sort(forms[has][:, [1, 2 + k]], axis=1)
+        pairs, index = np.unique(sides[:, 0] * 1024 + sides[:, 1], return_inverse=True)
+        exact = np.array([half_samples(int(pair) % 1024, int(pair) // 1024)[0] for pair in pairs], np.int64)
+        counts[has] += exact[index.reshape(-1)]
+    return counts
+
+
 def describe(placement: Placement) -> dict[str, float]:
     """Primitives, samples and levels by strategy."""
     placed = (placement.places >= 0).any(axis=1)

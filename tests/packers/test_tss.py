@@ -157,6 +157,19 @@ def test_mipmaps_are_a_parameter(scene):
     assert not without.footprint.get()[: without.count].any()
 
 
+def test_a_picture_shows_every_sample_in_its_strategy(scene):
+    stream = Stream(scene)
+    payload = stream.send(frame_of(scene, 512, 256))
+    picture = stream.packer.pictures(payload)["strategies"]
+    assert picture.shape == (256, 512, 3)
+    assert picture.any(axis=2).sum() == payload.sample_count
+    blue = (picture[..., 2] > picture[..., 1]).sum()
+    found = payload.statistics
+    assert blue == found["oversampling_inside"] + found["oversampling_outside"]
+    yellow = (picture[..., 0] > picture[..., 1]).sum()
+    assert yellow == found["single_texels"]
+
+
 @pytest.mark.parametrize("values", [{"strategy": "none"}, {"order": "random"}])
 def test_unknown_values_are_refused(values):
     with pytest.raises(ValueError, match="is not known"):
