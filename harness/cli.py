@@ -72,6 +72,10 @@ Out = Annotated[Path | None, _option(RUNNING, "Folder of the results. Default: a
 Dump = Annotated[Switch, _option(RUNNING, "Also write every atlas, its owners and the pictures", "--dump")]
 DryRun = Annotated[bool, _option(RUNNING, "Only say what would run, and for how long", "--dry-run")]
 Config = Annotated[Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")]
+Preset = Annotated[
+    Text,
+    _option(WORK, "A paper's own experiment: ppll-2014, with --frames, --size, --device and --out", metavar="NAME"),
+]
 
 
 @app.command()
@@ -103,6 +107,7 @@ def run(
     dump: Dump = None,
     dry_run: DryRun = False,
     config: Config = None,
+    preset: Preset = None,
 ) -> None:
     """Run methods on a scene and write CSV and HTML.
 
@@ -111,6 +116,11 @@ def run(
     from harness.console import guarded
 
     with guarded():
+        if preset:
+            from harness.ppll_2014 import experiment_of, run_experiment
+
+            run_experiment(experiment_of(preset, context.params), out or Path("runs") / preset)
+            return
         wanted = _settings_of(context.params)
         if dry_run:
             from harness.plan import show_plan
@@ -140,7 +150,7 @@ def _settings_of(options: dict[str, Any]) -> Settings:
         given["crf"] = s.parse_crfs(given["crf"])
     if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
         raise s.SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
-    for not_a_setting in ("out", "dry_run", "config"):
+    for not_a_setting in ("out", "dry_run", "config", "preset"):
         given.pop(not_a_setting, None)
     config = options["config"]
     base = s.read_settings(config).to_json() if config else {}

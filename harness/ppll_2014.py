@@ -1,0 +1,292 @@
+"""The thesis' own experiment (`bench run --preset ppll-2014`): its tables A.1 and A.2 and figures 6.1 to 6.3 made anew.
+
+Bunny, dragon and buddha, half transparent, turn by 5 degrees per frame in one view, which is the server's and the
+client's. Published numbers stand beside ours; sizes and times are compared as ratios.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import fmean
+from typing import Any
+
+import numpy as np
+
+from harness.codecs import pack_lz4
+from harness.console import InputError, make_console
+from harness.ppll_2014_report import write_report
+from harness.upload import upload_scene
+from harness.views import Pose, client_view
+from kernels.cache import cache_folder
+from kernels.device import Device
+from kernels.ppll.blend import blend_lists
+from kernels.ppll.lists import Lists
+from packers.interface import Decoded, Frame, Image, ServerScene
+from packers.ppll import PerPixelLinkedLists
+from packers.ppll.wire import decode
+from reports.csv_files import replace_file
+from scenes.features import content_digest, find_features
+from scenes.load import load_scene
+from scenes.model import Scene
+from scenes.paths import make_path
+
+MODELS = {
+    "bunny": "stanford_bunny/bunny.ply",
+    "dragon": "stanford_dragon/dragon_100k.obj",
+    "buddha": "stanford_buddha/buddha_54k.obj",
+}
+SIZES = ((1024, 768), (1280, 720), (1600, 900))
+MODES = ("depth-limited", "difference", "bilateral")
+LAYERS = 6  # beyond which the thesis saw no difference (6.1)
+MOST_LAYERS = 10  # of figure 6.2
+ALPHA = 0.5
+FOV = 45.0
+NETWORK = 125e6  # bytes per second of the thesis' gigabit network
+FRAMES = 12
+
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """What is asked for: frames per model, picture sizes, a device's name or None."""
+
+    frames: int = FRAMES
+    sizes: tuple[tuple[int, int], ...] = SIZES
+    device: str | None = None
+
+
+def run_experiment(wanted: Experiment, out: Path) -> None:
+    """Write frames.csv, layers.csv, table_a1.csv, table_a2.csv and report.html into `out`."""
+    out.mkdir(parents=True, exist_ok=True)
+    device, console = Device.open(wanted.device), make_console(stderr=True)
+    frames: list[Row] = []
+    layers: list[Row] = []
+    for name in MODELS:
+        scene = upload_scene(device, half_transparent(name))
+        for size in wanted.sizes:
+            console.print(f"{name} at {size[0]}x{size[1]} ...")
+            for mode in MODES:
+                frames += measure(scene, name, mode, size, wanted.frames)
+            layers += bad_pixels(scene, name, size)
+    tables = {"frames": frames, "layers": layers, "table_a1": sizes_table(frames), "table_a2": times_table(frames)}
+    for table, rows in tables.items():
+        replace_file(out / f"{table}.csv", as_csv(rows))
+    write_report(out, tables)
+    console.print(f"{out}/report.html  " + "  ".join(f"{table}.csv" for table in tables))
+
+
+def half_transparent(name: str) -> Scene:
+    """A model from the folder of real scenes (BENCH_SCENES, or ../shared/scenes), else the shells, alpha 0.5."""
+    file = Path(os.environ.get("BENCH_SCENES", "../shared/scenes")) / MODELS[name]
+    seed = list(MODELS).index(name)
+    scene = load_scene(str(file) if file.is_file() else "shells", seed=seed, cache=cache_folder("scenes"))
+    look = {"alpha_mode": "blend", "double_sided": True}
+    materials = [replace(m, base_colour=(*m.base_colour[:3], ALPHA), **look) for m in scene.materials]
+    scene = replace(scene, materials=materials, lights=[replace(light, shadows=False) for light in scene.lights])
+    scene.features = find_features(scene)
+    scene.content_hash = content_digest(scene)
+    return scene
+
+
+def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Frame]:
+    """The turntable's frames: one view for server and client, and all triangles."""
+    path = make_path(scene.host, "turntable", frames)
+    low, high = scene.host.bounds
+    near = 1e-3 * float(np.linalg.norm(high - low))
+    pvs = np.arange(scene.host.triangle_count, dtype=np.int32)
+    uploaded = scene.device.upload(pvs)
+    for index in range(path.frames):
+        pose = Pose(path.positions[index], path.orientations[index])
+        view = client_view(pose, FOV, *size, near)
+        yield Frame(index, scene, view, 0.0, FOV, pvs, uploaded, (), *size)
+
+
+def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], frames: int) -> Iterator[Row]:
+    """One row per frame of a mode: sizes in both layouts, times, fragments, and how the display's picture differs."""
+    merge = "paper" if mode == "bilateral" else "exact"
+    packer = PerPixelLinkedLists(mode=mode, layers=LAYERS if mode == "depth-limited" else 0, merge=merge)
+    other = PerPixelLinkedLists(mode=mode, layers=packer.layers, merge=merge, layout="shuffled")
+    display = packer.client(scene)
+    for each in (packer, other):
+        each.prepare(scene)
+    for frame in views(scene, size, frames):
+        with scene.device.record() as record:
+            payload = packer.pack(frame)
+        shuffled = other.pack(frame)
+        with scene.device.record() as merging:
+            display.receive(Decoded({}, payload.blobs, b"", payload.lists))
+            image = display.draw(frame.server)
+        header, statistics = payload.statistics["header_bytes"], payload.statistics
+        compressed = [len(pack_lz4(each.lists)["lists"]) for each in (payload, shuffled)]
+        yield {
+            "model": name,
+            "mode": mode,
+            "width": size[0],
+            "height": size[1],
+            "frame": frame.index,
+            "fragments_built": statistics["fragments_built"],
+            "fragments_sent": statistics["fragments_sent"],
+            "fragments_deleted": statistics["fragments_deleted"],
+            "raw_bytes": payload.raw_bytes,
+            "list_bytes": payload.raw_bytes - header,
+            "padded_bytes": statistics["padded_bytes"],
+            "lz4_bytes": compressed[0],
+            "lz4_shuffled_bytes": compressed[1],
+            "server_ms": record.total("structs") + record.total("gather"),
+            "client_ms": sum(merging.milliseconds.values()),
+            "network_ms": compressed[0] / NETWORK * 1000,
+            "bad_pixels": _bad(frame, image),
+        }
+
+
+def _bad(frame: Frame, image: Image) -> float:
+    """Share of pixels where the display's picture differs from the full lists', by more than rounding."""
+    full = PerPixelLinkedLists()
+    full.prepare(frame.scene)
+    client = full.client(frame.scene)
+    complete = full.pack(frame)
+    client.receive(Decoded({}, complete.blobs, b"", complete.lists))
+    expected = client.draw(frame.server).rgb.get().astype(int)
+    return float((np.abs(image.rgb.get() - expected).max(axis=-1) > 1).mean())
+
+
+def bad_pixels(scene: ServerScene, name: str, size: tuple[int, int]) -> Iterator[Row]:
+    """Figure 6.2: share of the first frame's pixels that a limit to so many layers changes."""
+    device = scene.device
+    frame = next(views(scene, size, 1))
+    pictures = {}
+    for layers in (*range(1, MOST_LAYERS + 1), 0):
+        packer = PerPixelLinkedLists(mode="depth-limited" if layers else "full", layers=layers, opacity=2.0)
+        packer.prepare(scene)
+        payload = packer.pack(frame)
+        message = decode(payload.blobs["head"], payload.lists["lists"])
+        lists = Lists.upload(device, *size, *message.nodes[0])
+        picture = device.zeros((lists.pixels, 4), np.uint8)
+        blend_lists(device, lists.pixels, lists.offsets, lists.rows, lists.words, picture, picture, "blend")
+        pictures[layers] = picture.get().astype(int)
+    for layers in range(1, MOST_LAYERS + 1):
+        bad = (np.abs(pictures[layers] - pictures[0]).max(axis=-1) > 1).mean()
+        yield {"model": name, "width": size[0], "height": size[1], "layers": layers, "bad_pixels": float(bad)}
+
+
+# Table A.1: KiB uncompressed and compressed; by mode and model, at 1024x768, 1280x720, 1600x900.
+PUBLISHED_SIZES = {
+    ("depth-limited", "bunny"): ((3660, 2569), (3217, 2057), (5027, 3203)),
+    ("depth-limited", "dragon"): ((3745, 2503), (3291, 2214), (5143, 3398)),
+    ("depth-limited", "buddha"): ((3441, 2292), (3025, 2002), (4726, 3099)),
+    ("difference", "bunny"): ((7318, 2096), (6432, 1649), (10049, 2935)),
+    ("difference", "dragon"): ((7039, 1859), (6187, 1594), (9667, 2702)),
+    ("difference", "buddha"): ((7663, 2264), (6735, 1988), (10523, 3051)),
+    ("bilateral", "bunny"): ((7328, 2115), (6440, 2598), (10063, 2799)),
+    ("bilateral", "dragon"): ((7849, 2327), (6897, 2792), (10777, 3038)),
+    ("bilateral", "buddha"): ((7190, 2202), (6319, 2635), (9874, 2875)),
+}
+# Table A.2: milliseconds of sending, and frames per second.
+PUBLISHED_TIMES = {
+    ("depth-limited", "bunny"): ((52, 5.8), (145, 5.7), (63, 3.8)),
+    ("depth-limited", "dragon"): ((60, 4.5), (98, 5.1), (63, 4.0)),
+    ("depth-limited", "buddha"): ((110, 5.6), (111, 5.7), (82, 4.6)),
+    ("difference", "bunny"): ((69, 5.0), (88, 4.8), (96, 3.7)),
+    ("difference", "dragon"): ((111, 4.3), (68, 5.0), (135, 3.2)),
+    ("difference", "buddha"): ((95, 4.5), (85, 4.8), (119, 3.6)),
+    ("bilateral", "bunny"): ((111, 2.1), (196, 1.9), (145, 1.7)),
+    ("bilateral", "dragon"): ((145, 1.9), (105, 2.2), (151, 1.5)),
+    ("bilateral", "buddha"): ((112, 2.1), (118, 2.3), (131, 1.7)),
+}
+
+
+def grouped(frames: list[Row]) -> dict[tuple, list[Row]]:
+    """Rows by mode, model, width and height, in order; the first frame, which sends everything, only where alone."""
+    groups: dict[tuple, list[Row]] = {}
+    for row in frames:
+        groups.setdefault((row["mode"], row["model"], row["width"], row["height"]), []).append(row)
+    return {key: rows[1:] or rows for key, rows in groups.items()}
+
+
+def sizes_table(frames: list[Row]) -> list[Row]:
+    """Table A.1: mean KiB per frame, and what share of them LZ4 leaves, beside the published share."""
+    table = []
+    for (mode, model, *size), rows in grouped(frames).items():
+        plain, padded = (fmean(row[name] for row in rows) / 1024 for name in ("raw_bytes", "padded_bytes"))
+        packed, shuffled = (fmean(row[name] for row in rows) / 1024 for name in ("lz4_bytes", "lz4_shuffled_bytes"))
+        published = PUBLISHED_SIZES[mode, model][SIZES.index(tuple(size))] if tuple(size) in SIZES else None
+        table.append(
+            {
+                "mode": mode,
+                "model": model,
+                "size": f"{size[0]}x{size[1]}",
+                "uncompressed_kib": plain,
+                "padded_kib": padded,
+                "lz4_kib": packed,
+                "lz4_shuffled_kib": shuffled,
+                "ratio": packed / plain,
+                "ratio_shuffled": shuffled / plain,
+                "ratio_published": published and published[1] / published[0],
+                "sent_of_built": sum(row["fragments_sent"] for row in rows)
+                / sum(row["fragments_built"] for row in rows),
+                "bad_pixels": fmean(row["bad_pixels"] for row in rows),
+            }
+        )
+    return table
+
+
+def times_table(frames: list[Row]) -> list[Row]:
+    """Table A.2: sending at 1 Gbit/s, and frames per second of rendering, sending and displaying one after the other;
+    both also over the depth-limited mode's of the same model and size, as the published ones."""
+    groups = grouped(frames)
+
+    def sending(key: tuple) -> float:
+        return fmean(row["network_ms"] for row in groups[key])
+
+    def rate(key: tuple) -> float:
+        return 1000 / fmean(row["server_ms"] + row["network_ms"] + row["client_ms"] for row in groups[key])
+
+    table = []
+    for key in groups:
+        mode, model, *size = key
+        first = ("depth-limited", *key[1:])
+        row = {
+            "mode": mode,
+            "model": model,
+            "size": f"{size[0]}x{size[1]}",
+            "sending_ms": sending(key),
+            "frames_per_second": rate(key),
+            "sending_ratio": sending(key) / sending(first),
+            "rate_ratio": rate(key) / rate(first),
+            "sending_ratio_published": None,
+            "rate_ratio_published": None,
+        }
+        if tuple(size) in SIZES:
+            at = SIZES.index(tuple(size))
+            ours, base = PUBLISHED_TIMES[mode, model][at], PUBLISHED_TIMES["depth-limited", model][at]
+            row |= {"sending_ratio_published": ours[0] / base[0], "rate_ratio_published": ours[1] / base[1]}
+        table.append(row)
+    return table
+
+
+def as_csv(rows: list[Row]) -> str:
+    """CSV with a header; missing values are empty."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, rows[0], lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def experiment_of(name: str, options: dict[str, Any]) -> Experiment:
+    """What a preset means with the options given beside it. Raises InputError for an unknown one."""
+    from harness.settings import parse_size
+
+    if name != "ppll-2014":
+        raise InputError(f"There is no preset {name!r}. Known: ppll-2014.")
+    sizes = (parse_size(options["size"], "--size"),) if options.get("size") else SIZES
+    frames = options.get("frames") or FRAMES
+    if frames < 1:
+        raise InputError(f"--frames is {frames}: give at least 1.")
+    return Experiment(frames, sizes, options.get("device"))

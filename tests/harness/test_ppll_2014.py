@@ -1,0 +1,66 @@
+"""The thesis' own experiment, small: its tables and figures come out, with the published numbers beside ours."""
+
+from __future__ import annotations
+
+import csv
+
+import pytest
+
+from harness import ppll_2014
+from harness.console import InputError
+from harness.ppll_2014 import PUBLISHED_SIZES, Experiment, experiment_of, run_experiment
+
+
+@pytest.fixture(scope="module")
+def tables(tmp_path_factory):
+    """The files of an experiment with one model, which is the shells because the real one is not there."""
+    folder = tmp_path_factory.mktemp("ppll-2014")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("BENCH_SCENES", str(folder / "none"))
+        patch.setattr(ppll_2014, "MODELS", {"bunny": "bunny.ply"})
+        patch.setattr(ppll_2014, "MOST_LAYERS", 8)
+        run_experiment(Experiment(3, ((160, 120),)), folder)
+    names = ("frames", "layers", "table_a1", "table_a2")
+    read = {name: list(csv.DictReader((folder / f"{name}.csv").open())) for name in names}
+    return read | {"html": (folder / "report.html").read_text()}
+
+
+def test_every_mode_is_in_both_tables(tables):
+    modes = ["depth-limited", "difference", "bilateral"]
+    assert [row["mode"] for row in tables["table_a1"]] == [row["mode"] for row in tables["table_a2"]] == modes
+    assert len(tables["frames"]) == 9
+    for row in tables["table_a1"]:
+        assert 0 < float(row["lz4_kib"]) < float(row["uncompressed_kib"]) < float(row["padded_kib"])
+        assert row["ratio_published"] == ""  # not one of the thesis' sizes
+
+
+def test_what_each_mode_promises(tables):
+    limited, difference, bilateral = (float(row["sent_of_built"]) for row in tables["table_a1"])
+    assert bilateral < difference <= 1.001
+    assert limited < 1
+    assert float(tables["table_a1"][1]["bad_pixels"]) == 0
+
+
+def test_more_layers_leave_fewer_bad_pixels(tables):
+    bad = [float(row["bad_pixels"]) for row in tables["layers"]]
+    assert bad == sorted(bad, reverse=True)
+    assert bad[0] > 0.05 > bad[-1]
+
+
+def test_the_page_shows_tables_and_figures(tables):
+    for title in ("Table A.1", "Table A.2", "Figure 6.1", "Figure 6.2", "Figure A.13", "Figures 6.3"):
+        assert title in tables["html"]
+
+
+def test_published_ratios_are_those_of_table_a1():
+    shares = {key: [round(100 * b / a, 1) for a, b in pairs] for key, pairs in PUBLISHED_SIZES.items()}
+    assert shares["depth-limited", "bunny"] == [70.2, 63.9, 63.7]
+    assert shares["difference", "dragon"][1:] == [25.8, 28.0]
+    assert shares["bilateral", "buddha"] == [30.6, 41.7, 29.1]
+
+
+def test_options_of_the_preset():
+    assert experiment_of("ppll-2014", {"size": "64x48", "frames": 2}) == Experiment(2, ((64, 48),))
+    assert experiment_of("ppll-2014", {}).sizes == ((1024, 768), (1280, 720), (1600, 900))
+    with pytest.raises(InputError, match="Known: ppll-2014"):
+        experiment_of("ppll-2015", {})
