@@ -8,8 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.common.scan import exclusive_scan
+from kernels.raster.camera import SUBPIXELS, Camera
 from kernels.raster.clusters import Clusters
+from kernels.raster.coverage import covers_twin
 from kernels.raster.picture import Picture
+from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -17,6 +20,10 @@ if TYPE_CHECKING:
     from kernels.device import Device
 
 RECORD = 12  # ints; see record.cl
+MASK_BIT = 1 << 30
+GUARD = 4194048  # sub-pixels from the image's centre, beyond which triangles are clipped
+# Inside where >= 0 of (x, y, z, w): the near plane, then the guard band's right, left, bottom and top.
+CLIPPING_PLANES = np.array([[0, 0, -1, 1], [-1, 0, 0, GUARD], [1, 0, 0, GUARD], [0, -1, 0, GUARD], [0, 1, 0, GUARD]])
 
 
 @dataclass
@@ -82,3 +89,61 @@ def set_up(
     arguments = (chunks, *size, tiles_x, capacity, records, written, offsets, entries)
     device.launch(f"{stage}/bin", kernels.fill_bins, chunks, *arguments, local=1)
     return Bins(records, entries, offsets)
+
+
+def set_up_twin(triangles: Triangles, camera: Camera) -> np.ndarray:
+    """The records, int32 (n, RECORD) as in record.cl, of all triangles in order, as `set_up` without an earlier pass.
+
+    In float64, so corners may lie a sub-pixel from the kernel's, and triangles that this makes face away, or miss the
+    last sample in their box, may be in one result only.
+    """
+    corners = camera.project(triangles.host_positions[triangles.host_indices])
+    middle = np.array([camera.width, camera.height]) * (SUBPIXELS // 2)
+    records = []
+    for number, (polygon, flags) in enumerate(zip(corners, triangles.host_flags, strict=True)):
+        whole = bool((polygon @ CLIPPING_PLANES.T >= 0).all())
+        if not whole and (polygon[:, 2] <= 0).all():
+            continue
+        polygon = polygon if whole else clip_twin(polygon)
+        snapped = (np.rint(polygon[:, :2] / polygon[:, 3:]) + middle).astype(np.int64)
+        depths = (polygon[:, 2] / polygon[:, 3]).astype(np.float32)
+        for i in range(2, len(polygon)):
+            fan = [0, i - 1, i]
+            records += record_twin(snapped[fan], depths[fan], number, int(flags), camera, whole)
+    return np.array(records, np.int32).reshape(-1, RECORD)
+
+
+def clip_twin(polygon: np.ndarray) -> np.ndarray:
+    """The part of a convex polygon (n, 4) in front of the near plane and in the guard band (Sutherland-Hodgman)."""
+    for plane in CLIPPING_PLANES:
+        kept, inside = [], polygon @ plane
+        for i, j in zip(range(len(polygon)), np.roll(range(len(polygon)), -1), strict=True):
+            if inside[i] >= 0:
+                kept.append(polygon[i])
+            if (inside[i] >= 0) != (inside[j] >= 0):
+                kept.append(polygon[i] + (polygon[j] - polygon[i]) * (inside[i] / (inside[i] - inside[j])))
+        polygon = np.array(kept).reshape(-1, 4)
+    return polygon
+
+
+def record_twin(
+    corners: np.ndarray, depths: np.ndarray, number: int, flags: int, camera: Camera, whole: bool
+) -> list[list[int]]:
+    """The record of a triangle or a piece of one, int64 (3, 2) and float32 (3), or none where there is nothing to draw:
+    it faces away, its box holds no pixel's centre, or it is `whole` and covers none of the up to 2 x 2 in its box."""
+    (ab, ac) = corners[1:] - corners[0]
+    area = ab[0] * ac[1] - ab[1] * ac[0]
+    if area == 0 or (area > 0 and not flags & Triangles.DOUBLE_SIDED):
+        return []
+    if area < 0:
+        corners, depths = corners[[0, 2, 1]], depths[[0, 2, 1]]
+    last = np.array([camera.width, camera.height]) - 1
+    left, top = np.maximum((corners.min(axis=0) + SUBPIXELS // 2 - 1) // SUBPIXELS, 0)
+    right, bottom = np.minimum((corners.max(axis=0) - SUBPIXELS // 2) // SUBPIXELS, last)
+    if left > right or top > bottom:
+        return []
+    small = whole and (np.ptp(corners, axis=0) < 1 << 14).all() and max(right - left, bottom - top) < 2
+    if small and not covers_twin(corners, np.array([left, right]), np.array([[top], [bottom]])).any():
+        return []
+    identity = number | (MASK_BIT if flags & Triangles.MASKED else 0)
+    return [[*corners.ravel(), *depths.view(np.int32), identity, left | top << 16, right | bottom << 16]]

@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from kernels.raster.camera import SUBPIXELS
+from kernels.raster.coverage import covers_twin
 from kernels.raster.picture import Picture
-from kernels.raster.setup import Bins
+from kernels.raster.setup import MASK_BIT, Bins
 from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -33,3 +37,23 @@ def draw_tiles(
     if mask:
         arguments += (*picture.camera.arguments(), triangles.positions, triangles.indices, *mask.arguments)
     device.launch(stage, kernel, picture.tiles, *arguments, local=1)
+
+
+def draw_tiles_twin(records: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+    """The nearest triangle, int32, and its depth, float64 (height, width), of records int32 (n, RECORD), without masks.
+
+    Of equal depths the lowest triangle; -1 and 0 where there is nothing.
+    """
+    triangle, nearest = np.full((height, width), -1, np.int32), np.zeros((height, width))
+    for record in records:
+        corners, depths = record[:6].reshape(3, 2).astype(np.int64), record[6:9].view(np.float32).astype(np.float64)
+        (left, right), (top, bottom) = record[10:12] & 0xFFFF, record[10:12] >> 16
+        rows, columns = np.mgrid[top : bottom + 1, left : right + 1]
+        slopes = np.linalg.solve((corners[1:] - corners[0]).astype(np.float64), depths[1:] - depths[0])
+        x, y = columns * SUBPIXELS + SUBPIXELS // 2 - corners[0, 0], rows * SUBPIXELS + SUBPIXELS // 2 - corners[0, 1]
+        depth = np.clip(depths[0] + slopes[0] * x + slopes[1] * y, depths.min(), depths.max())
+        identity, box = record[9] & ~MASK_BIT, (slice(top, bottom + 1), slice(left, right + 1))
+        nearer = (depth > nearest[box]) | ((depth == nearest[box]) & (identity < triangle[box]))
+        wins = covers_twin(corners, columns, rows) & nearer
+        triangle[box][wins], nearest[box][wins] = identity, depth[wins]
+    return triangle, nearest

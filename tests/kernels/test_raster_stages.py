@@ -1,0 +1,93 @@
+"""Set-up and drawing against their twins, one stage at a time."""
+
+import numpy as np
+import pytest
+
+from kernels.raster.camera import Camera
+from kernels.raster.picture import Picture
+from kernels.raster.rasteriser import TILE, Rasteriser
+from kernels.raster.setup import MASK_BIT, RECORD, Scratch, set_up, set_up_twin
+from kernels.raster.tiles import draw_tiles, draw_tiles_twin
+from kernels.triangles import Triangles
+from tests.kernels.raster_scenes import look_at, perspective, pixel_points, random_soup, soup
+
+SIZE = (256, 128)
+
+
+def stages(device, triangles, camera):
+    """Records int32 (n, RECORD), and triangle and depth images, of the kernels."""
+    picture, scratch = Picture.allocate(device, camera, TILE), Scratch(device, 4096)
+    clusters = Rasteriser(device, triangles).clusters
+    chosen = device.upload(np.arange(clusters.count, dtype=np.int32))
+    bins = set_up(device, clusters, chosen, clusters.count, picture, False, scratch, "raster")
+    draw_tiles(device, bins, picture, False, triangles, None, "raster/draw")
+    written = scratch.arrays["written"].get()[: device.chunks]
+    records = bins.records.get()[: device.chunks * scratch.capacity * RECORD]
+    chunks = records.reshape(device.chunks, scratch.capacity, RECORD)
+    parts = [chunk[:count] for chunk, count in zip(chunks, written, strict=True)]
+    return np.concatenate(parts), picture.triangle.get(), picture.depth.get()
+
+
+def exact_corners(rng, count):
+    """Pixel positions (count, 3, 2) whose projection float32 holds exactly, in steps of half a sub-pixel."""
+    centres = rng.integers(-20, 276, (count, 1, 2)) * [1, 0.5]
+    reach = 2.0 ** rng.integers(-9, 7, (count, 1, 1))
+    return centres + np.round(rng.uniform(-1, 1, (count, 3, 2)) * reach * 512) / 512
+
+
+@pytest.mark.parametrize("flags", [0, Triangles.DOUBLE_SIDED])
+def test_records_of_exact_corners_are_the_twins(device, flags):
+    pixels = exact_corners(np.random.default_rng(flags), 1500)
+    distances = 2.0 ** np.random.default_rng(2).integers(-2, 5, (1500, 1, 1))
+    triangles = soup(device, pixel_points(pixels, *SIZE) * distances, flags)
+    projection = perspective(90, 2)
+    projection[[0, 1], [0, 1]] = 1, 2  # without the tangent's rounding
+    camera = Camera.of(np.eye(4), projection, *SIZE)
+    records, _, _ = stages(device, triangles, camera)
+    expected = set_up_twin(triangles, camera)
+    assert len(expected) > 150
+    np.testing.assert_array_equal(records[:, [0, 1, 2, 3, 4, 5, 9, 10, 11]], expected[:, [0, 1, 2, 3, 4, 5, 9, 10, 11]])
+    np.testing.assert_allclose(records[:, 6:9].view(np.float32), expected[:, 6:9].view(np.float32), rtol=2e-7)
+
+
+def test_records_of_random_triangles_are_within_a_subpixel_of_the_twins(device):
+    triangles = random_soup(device, np.random.default_rng(5), 900, Triangles.DOUBLE_SIDED)
+    camera = Camera.of(look_at((1, 2, 5), (0, 0, 0)), perspective(90, 2), *SIZE)
+    records, _, _ = stages(device, triangles, camera)
+    expected = set_up_twin(triangles, camera)
+    in_both = np.intersect1d(records[:, 9], expected[:, 9])
+    assert len(in_both) > 100
+    assert len(np.setxor1d(records[:, 9], expected[:, 9])) <= 0.01 * len(in_both)
+    compared = 0
+    for number in in_both:
+        mine, twins = records[records[:, 9] == number], expected[expected[:, 9] == number]
+        if len(mine) == len(twins):
+            difference = abs(mine[:, :6] - twins[:, :6])
+            assert (difference <= 1 + 2e-5 * abs(twins[:, :6])).all()  # the part of clipping at the near plane
+            compared += 1
+    assert compared >= 0.98 * len(in_both)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_tiles_show_what_the_twin_draws_from_the_same_records(device, seed):
+    rng = np.random.default_rng(seed)
+    triangles = random_soup(device, rng, 400, Triangles.DOUBLE_SIDED)
+    camera = Camera.of(look_at(rng.normal(0, 4, 3), (0, 0, 0)), perspective(90, 2), *SIZE)
+    records, ids, depths = stages(device, triangles, camera)
+    expected, nearest = draw_tiles_twin(records, *SIZE)
+    np.testing.assert_array_equal(ids >= 0, expected >= 0)
+    # Float32 along a row of 8 pixels: at its block's corner a steep plane may be far beyond the triangle's depths.
+    wrong = abs(depths - nearest) > 2**-21 * nearest
+    assert wrong.mean() < 0.001
+    assert (ids != expected).mean() < 0.001
+    assert abs(depths - nearest).max() < 1e-4
+
+
+def test_of_equal_depths_the_twin_too_takes_the_lowest_triangle():
+    depth = np.full(3, 0.5, np.float32).view(np.int32)
+    shared = [0, 0, 4096, 0, 0, 4096, *depth]
+    records = np.array([[*shared, 7, 0, 15 | 15 << 16], [*shared, 3 | MASK_BIT, 0, 15 | 15 << 16]], np.int32)
+    triangle, nearest = draw_tiles_twin(records, 20, 20)
+    assert set(np.unique(triangle)) == {-1, 3}
+    assert nearest[0, 0] == 0.5
+    assert triangle[0, 15] == -1  # its centre lies on the long edge, which is neither a top nor a left one
