@@ -19,6 +19,7 @@ LARGEST_SIDE = 8192
 ENCODERS_AT_A_TIME = 2
 RATE = 60
 JPEG_QUALITY = 85
+LARGEST_LZ4_GAIN = 256  # a byte of an LZ4 block stands for at most 255
 # Sides given to x264: 4:2:0 chroma needs even ones, and PyAV takes planar buffers in groups of 4 rows only.
 MULTIPLE = 4
 
@@ -295,11 +296,16 @@ def pack_lz4(blobs: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 def unpack_lz4(packed: Mapping[str, bytes]) -> dict[str, bytes]:
-    """The inverse of `pack_lz4`. Raises CodecError, naming the blob, if one is damaged."""
+    """The inverse of `pack_lz4`. Raises CodecError, naming the blob, if one is damaged or claims to be larger than its
+    bytes can hold; then nothing of that size is allocated."""
     import lz4.block
 
     blobs = {}
     for name, data in packed.items():
+        if int.from_bytes(data[:4], "little") > LARGEST_LZ4_GAIN * len(data):
+            raise CodecError(
+                f"The LZ4 block {name!r} is damaged: its {len(data)} bytes cannot hold what they claim to."
+            )
         try:
             blobs[name] = lz4.block.decompress(data)
         except (lz4.block.LZ4BlockError, ValueError) as error:

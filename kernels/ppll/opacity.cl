@@ -41,7 +41,7 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
             row[lane] = entry.x + (level[lane] < entry.y ? (int)level[lane] : entry.y);
         }
         const int8 modes = LOAD_INT8(mode), mode_s = modes & 3, mode_t = modes >> 2;
-        const float8 s = wrapped8(*(float8 *)u, mode_s), t = wrapped8(*(float8 *)v, mode_t);
+        const float8 s = wrapped8(LOAD8(u), mode_s), t = wrapped8(LOAD8(v), mode_t);
         bilinear8(row, s, t, mode_s, mode_t, texel, TEXTURE_ARGUMENTS);
         for (int lane = 0; lane < 8; lane++)
             alpha[lane] *= texture[lane] ? texel[lane].w * TEXEL_SCALE : 1.0f;

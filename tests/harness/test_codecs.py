@@ -187,3 +187,11 @@ def test_lz4_compresses_and_names_a_damaged_block():
     assert len(packed["words"]) < 200
     with pytest.raises(CodecError, match="words"):
         unpack_lz4({"words": packed["words"][:20]})
+
+
+@pytest.mark.parametrize("claim", [1 << 20, (1 << 31) - 1, (1 << 32) - 1])
+def test_lz4_that_claims_too_much_is_refused_before_it_is_unpacked(claim):
+    packed = pack_lz4({"lists": bytes(1000)})["lists"]
+    with pytest.raises(CodecError, match="cannot hold"):
+        unpack_lz4({"lists": claim.to_bytes(4, "little") + packed[4:]})
+    assert unpack_lz4(pack_lz4({"zeros": bytes(10_000_000), "none": b""})) == {"zeros": bytes(10_000_000), "none": b""}
