@@ -433,6 +433,8 @@ class _Lookups:
         bad = np.flatnonzero(whole & ~(np.maximum(np.abs(column), np.abs(row)) <= LOCATION))
         if bad.size:
             off = np.stack([off1[bad], off2[bad]], axis=1)
+            ignored = ~(weights[:, bad] > 0).all(axis=0) & (np.abs(off).max(axis=1) <= 2 * WEIGHT)  # too light to touch
+            bad, off = bad[~ignored], off[~ignored]
             steps = self._steps(texels[:, bad], weights[:, bad] > 0)
             self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
 
