@@ -20,3 +20,10 @@ INLINE uint bits_of(const int8 mask)
     const int2 two = four.lo | four.hi;
     return (uint)(two.x | two.y);
 }
+
+INLINE float smallest_of(const float8 v)
+{
+    const float4 four = LESSER(v.lo, v.hi);
+    const float2 two = LESSER(four.lo, four.hi);
+    return LESSER(two.x, two.y);
+}

@@ -3,6 +3,7 @@
 #include "raster/runs.cl"
 
 #define BLOCK 8
+#define SIZE_OF(a) GREATER(a, -(a))
 #define LARGEST 1e18f // clip-space positions of such points do not overflow
 
 // A group holds 8 triangles as 9 x float8: x, y, z of corner 0, then 1, then 2; and their flags, 4 bits each. Lanes
@@ -70,27 +71,25 @@ INLINE int in_frustum(const float8 box, const float4 eye, const float16 rows, co
 }
 
 // Whether all that a box can cover lies behind what is drawn: `blocks` and `tiles` hold the farthest depth of each
-// 8 x 8 block and of each tile. A box in front of the near plane hides nothing and is not hidden.
+// 8 x 8 block and of each tile. A box that reaches in front of the near plane, or whose distance float32 may get wrong
+// by more than 1e-5, is taken for visible.
 INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const int width, const int height,
                   const int tiles_x, __global const float *blocks, __global const float *tiles)
 {
-    float left = INFINITY, right = -INFINITY, top = INFINITY, bottom = -INFINITY, nearest = 0.0f;
-    for (int corner = 0; corner < 8; corner++) {
-        const float x = (corner & 1 ? box.s4 : box.s0) - eye.x, y = (corner & 2 ? box.s5 : box.s1) - eye.y,
-                    z = (corner & 4 ? box.s6 : box.s2) - eye.z;
-        const float w = ((rows.sc * x + rows.sd * y) + rows.se * z) + rows.sf;
-        const float depth = ((rows.s8 * x + rows.s9 * y) + rows.sa * z) + rows.sb;
-        if (!(w > depth))
-            return 0;
-        const float column = (((rows.s0 * x + rows.s1 * y) + rows.s2 * z) + rows.s3) / w;
-        const float row = (((rows.s4 * x + rows.s5 * y) + rows.s6 * z) + rows.s7) / w;
-        left = LESSER(left, column);
-        right = GREATER(right, column);
-        top = LESSER(top, row);
-        bottom = GREATER(bottom, row);
-        nearest = GREATER(nearest, depth / w);
-    }
-    nearest *= 1.0f + 1e-5f; // room for rounding, here and of the pixels' one for theirs
+    const float8 x = (float8)(box.s0404, box.s0404) - eye.x, y = (float8)(box.s1155, box.s1155) - eye.y;
+    const float8 z = (float8)(box.s2222, box.s6666) - eye.z; // of the corners
+    const float8 along_x = rows.sc * x, along_y = rows.sd * y, along_z = rows.se * z;
+    const float8 w = ((along_x + along_y) + along_z) + rows.sf;
+    const float8 terms = (SIZE_OF(along_x) + SIZE_OF(along_y)) + SIZE_OF(along_z);
+    const float8 depth = ((rows.s8 * x + rows.s9 * y) + rows.sa * z) + rows.sb;
+    if (bits_of((w > depth) & (w > 0.1f * terms)) != 255)
+        return 0;
+    const float8 inverse = 1.0f / w;
+    const float8 column = (((rows.s0 * x + rows.s1 * y) + rows.s2 * z) + rows.s3) * inverse;
+    const float8 row = (((rows.s4 * x + rows.s5 * y) + rows.s6 * z) + rows.s7) * inverse;
+    const float left = smallest_of(column), right = -smallest_of(-column);
+    const float top = smallest_of(row), bottom = -smallest_of(-row);
+    const float nearest = -smallest_of(-depth * inverse) * (1.0f + 1e-5f); // room for rounding, as is one pixel below
     const int x0 = pixel_at(left, width) - 1, x1 = pixel_at(right, width) + 1;
     const int y0 = pixel_at(top, height) - 1, y1 = pixel_at(bottom, height) + 1;
     const int fine = x1 - x0 < 16 * BLOCK && y1 - y0 < 16 * BLOCK;

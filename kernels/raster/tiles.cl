@@ -4,13 +4,6 @@
 #define BLOCK 8
 #define BLOCKS (TILE / BLOCK) // per tile's side
 
-INLINE float smallest_of(const float8 v)
-{
-    const float4 four = LESSER(v.lo, v.hi);
-    const float2 two = LESSER(four.lo, four.hi);
-    return LESSER(two.x, two.y);
-}
-
 // A tile while it is drawn, block by block, two rows of 8 pixels per vector. Of each block: whether it is `held` yet, how
 // often it was touched, and its farthest depth, which may lag behind.
 typedef struct {
