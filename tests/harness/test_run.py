@@ -15,7 +15,7 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 BAD = Path(__file__).parent / "bad_packers.py"
-SMALL = ["--frames", "3", "--size", "192x168", "--atlas", "256x256", "--crf", "25"]
+SMALL = ["--method", "sas", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--crf", "25"]
 VARYING = {
     "pvs_ms",
     "structs_ms",
