@@ -30,6 +30,7 @@ from packers.atlas_client import geometry_encoder
 from packers.interface import Frame, Packer, Paper, Payload, ServerScene, View
 from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_records
 from packers.snakebinning.parameters import PARAMETERS
+from packers.snakebinning.picture import draw_packing
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -201,6 +202,15 @@ class SnakeBinning(Packer):
             unplaced={int(triangle): UNPLACED for triangle in frame.pvs[records[:, 0] == 0]},
             statistics=statistics,
         )
+
+    def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
+        """The packing: superblocks, strips and slots in colours."""
+        owner = np.full(payload.planes["atlas"].shape[:2], -1, np.int32)
+        found = self.owners(payload)
+        owner.reshape(-1)[found.texel] = found.triangle
+        return {
+            "packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), self.superblock, owner)
+        }
 
     def client(self, scene: ServerScene) -> SnakeBinningClient:
         """A client without any triangle yet."""

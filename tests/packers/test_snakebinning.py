@@ -222,6 +222,20 @@ def test_records_survive_coding(seed, count):
     np.testing.assert_array_equal(decode_records(data, count) ^ before, now)
 
 
+def test_the_picture_of_the_packing_shows_every_texel_once(scene):
+    stream = Stream(scene)
+    payload = stream.send(frame_of(scene, 512, 256))
+    picture = stream.packer.pictures(payload)["packing"]
+    assert picture.shape == (256, 512, 3)
+    owned = payload.planes["atlas"].get()[..., 3] > 0
+    assert (picture[owned].min(axis=1) >= 40).all()
+    live = stream.packer.blocks.live_superblocks()
+    outside = np.ones((256, 512), bool)
+    for block in live:
+        outside[block["y"] : block["y"] + 256, block["x"] : block["x"] + block["width"]] = False
+    assert (picture[outside] == 0).all()
+
+
 def test_predicted_views_are_evenly_spaced(scene):
     frame = frame_of(scene, 64, 64)
     assert reference_views(frame, 3)[0] is frame.server

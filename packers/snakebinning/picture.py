@@ -1,0 +1,26 @@
+"""A picture of the packing: superblocks, strips in them, and the triangles in their slots."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def draw_packing(strips: np.ndarray, blocks: np.ndarray, height: int, owner: np.ndarray) -> np.ndarray:
+    """uint8 (H, W, 3): superblocks in dark colours, strips in a lighter shade, samples in one of their triangle's.
+
+    strips, blocks: STRIP and SUPERBLOCK records; height: of superblocks. owner: int (H, W), triangle per texel or -1.
+    """
+    picture = np.zeros((*owner.shape, 3), np.uint8)
+    hues = np.array(
+        [[(40 + 97 * k) % 130, (90 + 61 * k) % 130, (20 + 37 * k) % 130] for k in range(max(1, len(blocks)))]
+    )
+    for block, hue in zip(blocks, hues, strict=False):
+        picture[block["y"] : block["y"] + height, block["x"] : block["x"] + block["width"]] = hue // 2
+    for strip in strips[strips["superblock"] >= 0]:
+        block = blocks[strip["superblock"]]
+        top = block["y"] + strip["y"]
+        lines = slice(top, top + strip["rows"] * strip["lines"])
+        picture[lines, block["x"] : block["x"] + block["width"]] = hues[strip["superblock"]] + strip["bin"] * 7 % 30
+    owned = owner >= 0
+    picture[owned] = np.minimum(picture[owned] + 40 + 60 * (owner[owned, None] % 2), 255)
+    return picture
