@@ -222,9 +222,10 @@ def statistics(nodes: list[NodeLists], message: Message) -> dict[str, float]:
 
 
 def details(message: Message) -> dict[str, np.ndarray]:
-    """`header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words) of the lists sent; with several
-    nodes both are of node 0, and further ones have its number behind their name."""
-    arrays = {}
+    """What `--dump` writes: `header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words) of the lists
+    sent; with several nodes both are of node 0, and further ones have its number behind their name. `list_view` and
+    `list_projection` float64 (4, 4) are the lists' camera."""
+    arrays = {"list_view": message.view, "list_projection": message.projection}
     for node, (offsets, rows) in enumerate(message.nodes):
         header = np.stack([offsets[:-1], np.diff(offsets)], axis=1).astype(np.uint32)
         arrays[f"header{node or ''}"] = header.reshape(message.height, message.width, 2)
