@@ -50,7 +50,7 @@ def measure_triangles(
     a base over 1023 texels, but into 16 at most, and no slanted piece is to be lower than 16 texels. A triangle that
     leaves the view counts as if all of it were as near as its nearest point may be.
     """
-    depths, pieces = device.empty((count, 4), np.float32), device.empty(count, np.int32)
+    depths, pieces = device.recycled((count, 4), np.float32), device.recycled(count, np.int32)
     kernel = device.build("tss/footprint.cl").measure_triangles
     device.launch(
         stage,

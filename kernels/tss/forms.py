@@ -32,7 +32,7 @@ def choose_forms(
     """
     _, _, of_level, of_size, size_class = bins
     count, known = primitives.count, (primitives.shapes, primitives.parents, primitives.pieces)
-    forms, items = device.empty((count, 4), np.int32), device.empty((count, 2), np.int32)
+    forms, items = device.recycled((count, 4), np.int32), device.recycled((count, 2), np.int32)
     tables = (turns, of_level, of_size, size_class, of_size.shape[1])
     kernel = device.build("tss/forms.cl").choose_forms
     device.launch(STAGE, kernel, count, count, *known, float(scale), float(threshold), *tables, forms, items)

@@ -45,7 +45,7 @@ def place_items(
     turns, items: as in `choose_forms`. ranks: int32 (2 count), each item's rank in its bin, in that order. A place is
     column | row << 15 | turned << 30 of an item's first texel; those of a turned one run left and up from there.
     """
-    places = device.empty((count, 2), np.int32)
+    places = device.recycled((count, 2), np.int32)
     listed = (turns, items, ranks, bins[0], bins[1], regions)
     device.launch(STAGE, device.build("tss/layout.cl").place_items, 2 * count, 2 * count, height, *listed, places)
     return places

@@ -19,7 +19,7 @@ def invert_depths(device: Device, depths: Array, pieces: Array, count: int, scal
     most a quarter of the triangle's height in texels, where it leaves the view also of its pieces, and 1 below 4:
     samples outside the triangle stay before the horizon, and a bilinear lookup is off by 1/16 of a texel at most.
     """
-    inverse = device.empty((count, 4), np.float32)
+    inverse = device.recycled((count, 4), np.float32)
     kernel = device.build("tss/perspective.cl").invert_depths
     device.launch(stage, kernel, count, count, depths, pieces, float(scale), inverse)
     return inverse

@@ -105,7 +105,7 @@ class TessellatedShadingStreaming(Packer):
         )
         placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
         samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps)
-        atlas = device.empty((frame.atlas_height, frame.atlas_width, 4), np.uint8)
+        atlas = device.recycled((frame.atlas_height, frame.atlas_width, 4), np.uint8)
         device.fill(atlas.view(np.uint32), 0, "gather/clear")
         frame.scene.shader.shade(samples, eye=server.eye, target=atlas, stage="gather/shade")
         blobs = encode(placement, self.bins)

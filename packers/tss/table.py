@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 
 STRATEGIES = {"L-packing": "lpacking", "Oversampling": "oversampling", "combined": "combined"}
-FRAMES, SIZE, ATLAS, CRF = 6, "960x540", "4096x2048", "25"
+FRAMES, SIZE, ATLAS, CRF = 4, "960x540", "4096x2048", "25"
 PIXELS = 960 * 540
 METHOD = "packers.tss:TessellatedShadingStreaming"
 HEADER = (
