@@ -53,7 +53,8 @@ def choose_forms_twin(
     width = np.where(tiny, 1, np.rint(np.clip(base * scale, 1, LONGEST))).astype(int)
     tall = np.where(tiny, 1, np.rint(np.clip(height * scale, 1, LONGEST))).astype(int)
     before = np.rint(foot * width.astype(np.float32)).astype(int)
-    slanted = (base > np.float32(threshold) * height) & ~(tiny & (threshold > 0))
+    with np.errstate(invalid="ignore"):  # no height is slanted beyond infinity
+        slanted = (base > np.float32(threshold) * height) & ~(tiny & (threshold > 0))
     kind = np.where(tiny & ~cut, 0, np.where(slanted, OVERSAMPLED, np.clip(area, 1, TOP)))
     halves = kind == OVERSAMPLED
     forms = np.stack([kind, halves * tall, halves * before, halves * (width - before)], axis=1)
