@@ -1,5 +1,5 @@
-#include "common/types.cl"
 #include "common/wide.cl"
+#include "snakebinning/pieces.cl"
 #include "snakebinning/strip.cl"
 
 // The texels of slots, as shading samples (section 3.7). Shading continues beyond the triangle's edges.
@@ -42,10 +42,12 @@ __kernel void count_samples(int count, int run, int runs, int full, int enlarge,
 typedef struct {
     float at[3], across[3], down[3], q[3], lowest[3];
     float least, g11, g12, g22;  // least inverse distance; products of the edges 0-1 and 0-2
+    float bary1[3], bary2[3];    // of the corners, in the triangle that the samples name
+    int triangle;                // which is that
 } Plane;
 
 inline Plane plane_of(ushort4 own, uint word, __global const float *positions, __global const int *indices,
-                      int triangle) {
+                      int triangle, int first_piece, __global const float *pieces) {
     const float before = 0.125f * own.x, after = 0.125f * own.y, height = 0.125f * own.z, length = before + after;
     const int a = word >> 24 & 3, after_a = a == 2 ? 0 : a + 1, last = 3 - a - after_a;
     const int b = word >> 26 & 1 ? last : after_a, c = word >> 26 & 1 ? after_a : last;
@@ -62,10 +64,18 @@ inline Plane plane_of(ushort4 own, uint word, __global const float *positions, _
     p.lowest[c] = -1.0f - OUTSIDE / fmax(heights[2], 1.0f);
     for (int k = 0; k < 3; k++) p.q[k] = (float)(word >> 8 * k & 255) * (1.0f / 255.0f);
     p.least = fmin(fmin(p.q[0], p.q[1]), p.q[2]);
-    const float3 p0 = corner_position(positions, indices, triangle, 0);
-    const float3 e1 = corner_position(positions, indices, triangle, 1) - p0;
-    const float3 e2 = corner_position(positions, indices, triangle, 2) - p0;
+    const float3 p0 = vload3(0, corner_of(triangle, 0, positions, indices, first_piece, pieces));
+    const float3 e1 = vload3(0, corner_of(triangle, 1, positions, indices, first_piece, pieces)) - p0;
+    const float3 e2 = vload3(0, corner_of(triangle, 2, positions, indices, first_piece, pieces)) - p0;
     p.g11 = dot(e1, e1), p.g12 = dot(e1, e2), p.g22 = dot(e2, e2);
+    p.triangle = triangle;
+    for (int k = 0; k < 3; k++) p.bary1[k] = k == 1, p.bary2[k] = k == 2;
+    if (triangle >= first_piece) {
+        __global const float *piece = pieces + PIECE_FLOATS * (triangle - first_piece);
+        p.triangle = as_int(piece[PIECE_PARENT]);
+        for (int k = 0; k < 3; k++)
+            p.bary1[k] = piece[PIECE_BARY + 2 * k], p.bary2[k] = piece[PIECE_BARY + 2 * k + 1];
+    }
     return p;
 }
 
@@ -104,8 +114,9 @@ INLINE Samples8 sample8(const Plane *p, float8 x, float y) {
     const float8 down2 = (p->down[2] * p->q[2] - bary[2] * across) * inverse;
     const float8 right = STEP8(p, right1, right2), down = STEP8(p, down1, down2);
     s.footprint = sqrt(GREATER(GREATER(right, down), (float8)(0.0f)));
-    s.bary1 = third + shrink * (bary[1] - third);
-    s.bary2 = third + shrink * (bary[2] - third);
+    for (int k = 0; k < 3; k++) bary[k] = third + shrink * (bary[k] - third);
+    s.bary1 = bary[0] * p->bary1[0] + bary[1] * p->bary1[1] + bary[2] * p->bary1[2];
+    s.bary2 = bary[0] * p->bary2[0] + bary[1] * p->bary2[1] + bary[2] * p->bary2[2];
     return s;
 }
 
@@ -117,7 +128,8 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
                            __global const int2 *slots, __global const uint *places,
                            __global const ushort4 *drawn, __global const Strip *strips,
                            __global const uint *words, __global const float *positions,
-                           __global const int *indices, int atlas_width, __global const int *counts,
+                           __global const int *indices, int first_piece, __global const float *pieces,
+                           int atlas_width, __global const int *counts,
                            __global const int *offsets, __global int *triangle_out, __global float *bary1,
                            __global float *bary2, __global float *footprint, __global int *texel) {
     const int r = get_global_id(0);
@@ -132,7 +144,7 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
         if (!place) continue;
         const Strip s = strips[slots[triangle].x];
         const ushort4 own = drawn[triangle];
-        const Plane p = plane_of(own, words[triangle], positions, indices, triangle);
+        const Plane p = plane_of(own, words[triangle], positions, indices, triangle, first_piece, pieces);
         const int turned = place >> 29 & 1, sign = turned ? -1 : 1;
         const int tip8 = 8 * s.inset + s.before8, row = place >> 16 & 0x1FFF;
         const int origin = ((int)(place & 0xFFFF) - sign * tip8) / 8;  // column of the slot's column 0
@@ -146,14 +158,14 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
                 const Samples8 v = sample8(&p, (float)column - 0.125f * tip8 + step, (float)line);
                 const int8 texels = first + sign * (column + lane);
                 if (to + 8 <= last) {  // lanes beyond the line are written again by the next lines of this run
-                    *(__global loose_int8 *)(triangle_out + to) = (int8)(triangle);
+                    *(__global loose_int8 *)(triangle_out + to) = (int8)(p.triangle);
                     *(__global loose_float8 *)(bary1 + to) = v.bary1;
                     *(__global loose_float8 *)(bary2 + to) = v.bary2;
                     *(__global loose_float8 *)(footprint + to) = v.footprint;
                     *(__global loose_int8 *)(texel + to) = texels;
                 } else {
                     const int left = min(8, samples - k);
-                    store_lanes((int8)(triangle), triangle_out + to, left);
+                    store_lanes((int8)(p.triangle), triangle_out + to, left);
                     store_lanes(as_int8(v.bary1), (__global int *)bary1 + to, left);
                     store_lanes(as_int8(v.bary2), (__global int *)bary2 + to, left);
                     store_lanes(as_int8(v.footprint), (__global int *)footprint + to, left);

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
-    from kernels.snakebinning.footprint import Footprints
+    from kernels.snakebinning.footprint import Footprints, Pieces
     from kernels.snakebinning.place import Places
     from kernels.triangles import Triangles
 
@@ -32,12 +32,15 @@ def emit_samples(
     strips: Array,
     footprints: Footprints,
     scene: Triangles,
+    pieces: Pieces,
     atlas_width: int,
     full: bool,
     enlarge: str,
     runs: int | None = None,
 ) -> Samples:
-    """The samples of `count` triangles, int32, in list order, each line by line from its longest edge.
+    """The samples of `count` triangles or pieces, int32, in list order, each line by line from its longest edge.
+
+    Samples of a piece name its parent, and lie in it. pieces: number of the first, and pieces (see Slices.upload).
 
     full: all texels of a slot, else those that the triangle needs (see needed_columns in strip.cl). Shading continues
     beyond the edges, up to one height and two texels outside. A sample's footprint is the longer of the two ways on the
@@ -63,7 +66,7 @@ def emit_samples(
     device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
-    known = (footprints.words, scene.positions, scene.indices, atlas_width, counts, offsets)
+    known = (footprints.words, scene.positions, scene.indices, *pieces, atlas_width, counts, offsets)
     arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
     return s

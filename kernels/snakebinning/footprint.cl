@@ -1,5 +1,6 @@
 #include "common/wide.cl"
 #include "snakebinning/bins.cl"
+#include "snakebinning/pieces.cl"
 
 // How a triangle appears to a camera turned to it (section 3.1), as a shape on its longest edge, and its bin.
 // 8 triangles per step up to the projected corners; then each on its own.
@@ -177,7 +178,8 @@ inline float area_of(ushort4 length) {
 // lengths: before, after, height in 1/8 texel, by triangle; words: weights and, from bit 24 on, roles; bins: by
 // triangle, -1 at first; areas in texels, by place in the list. A triangle keeps all three while its bin, measured with its old roles, is near its old one.
 __kernel void measure_triangles(int count, __global const int *triangles, __global const float *positions,
-                                __global const int *indices, int views, __global const float *view,
+                                __global const int *indices, int first_piece, __global const float *pieces,
+                                int views, __global const float *view,
                                 __constant const float *edges, float scale, int logarithmic, float highest,
                                 float longest, int perspective, int near_height, int near_angle, __global int *bins,
                                 __global ushort4 *lengths, __global uint *words, __global uchar *notes,
@@ -186,9 +188,9 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
     if (first >= count) return;
     Vector8 corner[3];
     for (int lane = 0; lane < 8; lane++) {
-        __global const int *index = indices + 3 * triangles[LESSER(first + lane, count - 1)];
+        const int triangle = triangles[LESSER(first + lane, count - 1)];
         for (int k = 0; k < 3; k++) {
-            __global const float *position = positions + 3 * (size_t)index[k];
+            __global const float *position = corner_of(triangle, k, positions, indices, first_piece, pieces);
             ((float *)&corner[k].x)[lane] = position[0];
             ((float *)&corner[k].y)[lane] = position[1];
             ((float *)&corner[k].z)[lane] = position[2];

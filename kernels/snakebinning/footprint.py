@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from kernels.device import Device
 
 STAGE = "structs/footprint"
+Pieces: TypeAlias = "tuple[int, Array]"
 VIEW_FLOATS = 16
 MOVED_BACK, SLENDER, CLIPPED, KEPT = 1, 2, 4, 8  # notes on a triangle
 FLATTEST = 3.7320508  # cot 15 degrees, the largest cotangent of alpha that is drawn
@@ -78,13 +79,15 @@ def measure_triangles(
     count: int,
     positions: Array,
     indices: Array,
+    pieces: Pieces,
     views: np.ndarray,
     fit: Fit,
     state: Footprints,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Measure `count` triangles, int32, in all views (see pack_views) and update `state`.
 
-    Returns, on the host, notes uint8 (count) and areas in the atlas float32 (count), in texels.
+    pieces: number of the first piece, and pieces (see Slices.upload). Returns, on the host, notes uint8 (count) and
+    areas in the atlas float32 (count), in texels.
 
     Of all views the one counts in which the triangle is largest, seen by a camera turned to its middle, and moved back
     until it is all on the screen. A triangle whose bin is within fit.near_height and fit.near_angle of its old one,
@@ -95,7 +98,7 @@ def measure_triangles(
     heights = fit.heights
     constants = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest))
     constants += (int(fit.perspective), fit.near_height, fit.near_angle)
-    seen = (triangles, positions, indices, len(views), device.upload(views), device.upload(edge_table()))
+    seen = (triangles, positions, indices, *pieces, len(views), device.upload(views), device.upload(edge_table()))
     kernel = device.build("snakebinning/footprint.cl").measure_triangles
     arrays = (state.bins, state.lengths, state.words, notes, areas)
     device.launch(STAGE, kernel, -(-count // 8), count, *seen, *constants, *arrays)

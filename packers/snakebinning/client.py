@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kernels.atlas.lookup import look_up
 from kernels.snakebinning.corners import locate_corners
+from kernels.snakebinning.split import piece_maps, split_samples, split_samples_twin
 from packers.atlas_client import AtlasClient
 from packers.geometry import shuffle, unshuffle
 from packers.interface import ServerScene
@@ -15,6 +17,9 @@ from packers.interface import ServerScene
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from kernels.samples import Samples
+
+PIECE_BYTES = 4 + 24 + 16
 FIELDS = 4  # place, before | after << 16, height, weights and roles: see kernels.snakebinning.place
 
 
@@ -38,6 +43,20 @@ def decode_records(data: bytes, count: int) -> np.ndarray:
     return changes
 
 
+def encode_pieces(parents: np.ndarray, bary: np.ndarray, records: np.ndarray) -> bytes:
+    """Pieces of sliced triangles: parents int32 (k), those of one together; barycentrics 1 and 2 of the corners in the
+    parent (k, 3, 2), as float32; records uint32 (k, 4). No bytes for none."""
+    return parents.astype("<i4").tobytes() + bary.astype("<f4").tobytes() + records.astype("<u4").tobytes()
+
+
+def decode_pieces(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """What `encode_pieces` wrote; barycentrics float32."""
+    count = len(data) // PIECE_BYTES
+    parents = np.frombuffer(data, "<i4", count)
+    bary = np.frombuffer(data, "<f4", 6 * count, 4 * count).reshape(count, 3, 2)
+    return parents, bary, np.frombuffer(data, "<u4", FIELDS * count, 28 * count).reshape(count, FIELDS)
+
+
 class SnakeBinningClient(AtlasClient):
     """Keeps the record of every triangle it was ever sent; draws as every atlas client, in perspective."""
 
@@ -52,10 +71,37 @@ class SnakeBinningClient(AtlasClient):
             more = np.zeros((int(pvs[-1] * 1.25) + 1 - len(self.records), FIELDS), np.uint32)
             self.records = np.concatenate([self.records, more])
         self.records[pvs] ^= decode_records(blobs["places"], len(pvs))
-        place, sides, height, word = self.records[pvs].T
+        parents, bary, pieces = decode_pieces(blobs["pieces"])
+        place, sides, height, word = np.concatenate([self.records[pvs], pieces]).T
+        self.maps = piece_maps(bary)
+        self.pieces = np.zeros((len(pvs), 2), np.int32)
+        found, first, count = np.unique(parents, return_index=True, return_counts=True)
+        self.pieces[np.searchsorted(pvs, found)] = np.stack([first, count], axis=1)
+        self.piece_ids = self.device.upload(np.concatenate([pvs, parents]).astype(np.int32))
         drawn = np.stack([sides & 0xFFFF, sides >> 16, height, 0 * height], axis=1).astype(np.uint16)
         self.uploaded = [self.device.upload(values) for values in (place, drawn, word)]
 
     def corner_texels(self) -> Array:
         """The corners of each triangle in its slot, homogeneous."""
-        return locate_corners(self.device, *self.uploaded, len(self.geometry.pvs), "client/decode")
+        return locate_corners(self.device, *self.uploaded, len(self.geometry.pvs) + len(self.maps), "client/decode")
+
+    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
+        """Colour the pixels of `samples`; those of sliced triangles by the piece they lie in."""
+        if len(self.maps):
+            pieces, maps = self.device.upload(self.pieces), self.device.upload(self.maps.astype(np.float32))
+            split_samples(self.device, samples, len(self.pieces), pieces, maps, "client/split")
+        look_up(self.device, samples, self.corner_texels(), self.piece_ids, self.plane, rgb, drawn, "client/lookup")
+
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
+        if not len(self.maps):
+            return super().locate(triangles, bary)
+        place = super().locate(triangles, bary)
+        at = np.minimum(np.searchsorted(self.geometry.pvs, triangles), len(self.pieces) - 1)
+        sliced = (self.pieces[at, 1] > 0) & (self.geometry.pvs[at] == triangles)
+        piece, weights = split_samples_twin(at[sliced], bary[sliced], self.pieces, self.maps)
+        weights = np.concatenate([1 - weights.sum(axis=1, keepdims=True), weights], axis=1)
+        corners = self.corner_texels().get().astype(np.float64)[piece]
+        position = np.einsum("nk,nkc->nc", weights, corners)
+        place[sliced] = position[:, :2] / position[:, 2:]
+        return place

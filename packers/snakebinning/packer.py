@@ -25,10 +25,11 @@ from kernels.snakebinning.footprint import (
 )
 from kernels.snakebinning.mapping import Mapping
 from kernels.snakebinning.place import Places, find_new, list_records, place_triangles
+from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
 from packers.interface import Frame, Packer, Paper, Payload, ServerScene, View
-from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_records
+from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
 from packers.snakebinning.parameters import PARAMETERS
 from packers.snakebinning.picture import draw_packing
 
@@ -38,6 +39,7 @@ if TYPE_CHECKING:
     from kernels.samples import Samples
 
 RATES = 65  # shading rates tried: each is 2^(1/8) times smaller than the one before, down to 1/256
+OUTSIDE_RATE = 1 / 8  # of pieces that no view from the cell shows
 UNPLACED = "the atlas is full at 1/256 of the shading rate"
 
 
@@ -53,8 +55,10 @@ class SnakeBinning(Packer):
     def prepare(self, scene: ServerScene) -> None:
         """Allocate what is kept per triangle."""
         count = scene.triangles.count
-        self.footprints = Footprints.allocate(scene.device, count)
-        self.places = Places.allocate(scene.device, count)
+        self.footprints = Footprints.allocate(scene.device, count + MOST)
+        self.places = Places.allocate(scene.device, count + MOST)
+        self.slices, self.sliced_at = Slices(), -1
+        self.pieces = (count, self.slices.upload(scene.device))
         self.bins = BinCounts(scene.device)
         self.mapper = Mapping(scene.device, self.mapping, self.sink)
         self.geometry = geometry_encoder(scene, {})
@@ -74,10 +78,9 @@ class SnakeBinning(Packer):
         elif not self._append(frame) and not self._rebuild(frame):
             self.resets += 1
             self._reset(frame)
-        listed = (frame.pvs_device, len(frame.pvs))
-        records, cuts = list_records(device, *listed, self.places, self.footprints, self.blocks.strips)
-        known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, frame.atlas_width)
-        samples = emit_samples(device, *listed, *known, self.full_footprint, self.enlarge)
+        records, cuts = list_records(device, *self.items, self.places, self.footprints, self.blocks.strips)
+        known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, self.pieces)
+        samples = emit_samples(device, *self.items, *known, frame.atlas_width, self.full_footprint, self.enlarge)
         atlas = device.recycled((frame.atlas_height, frame.atlas_width, 4), np.uint8)
         device.fill(atlas.view(np.uint32), 0, "gather/clear")
         frame.scene.shader.shade(samples, eye=frame.server.eye, target=atlas, stage="gather/shade")
@@ -104,12 +107,16 @@ class SnakeBinning(Packer):
         """Add what is new to strips in which nothing moves; False if the set has changed too much for that."""
         if self.frozen_frames >= self.freeze_frames or self.freeze <= 0 or self._remap_is_due():
             return False
-        listed = (frame.pvs_device, len(frame.pvs))
-        is_new = find_new(frame.scene.device, *listed, self.rebuilt, self.places, self.blocks.strips)
-        new = frame.pvs[is_new.get()[: len(frame.pvs)] > 0]
+        coarse = self.slices.corners[~self.slices.inside]
+        if any(screen_share(corners, frame.server.matrix) > 0 for corners in coarse):
+            return False
+        ids = self._list_items(frame)
+        is_new = find_new(frame.scene.device, *self.items, self.rebuilt, self.places, self.blocks.strips)
+        new = ids[is_new.get()[: len(ids)] > 0]
         uploaded = frame.scene.device.upload(new)
-        self.added_area += self._measure(frame, uploaded, len(new), keep=self.hysteresis)
-        if self.added_area >= self.freeze * self.rebuilt_area or not self._place(frame, is_new, uploaded, len(new)):
+        _, areas = self._measure(frame, uploaded, len(new), self.rate, keep=self.hysteresis)
+        self.added_area += float(areas.sum(dtype=np.float64))
+        if self.added_area >= self.freeze * self.rebuilt_area or not self._place(frame, is_new, (uploaded, len(new))):
             return False
         self.frozen_frames += 1
         self.since_mapping += 1
@@ -122,7 +129,7 @@ class SnakeBinning(Packer):
                 return False
             self.mapper.reset()
             self.since_mapping = 0
-        self.rebuilt_area = self._measure(frame, frame.pvs_device, len(frame.pvs), keep=self.hysteresis)
+        self._measure_set(frame, keep=self.hysteresis)
         return self._settle(frame)
 
     def _remap_is_due(self) -> bool:
@@ -145,61 +152,110 @@ class SnakeBinning(Packer):
         self.rate_step = step
         self.mapper.reset()
         self.blocks.reset()
-        self.rebuilt_area = self._measure(frame, frame.pvs_device, len(frame.pvs), keep=False)
+        self._measure_set(frame, keep=False)
         return self._settle(frame)
 
     def _settle(self, frame: Frame) -> bool:
         """Place the whole set as measured; False if the atlas has no room for some."""
         self.rebuilt = self.frame
-        is_new = frame.scene.device.recycled(len(frame.pvs), np.uint8)  # all strips move, so it says nothing
+        is_new = frame.scene.device.recycled(self.items[1], np.uint8)  # all strips move, so it says nothing
         if not self._place(frame, is_new) and self.rate_step < RATES - 1:
             return False
         self.added_area, self.frozen_frames, self.rebuilt_bins = 0.0, 0, self.bins.used_count
-        notes = {"moved_back": MOVED_BACK, "slender": SLENDER, "clipped": CLIPPED, "kept_bins": KEPT}
-        self.noted = {name: int(np.count_nonzero(self.notes & bit)) for name, bit in notes.items()}
         self.since_mapping += 1
         return True
 
-    def _measure(self, frame: Frame, triangles: Array, count: int, keep: bool) -> float:
-        """Footprints of triangles, and their area; those within the hysteresis keep their bins if `keep`."""
+    def _measure_set(self, frame: Frame, keep: bool) -> None:
+        """Footprints of the whole set; triangles that dominate the screen are sliced, and measured piece by piece."""
+        notes, areas = self._measure(frame, frame.pvs_device, len(frame.pvs), self.rate, keep)
+        if self.sliced_at != self.frame:
+            self.sliced_at = self.frame
+            self._slice(frame, frame.pvs[(notes & MOVED_BACK) > 0])
+        self._list_items(frame)
+        named = {"moved_back": MOVED_BACK, "slender": SLENDER, "clipped": CLIPPED, "kept_bins": KEPT}
+        self.noted = {name: int(np.count_nonzero(notes & bit)) for name, bit in named.items()}
+        self.rebuilt_area = float(areas[~np.isin(frame.pvs, self.slices.parents)].sum(dtype=np.float64))
+        for inside, rate in ((True, self.rate), (False, self.rate * OUTSIDE_RATE)):
+            ids = self.pieces[0] + np.flatnonzero(self.slices.inside == inside).astype(np.int32)
+            if len(ids):
+                _, areas = self._measure(frame, frame.scene.device.upload(ids), len(ids), rate, keep=False)
+                self.rebuilt_area += float(areas.sum(dtype=np.float64))
+
+    def _slice(self, frame: Frame, candidates: np.ndarray) -> None:
+        """Choose what to slice, among triangles that leave the screen of a camera turned to them."""
+        triangles = frame.scene.triangles
+        corners = triangles.host_positions[triangles.host_indices[candidates]].astype(np.float64)
+        clients = [view.matrix for view in reference_views(frame, self.prediction_frames)]
+        known = (clients, frame.server.matrix, frame.cell_radius)
+        before = len(self.slices.parents)
+        self.slices = slice_dominating(candidates, corners, *known, self.slicing) if self.slicing > 0 else Slices()
+        if before or len(self.slices.parents):
+            self.pieces = (triangles.count, self.slices.upload(frame.scene.device))
+
+    def _list_items(self, frame: Frame) -> np.ndarray:
+        """What gets slots in this frame: the triangles of the set that are not sliced, and the pieces of the others."""
+        self.shown_pieces = np.flatnonzero(np.isin(self.slices.parents, frame.pvs))
+        if not len(self.shown_pieces):
+            self.items = (frame.pvs_device, len(frame.pvs))
+            return frame.pvs
+        whole = frame.pvs[~np.isin(frame.pvs, self.slices.parents)]
+        ids = np.concatenate([whole, self.pieces[0] + self.shown_pieces.astype(np.int32)])
+        self.items = (frame.scene.device.upload(ids), len(ids))
+        return ids
+
+    def _measure(
+        self, frame: Frame, triangles: Array, count: int, rate: float, keep: bool
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Footprints of triangles: notes and areas; those within the hysteresis keep their bins if `keep`."""
         views = [(view.view, view.projection, view.width) for view in reference_views(frame, self.prediction_frames)]
         near = (30, 5) if keep else (-1, -1)
         fit = Fit(self.heights, float(frame.atlas_width - 2), self.perspective, *near)
         scene = frame.scene.triangles
-        known = (scene.positions, scene.indices, pack_views(views, self.rate), fit, self.footprints)
-        self.notes, areas = measure_triangles(frame.scene.device, triangles, count, *known)
-        return float(areas.sum(dtype=np.float64))
+        known = (scene.positions, scene.indices, self.pieces, pack_views(views, rate), fit, self.footprints)
+        return measure_triangles(frame.scene.device, triangles, count, *known)
 
-    def _place(self, frame: Frame, is_new: Array, new: Array | None = None, count: int = 0) -> bool:
-        """Bins, mapping, superblocks and ranks of the set, or of `new` triangles in it; False if there is no room."""
+    def _place(self, frame: Frame, is_new: Array, new: tuple[Array, int] | None = None) -> bool:
+        """Bins, mapping, superblocks and ranks of all items, or of `new` ones among them; False if there is no room."""
         device, bins, frozen = frame.scene.device, self.bins, new is not None
-        listed = (new, count) if frozen else (frame.pvs_device, len(frame.pvs))
-        bins.count(*listed, self.footprints.bins, self.footprints.lengths)
+        bins.count(*(new or self.items), self.footprints.bins, self.footprints.lengths)
         self.mapper.update(bins.used, bins.used_count, bins.counts)
         fits = self.blocks.update(self.frame, bins, self.mapper.targets, self.tops, frozen)
         if fits or (not frozen and self.rate_step == RATES - 1):
             known = (is_new, self.footprints, self.mapper.targets, self.blocks, self.places)
-            place_triangles(device, self.frame, frame.pvs_device, len(frame.pvs), *known)
+            place_triangles(device, self.frame, *self.items, *known)
         return fits
 
-    def _payload(self, frame: Frame, records: np.ndarray, cuts: np.ndarray, samples: Samples, atlas: Array) -> Payload:
+    def _payload(self, frame: Frame, listed: np.ndarray, cuts: np.ndarray, samples: Samples, atlas: Array) -> Payload:
+        """listed: records of the items."""
+        slices, shown = self.slices, self.shown_pieces
+        whole = len(listed) - len(shown)
+        is_sliced = np.isin(frame.pvs, slices.parents[shown])
+        of_pieces = listed[whole:]
+        lost = np.unique(slices.parents[shown][of_pieces[:, 0] == 0])  # a triangle is there as a whole, or not at all
+        sent = ~np.isin(slices.parents[shown], lost)
+        records = np.zeros((len(frame.pvs), FIELDS), np.uint32)
+        records[~is_sliced] = listed[:whole]
         before = self.sent[frame.pvs]
         places = encode_records(records, before)
         self.sent[frame.pvs] = records
-        moved = int(np.count_nonzero((before[:, 0] != records[:, 0]) & (before[:, 0] > 0)))
+        moved = int(np.count_nonzero((before[:, 0] != records[:, 0]) & (before[:, 0] > 0) & (records[:, 0] > 0)))
         mapped = cuts[cuts >= 0]
         statistics = self._statistics(samples.count) | {
             "triangles_moved": moved,
             "mapped_triangles": len(mapped),
             "mapping_distortion": float(mapped.mean(dtype=np.float64)) if len(mapped) else 0.0,
+            "sliced": int(np.count_nonzero(is_sliced)),
+            "pieces": len(shown),
         }
+        missing = np.concatenate([frame.pvs[~is_sliced & (records[:, 0] == 0)], lost])
+        of_piece = (slices.parents[shown][sent], slices.bary[shown][sent][:, :, 1:], of_pieces[sent])
         return Payload(
             planes={"atlas": atlas},
-            blobs={"places": places},
+            blobs={"places": places, "pieces": encode_pieces(*of_piece)},
             geometry=self.geometry.encode(frame.pvs),
             sample_count=samples.count,
             samples=samples,
-            unplaced={int(triangle): UNPLACED for triangle in frame.pvs[records[:, 0] == 0]},
+            unplaced={int(triangle): UNPLACED for triangle in missing},
             statistics=statistics,
         )
 

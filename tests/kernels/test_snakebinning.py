@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.views import Pose, client_view, from_rotation_vector
+from kernels.samples import Samples
 from kernels.snakebinning.bins import BINS, HEIGHTS, HeightBins, bin_of, indices_of
 from kernels.snakebinning.clear import clear_strips, clear_strips_twin
 from kernels.snakebinning.corners import locate_corners, locate_corners_twin
@@ -29,6 +30,8 @@ from kernels.snakebinning.footprint import (
 )
 from kernels.snakebinning.mapping import Mapping, first_in_hierarchy, map_bins_twin, nearest_sink
 from kernels.snakebinning.place import Places, find_new, list_records, place_triangles, place_twin
+from kernels.snakebinning.slices import Slices, cut, screen_share, side_planes, slice_dominating
+from kernels.snakebinning.split import piece_maps, split_samples, split_samples_twin
 from kernels.snakebinning.strip import lines_of, needed_columns, row_width, slot_shape, slots_in
 from kernels.snakebinning.superblocks import Atlas, Superblocks, SuperblocksTwin
 from kernels.triangles import Triangles
@@ -61,11 +64,11 @@ class Soup:
         self.scene = Triangles.upload(device, corners.reshape(-1, 3), indices, np.zeros(self.count))
         self.ids = device.upload(np.arange(self.count, dtype=np.int32))
         self.state = Footprints.allocate(device, self.count)
-        self.device = device
+        self.device, self.pieces = device, (self.count, Slices().upload(device))
         self.notes, self.areas = self.measure(fit, views() if seen is None else seen)
 
     def measure(self, fit: Fit, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        known = (self.ids, self.count, self.scene.positions, self.scene.indices)
+        known = (self.ids, self.count, self.scene.positions, self.scene.indices, self.pieces)
         return measure_triangles(self.device, *known, seen, fit, self.state)
 
     def host(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -364,7 +367,7 @@ def test_places_match_their_twin_in_primitive_order(device, scene):
 def test_samples_match_their_twin(device, scene, full):
     """Texels exactly; barycentrics within 1e-3 and footprints within 1e-2 of themselves."""
     found, _, blocks, places = scene
-    known = (places, blocks.strips, found.state, found.scene, 2048)
+    known = (places, blocks.strips, found.state, found.scene, found.pieces, 2048)
     samples = emit_samples(device, found.ids, found.count, *known, full, "exact")
     names = ("triangle", "bary1", "bary2", "footprint", "texel")
     ours = {name: getattr(samples, name).get()[: samples.count] for name in names}
@@ -387,7 +390,7 @@ def test_samples_match_their_twin(device, scene, full):
 def test_samples_lie_where_the_client_looks_them_up(device, scene):
     """Encoding and decoding of the perspective are inverse within 0.02 texel, inside the triangle and at its edges."""
     found, _, blocks, places = scene
-    known = (places, blocks.strips, found.state, found.scene, 2048)
+    known = (places, blocks.strips, found.state, found.scene, found.pieces, 2048)
     samples = emit_samples(device, found.ids, found.count, *known, False, "exact")
     t, b1, b2, texel = (getattr(samples, n).get()[: samples.count] for n in ("triangle", "bary1", "bary2", "texel"))
     args = (places.places.get(), places.drawn.get(), found.host()[2])
@@ -403,7 +406,7 @@ def test_samples_lie_where_the_client_looks_them_up(device, scene):
 
 def test_average_clear_matches_its_twin(device, scene):
     found, _, blocks, places = scene
-    known = (places, blocks.strips, found.state, found.scene, 2048)
+    known = (places, blocks.strips, found.state, found.scene, found.pieces, 2048)
     samples = emit_samples(device, found.ids, found.count, *known, False, "exact")
     atlas = np.zeros((2048, 2048, 4), np.uint8)
     texel = samples.texel.get()[: samples.count]
@@ -418,3 +421,73 @@ def test_average_clear_matches_its_twin(device, scene):
 
 def test_lines_hold_the_tip():
     assert [lines_of(height) for height in (8, 9, 16, 17)] == [2, 3, 3, 4]
+
+
+def camera(width: int = 480) -> np.ndarray:
+    """projection @ view of a client at the origin."""
+    view = client_view(Pose(np.zeros(3), np.array([0, 0, 0, 1.0])), 60, width, width * 9 // 16, 0.02)
+    return view.matrix
+
+
+FLOOR = np.array([[-30, -1, 5], [30, -1, 5], [0, -1, -60.0]])
+
+
+@pytest.mark.parametrize("margin", [0.0, 0.3])
+@pytest.mark.parametrize("seed", range(20))
+def test_pieces_cover_the_triangle_once_and_lie_on_their_side(seed, margin):
+    rng = np.random.default_rng(seed)
+    corners = FLOOR if seed == 0 else rng.normal(size=(3, 3)) * [5, 3, 10] - [0, 0, 4]
+    inside, outside = cut(corners, camera(), margin)
+    areas = [abs(np.linalg.det(piece)) for piece in inside + outside]
+    assert sum(areas) == pytest.approx(1, abs=1e-6)
+    planes = side_planes(camera(), margin)
+    for piece in inside:
+        points = piece @ corners
+        assert (points @ planes[:, :3].T + planes[:, 3] > -1e-6).all()
+    for piece in outside:
+        middle = (piece @ corners).mean(axis=0)
+        assert (planes[:, :3] @ middle + planes[:, 3] < 0).any()
+
+
+def test_the_share_of_the_screen_is_that_of_the_clipped_triangle():
+    points = (np.arange(200) + 0.5) / 100 - 1
+    grid = np.stack([*np.meshgrid(points, points), np.ones((200, 200))]).reshape(3, -1)
+    clip = camera()[[0, 1, 3]] @ np.concatenate([FLOOR, np.ones((3, 1))], axis=1).T
+    inside = (np.linalg.inv(clip) @ grid > 0).all(axis=0)
+    assert screen_share(FLOOR, camera()) == pytest.approx(inside.mean(), abs=0.005)
+    assert screen_share(np.array([[-100, -100, -1], [300, -100, -1], [-100, 300, -1.0]]), camera()) == pytest.approx(1)
+    assert screen_share(FLOOR * [1, 1, 0] + [0, 0, 5], camera()) == 0
+    assert screen_share(np.array([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1]]), camera()) < 0.02
+
+
+def test_only_dominating_triangles_are_sliced():
+    small = np.array([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1]])
+    slices = slice_dominating(np.array([7, 9]), np.stack([small, FLOOR]), [camera()], camera(), 0.1, 0.25)
+    assert set(slices.parents) == {9}
+    assert slices.inside.any()
+    assert not slices.inside.all()
+    np.testing.assert_allclose(slices.bary @ FLOOR, slices.corners)
+    assert len(slice_dominating(np.array([7]), small[None], [camera()], camera(), 0.1, 0.25).parents) == 0
+
+
+def test_splitting_samples_matches_its_twin(device):
+    """Pieces as the twin says, but where two are equally near; barycentrics within 1e-4. They name the same points."""
+    slices = slice_dominating(np.array([1]), FLOOR[None], [camera()], camera(), 0.1, 0.25)
+    rng = np.random.default_rng(0)
+    bary = rng.dirichlet(np.ones(3), 2000)[:, 1:].astype(np.float32)
+    triangle = rng.integers(0, 3, 2000).astype(np.int32)
+    pieces, maps = np.array([[0, 0], [0, len(slices.parents)], [0, 0]], np.int32), piece_maps(slices.bary[:, :, 1:])
+    samples = Samples.upload(device, triangle, bary[:, 0], bary[:, 1], bary[:, 0], triangle)
+    split_samples(device, samples, 3, device.upload(pieces), device.upload(maps.astype(np.float32)), "t")
+    found = samples.triangle.get()[:2000]
+    weights = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:2000]
+    expected, expected_weights = split_samples_twin(triangle, bary, pieces, maps)
+    same = found == expected
+    assert same.mean() > 0.995
+    assert (found[triangle != 1] == triangle[triangle != 1]).all()
+    np.testing.assert_allclose(weights[same], expected_weights[same], atol=1e-4, rtol=1e-4)
+    sliced = found >= 3
+    own = np.concatenate([1 - weights.sum(axis=1, keepdims=True), weights], axis=1)[sliced]
+    back = np.einsum("nk,nkc->nc", own, slices.bary[found[sliced] - 3])[:, 1:]
+    np.testing.assert_allclose(back, bary[sliced], atol=1e-4)
+    assert own.min() > -1e-3

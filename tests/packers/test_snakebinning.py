@@ -5,13 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from harness.pvs import potentially_visible
 from harness.reference import ForwardRenderer
 from harness.validity import check
-from packers.interface import Decoded, Frame, Payload, ServerScene
+from harness.views import CellFrustum, Pose, client_view
+from packers.interface import Decoded, Frame, Payload, ServerScene, View
 from packers.snakebinning import SnakeBinning
 from packers.snakebinning.client import decode_records, encode_records
 from packers.snakebinning.packer import check_atlas, reference_views
-from tests.packers.rooms import frame_of, novel_view, room, server_of
+from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view, room, server_of
 
 
 @pytest.fixture(scope="module")
@@ -220,6 +222,42 @@ def test_records_survive_coding(seed, count):
     data = encode_records(now, before)
     assert len(data) == 14 * count
     np.testing.assert_array_equal(decode_records(data, count) ^ before, now)
+
+
+def low_frame(scene: ServerScene, step: int, width: int = 1024) -> tuple[Frame, View]:
+    """Close above the floor of the room, which is two triangles; and the client's view."""
+    pose = Pose(np.array([0.02 * step, -1.2, 1.5]), np.array([np.sin(-0.3), 0, 0, np.cos(-0.3)]))
+    frustum, client = CellFrustum.around(CELL, FOV, *SIZE), client_view(pose, FOV, *SIZE, NEAR)
+    pvs = potentially_visible(scene, pose, CELL.radius, frustum, NEAR, 2.0).ids
+    server = frustum.server_view(pose, NEAR)
+    known = (CELL.radius, CELL.fov, pvs, scene.device.upload(pvs), (client,), width, width)
+    return Frame(step, scene, server, *known), client
+
+
+def test_a_triangle_that_fills_the_screen_is_sliced(scene):
+    """Valid, no holes, and closer to the reference than the same triangle whole."""
+    errors = {}
+    for share in (0.25, 0.0):
+        stream = Stream(scene, slicing=share)
+        for step in range(3):
+            frame, client = low_frame(scene, step)
+            payload = stream.send(frame)
+            assert stream.violations(frame, payload) == []
+            assert (payload.statistics["pieces"] > 3 * payload.statistics["sliced"] > 0) == (share > 0)
+        image = stream.client.draw(client)
+        reference, _ = ForwardRenderer(scene).draw(client, eye=frame.server.eye)
+        assert (image.triangle.get() == reference.triangle.get()).mean() > 0.999
+        errors[share] = np.abs(image.rgb.get().astype(int) - reference.rgb.get()).mean()
+    assert errors[0.25] < errors[0.0]
+
+
+def test_slices_in_a_tiny_atlas(scene):
+    stream = Stream(scene)
+    for step, side in ((0, 48), (1, 48)):
+        frame, _ = low_frame(scene, step, side)
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.statistics["sliced"] > 0
 
 
 def test_the_picture_of_the_packing_shows_every_texel_once(scene):

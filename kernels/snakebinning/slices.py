@@ -1,0 +1,129 @@
+"""Slices: triangles that dominate the screen, cut along the view's frustum into pieces (section 3.1).
+
+A piece is a triangle in the plane of its parent, numbered from the scene's number of triangles on. On the host, because
+there are a handful of them at most.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+MOST = 256  # pieces in a frame
+PIECE_FLOATS = 16  # nine of corners, six of their barycentrics 1 and 2 in the parent, and the parent's number as bits
+WIDER = 1.15
+SMALLEST = 1e-9  # of a piece, as a share of its parent
+
+
+@dataclass(frozen=True)
+class Slices:
+    """Pieces of sliced triangles: parents int32 (k), corners float64 (k, 3, 3), barycentrics in the parent float64
+    (k, 3, 3), and whether each lies inside the frustum, bool (k). Pieces of one parent follow one another."""
+
+    parents: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
+    corners: np.ndarray = field(default_factory=lambda: np.empty((0, 3, 3)))
+    bary: np.ndarray = field(default_factory=lambda: np.empty((0, 3, 3)))
+    inside: np.ndarray = field(default_factory=lambda: np.empty(0, bool))
+
+    def upload(self, device: Device) -> Array:
+        """float32 (MOST, 16) for the kernels."""
+        rows = np.zeros((MOST, PIECE_FLOATS), np.float32)
+        count = len(self.parents)
+        rows[:count, :9] = self.corners.reshape(count, 9)
+        rows[:count, 9:15] = self.bary[:, :, 1:].reshape(count, 6)
+        rows[:count, 15] = self.parents.astype(np.int32).view(np.float32)
+        return device.upload(rows)
+
+
+def side_planes(matrix: np.ndarray, margin: float = 0.0) -> np.ndarray:
+    """The four sides of a frustum, float64 (4, 4), positive inside, `margin` further out; matrix: projection @ view."""
+    planes = np.stack([matrix[3] + matrix[0], matrix[3] - matrix[0], matrix[3] + matrix[1], matrix[3] - matrix[1]])
+    planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
+    planes[:, 3] += margin
+    return planes
+
+
+def split_polygon(polygon: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The parts of a convex polygon, rows (n, 3), where linear `distances` (n) are positive, and where they are not."""
+    kept, rest = [], []
+    for i in range(len(polygon)):
+        j = (i + 1) % len(polygon)
+        (kept if distances[i] > 0 else rest).append(polygon[i])
+        if (distances[i] > 0) != (distances[j] > 0):
+            # From the positive end, so that both neighbours of an edge get the same point.
+            a, b = (i, j) if distances[i] > 0 else (j, i)
+            point = polygon[a] + distances[a] / (distances[a] - distances[b]) * (polygon[b] - polygon[a])
+            kept.append(point)
+            rest.append(point)
+    return np.array(kept).reshape(-1, 3), np.array(rest).reshape(-1, 3)
+
+
+def _distances(polygon: np.ndarray, corners: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """Of the points with barycentrics `polygon` (n, 3) in a triangle from a plane."""
+    return polygon @ (corners @ plane[:3] + plane[3])
+
+
+def cut(corners: np.ndarray, matrix: np.ndarray, margin: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
+    """Barycentrics (n, 3, 3) of pieces of a triangle, corners (3, 3): inside a frustum `margin` wider than that of
+    `matrix`, cut along its two middle planes, so that each fits a screen of its own; and outside."""
+    inside, outside = [np.eye(3)], []
+    for plane in side_planes(matrix, margin):
+        parts = [split_polygon(p, _distances(p, corners, plane)) for p in inside]
+        inside, outside = [kept for kept, _ in parts if len(kept) > 2], outside + [r for _, r in parts if len(r) > 2]
+    for plane in (matrix[0], matrix[1]):
+        parts = [part for p in inside for part in split_polygon(p, _distances(p, corners, plane))]
+        inside = [part for part in parts if len(part) > 2]
+    return _fans(inside), _fans(outside)
+
+
+def _fans(polygons: list[np.ndarray]) -> list[np.ndarray]:
+    pieces = [polygon[[0, i, i + 1]] for polygon in polygons for i in range(1, len(polygon) - 1)]
+    return [piece for piece in pieces if abs(np.linalg.det(piece)) > SMALLEST]
+
+
+def screen_share(corners: np.ndarray, matrix: np.ndarray) -> float:
+    """Share of a view's picture, `matrix` = projection @ view, that a triangle covers, if nothing hides it."""
+    polygon = np.eye(3)
+    for plane in side_planes(matrix, 0.0):
+        polygon, _ = split_polygon(polygon, _distances(polygon, corners, plane))
+        if len(polygon) < 3:
+            return 0.0
+    clip = np.concatenate([polygon @ corners, np.ones((len(polygon), 1))], axis=1) @ matrix.T
+    if (clip[:, 3] <= 0).any():
+        return 0.0 if (clip[:, 3] <= 0).all() else 1.0
+    x, y = clip[:, 0] / clip[:, 3], clip[:, 1] / clip[:, 3]
+    return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 8)
+
+
+def slice_dominating(
+    ids: np.ndarray, corners: np.ndarray, clients: list[np.ndarray], server: np.ndarray, margin: float, share: float
+) -> Slices:
+    """Slices of those triangles, ids (n) and corners float64 (n, 3, 3), that cover at least `share` of the picture of
+    one of the client views, given as projection @ view.
+
+    They are cut along the frustum of `server`, WIDER in tangents and `margin` further out, so that views may turn and
+    move a little before they see a piece outside.
+    """
+    server = server * np.array([1 / WIDER, 1 / WIDER, 1, 1])[:, None]
+    parents, places, bary, inside = [], [], [], []
+    for triangle, triangle_corners in zip(ids, corners, strict=True):
+        if max(screen_share(triangle_corners, client) for client in clients) < share:
+            continue
+        within, beyond = cut(triangle_corners, server, margin)
+        if len(parents) + len(within) + len(beyond) > MOST:
+            break
+        for piece, is_inside in [(p, True) for p in within] + [(p, False) for p in beyond]:
+            parents.append(triangle)
+            bary.append(piece)
+            places.append(piece @ triangle_corners)
+            inside.append(is_inside)
+    if not parents:
+        return Slices()
+    return Slices(np.array(parents, np.int32), np.array(places), np.array(bary), np.array(inside))

@@ -1,0 +1,47 @@
+"""A client's samples on sliced triangles: which piece each lies in."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.samples import Samples
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+
+def piece_maps(bary: np.ndarray) -> np.ndarray:
+    """float64 (k, 6): what takes barycentrics 1 and 2 in the parent to those in pieces: a, b, c of a + b b1 + c b2 for
+    the piece's 1, then for its 2. bary: (k, 3, 2), those of the pieces' corners in the parent."""
+    columns = np.concatenate([np.ones((len(bary), 3, 1)), bary.astype(np.float64)], axis=2)
+    inverse = np.linalg.inv(columns) if len(bary) else np.empty((0, 3, 3))
+    return inverse[:, :, 1:].transpose(0, 2, 1).reshape(-1, 6)
+
+
+def split_samples(device: Device, samples: Samples, triangles: int, pieces: Array, maps: Array, stage: str) -> None:
+    """Replace triangles of `samples` that are sliced by their pieces, and the barycentrics likewise, in place.
+
+    pieces: int32 (triangles, 2), first piece of each and how many. maps: float32 (k, 6), see piece_maps. Piece k
+    becomes triangle `triangles` + k. A sample belongs to the piece in which its smallest weight is largest, of equals
+    the first.
+    """
+    kernel = device.build("snakebinning/split.cl").split_samples
+    arrays = (samples.triangle, samples.bary1, samples.bary2)
+    device.launch(stage, kernel, samples.count, samples.count, triangles, pieces, maps, *arrays)
+
+
+def split_samples_twin(
+    triangle: np.ndarray, bary: np.ndarray, pieces: np.ndarray, maps: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The same for triangles (n) and barycentrics (n, 2), float64; new ones are returned."""
+    triangle, bary = triangle.copy(), bary.astype(np.float64)
+    first, count = pieces[triangle].T
+    for i in np.flatnonzero(count):
+        own = maps[first[i] : first[i] + count[i]].reshape(-1, 2, 3) @ np.array([1, *bary[i]])
+        best = int(np.argmax(np.minimum(own.min(axis=1), 1 - own.sum(axis=1))))
+        triangle[i], bary[i] = len(pieces) + first[i] + best, own[best]
+    return triangle, bary
