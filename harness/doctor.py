@@ -167,12 +167,15 @@ def _mesh_repair() -> Iterator[Finding]:
 
 
 def _cache() -> Iterator[Finding]:
-    from kernels.cache import cache_folder
+    from kernels.cache import CacheError, cache_folder
 
     try:
         folder = cache_folder("doctor")
         with tempfile.NamedTemporaryFile(dir=folder):
             free = shutil.disk_usage(folder).free
+    except CacheError as error:
+        yield Finding("cache", False, str(error))
+        return
     except OSError as error:
         hint = "XDG_CACHE_HOME moves the cache to a folder that can."
         yield Finding("cache", False, f"{error.filename or 'The cache folder'} cannot be written. {hint}")
