@@ -159,4 +159,4 @@ def test_texels_shifted_by_one(sent: Sent):
 
 
 def test_texels_outside(sent: Sent):
-    assert "inside" in sent.rules(texel=sent.owners.texel + ATLAS * ATLAS // 2)
+    assert "inside" in sent.rules(texel=sent.owners.texel + ATLAS * ATLAS - 1)

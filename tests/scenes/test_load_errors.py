@@ -59,7 +59,7 @@ def test_unknown_names_are_answered_with_the_nearest(tmp_path):
         load_scene("hal")
     with pytest.raises(SceneError, match="is a folder"):
         load_scene(str(tmp_path))
-    assert set(list_scenes()) == {"hall", "village"}
+    assert set(list_scenes()) == {"hall", "shells", "village"}
 
 
 @pytest.mark.parametrize("options", [{"unit": 0.0}, {"unit": float("nan")}, {"decimate": 1.5}, {"detail": 0}])
