@@ -100,6 +100,7 @@ SUMMARY = (  # column of frames.csv, heading, format; where the console is narro
     ("coherence", "cohere", "{:.2f}"),
     ("dssim", "DSSIM", "{:.4f}"),
 )
+SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", "sample/pixel", "{:.2f}"))  # statistics
 
 
 def show_summary(store: Store, folder: Path) -> None:
@@ -118,6 +119,12 @@ def show_summary(store: Store, folder: Path) -> None:
         cells = [_median(good, column, form) for column, _, form in SUMMARY]
         lines.append([escape(labels[method, variant]), f"{codec} {crf}" if crf is not None else codec, *cells])
     console.print(_fitting("medians over the frames", ["method", "codec", *(h for _, h, _ in SUMMARY)], lines, console))
+    speed = _speed_lines(store.statistics(), labels)
+    if speed:
+        console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))
+        console.print(
+            "[dim]structs/server: of time; sample/pixel: time to gather one over the reference's to shade one"
+        )
     for status, count, reason in _troubles(store.rows(), labels):
         colour = "dim" if status == "skipped" else "red"
         console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
@@ -126,6 +133,20 @@ def show_summary(store: Store, folder: Path) -> None:
     for text in store.notes.under("warning/").values():
         console.print(f"[yellow]warning[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)
+
+
+def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[list[str]]:
+    """Method and medians of its speed ratios."""
+    values: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for row in statistics:
+        if row["value"] is not None:
+            values.setdefault((row["method"], row["variant"]), {}).setdefault(row["name"], []).append(row["value"])
+    lines = []
+    for key, named in values.items():
+        cells = [form.format(median(named[name])) if name in named else "" for name, _, form in SPEED]
+        if any(cells):
+            lines.append([escape(labels[key]), *cells])
+    return lines
 
 
 def _median(rows: list[dict[str, Any]], column: str, form: str) -> str:

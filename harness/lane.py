@@ -249,7 +249,8 @@ class Lane:
         """Check and measure one packed and sent frame."""
         payload, frame = packed.payload, work.frame
         owners = self.packer.owners(payload)
-        found = validity.check(frame, payload, owners, self.lossless, (novel.triangle, novel.bary))
+        gaps = validity.Gaps() if self.packer.leaves_unwritten else None
+        found = validity.check(frame, payload, owners, self.lossless, (novel.triangle, novel.bary), gaps=gaps)
         status, reason = _verdict(frame, payload, found)
         common = {
             "status": status,
@@ -275,7 +276,10 @@ class Lane:
         return Measured(
             rows,
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
-            payload.statistics | self._cost_of_metrics(packed, novel, drawn),
+            payload.statistics
+            | _speed(packed, payload, novel)
+            | self._cost_of_metrics(packed, novel, drawn)
+            | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
             drawn.pictures | ({"atlas": plane[..., :3]} if plane is not None else {}) | self.packer.pictures(payload),
             drawn.lossless,
@@ -334,6 +338,19 @@ class Lane:
         with self.scene.device.record() as record:
             image = client.draw(novel.view)
         return image, sum(record.milliseconds.values())
+
+
+def _speed(packed: Packed, payload: Payload, novel: NovelView) -> dict[str, float]:
+    """What compares across machines: structures over server time, and the cost of a gathered sample over that of a
+    covered pixel in the reference's shading kernel; what was not measured is left out."""
+    structs, gather = packed.total("structs"), packed.total("gather")
+    found = {"structs_share": structs / (structs + gather)} if structs + gather else {}
+    if novel.shading_ns and payload.sample_count:
+        found |= {
+            "reference_shading_ns": novel.shading_ns,
+            "gather_over_shading": gather * 1e6 / payload.sample_count / novel.shading_ns,
+        }
+    return found
 
 
 def _verdict(frame: Frame, payload: Payload, found: list[validity.Violation]) -> tuple[str, str | None]:

@@ -12,6 +12,8 @@ from harness.reference import ForwardRenderer
 from kernels.raster.resolve import resolve
 from packers.interface import Frame, ServerScene, View
 
+STAGE = "reference/shade"
+
 
 @dataclass(frozen=True)
 class NovelView:
@@ -20,7 +22,8 @@ class NovelView:
     view: the client's camera. rgb: uint8 (h, w, 4). visibility: int32 (h, w), triangle per pixel, -1 where empty.
     pixel, triangle, bary: of every covered pixel, int32 (n), int32 (n), float32 (n, 2).
     missing: share of all pixels that show a triangle which is not in the PVS.
-    milliseconds: device time of drawing it. metrics_ms: host time of what metrics need of it, once per frame.
+    milliseconds: device time of drawing it. shading_ns: of which the shading kernel takes so many nanoseconds for each
+    covered pixel, None without any. metrics_ms: host time of what metrics need of it, once per frame.
     """
 
     view: View
@@ -31,6 +34,7 @@ class NovelView:
     bary: np.ndarray
     missing: float
     milliseconds: float
+    shading_ns: float | None
     metrics_ms: float
 
 
@@ -45,6 +49,10 @@ def draw_novel_view(
     n = samples.count
     triangle = samples.triangle.get()[:n]
     bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+    shading = record
+    if n and STAGE not in record.milliseconds:  # layers were shaded, whose number differs: the nearest ones alone
+        with device.record() as shading:
+            scene.shader.shade(samples, frame.server.eye, device.empty(image.rgb.shape, np.uint8), STAGE)
     known = np.zeros(scene.host.triangle_count, bool)
     known[frame.pvs] = True
     missing = np.count_nonzero(~known[triangle]) / (view.width * view.height)
@@ -61,5 +69,6 @@ def draw_novel_view(
         bary=bary,
         missing=missing,
         milliseconds=sum(record.milliseconds.values()),
+        shading_ns=shading.milliseconds[STAGE] * 1e6 / n if n else None,
         metrics_ms=metrics_ms,
     )

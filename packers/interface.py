@@ -216,11 +216,14 @@ class Packer(ABC):
 
     Stages are launched under names that start with "structs/" or "gather/"; the device times them.
     atlas: whether it fills planes for the video encoder. A method that does not has rows of codec `none` only.
+    leaves_unwritten: whether it writes only the texels within half a texel of a triangle, not all that lookups in it
+        touch. Their share is then reported as the statistic `unwritten_lookups`, where validity would else object.
     """
 
     name: ClassVar[str]
     paper: ClassVar[Paper]
     atlas: ClassVar[bool] = True
+    leaves_unwritten: bool = False
     parameters: ClassVar[dict[str, Parameter]] = {}
 
     def __init__(self, **values: Any) -> None:

@@ -179,9 +179,12 @@ def document() -> str:
         (
             "statistics.csv",
             "One row per frame and number that is in no common column: what the method's README explains, and of the "
-            "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference) "
-            "and `metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
-            "clients).",
+            "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference), "
+            "`metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
+            "clients), `structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
+            "pixel of the shading kernel in the reference), `gather_over_shading` (gather_ms per sample over that) and "
+            "`unwritten_lookups` (of the texels that the lookups of the validity check touch, the share that is "
+            "missing, for a method that declares to leave some unwritten).",
             STATISTIC_COLUMNS,
         ),
     )

@@ -14,7 +14,7 @@ from reports import charts
 from reports.csv_files import replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
-from reports.tables import headline_tables, number, ranges, table
+from reports.tables import NONE, headline_tables, number, ranges, table
 
 NOTES = ("environment", "device", "warning", "skipped", "scene", "prepare_ms")
 PARTS = ("page.css", "charts.js", "viewer.js")
@@ -38,7 +38,7 @@ def write_report(folder: Path) -> Path:
     summaries = summarise(rows)
     sections = [
         _warnings(notes["warning"], rows),
-        _results(rows, summaries, labels),
+        _results(rows, summaries, statistics, labels),
         _viewer(embedded),
         _charts(rows, summaries, stages, labels),
         _statistics(statistics, labels),
@@ -131,16 +131,34 @@ def _warnings(warnings: dict[str, str], rows: list[Row]) -> str:
     return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
 
 
-def _results(rows: list[Row], summaries: list[Row], labels: charts.Labels) -> str:
+def _results(rows: list[Row], summaries: list[Row], statistics: list[Row], labels: charts.Labels) -> str:
     if not rows:
         return ""
     return _section(
         "results",
         "Results",
         *(_caption(caption) + html for caption, html in headline_tables(rows, summaries, labels)),
+        _speed(statistics, labels),
         _caption("Error over server time: the best methods are at the lower left. Rings are without video coding."),
         '<div class="chart" data-figure="error"></div>',
     )
+
+
+def _speed(statistics: list[Row], labels: charts.Labels) -> str:
+    """The ratios that compare from machine to machine, where times do not."""
+    lines = []
+    found = _by_name(statistics)
+    for key, label in labels.items():
+        values = [found.get((key, name)) for name in ("structs_share", "reference_shading_ns", "gather_over_shading")]
+        if any(values):
+            lines.append([label, *(number(median(each)) if each else NONE for each in values)])
+    if not lines:
+        return ""
+    head = ["method", "structures / server time", "reference, ns per pixel", "gathered sample / reference's pixel"]
+    return _caption(
+        "Speed as ratios, lower is better: the structures' share of the server's time, and the device time per "
+        "gathered sample over the time per covered pixel of the shading kernel in the reference. Medians."
+    ) + table(head, lines, texts=1)
 
 
 def _viewer(embedded: dict) -> str:
@@ -205,10 +223,7 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: c
 
 def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
     """Median and range over the frames of what each method reports of itself."""
-    found: dict[tuple[charts.Key, str], list[float]] = {}
-    for row in statistics:
-        if row["value"] is not None:
-            found.setdefault(((row["method"], row["variant"]), row["name"]), []).append(row["value"])
+    found = _by_name(statistics)
     if not found:
         return ""
     lines = []
@@ -222,6 +237,15 @@ def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
         _caption("What each method reports of itself, over the frames; neither direction is better as such."),
         table(["method", "statistic", "median", "lowest", "highest", "frames"], lines, texts=2),
     )
+
+
+def _by_name(statistics: list[Row]) -> dict[tuple[charts.Key, str], list[float]]:
+    """The values over the frames of each method's statistics."""
+    found: dict[tuple[charts.Key, str], list[float]] = {}
+    for row in statistics:
+        if row["value"] is not None:
+            found.setdefault(((row["method"], row["variant"]), row["name"]), []).append(row["value"])
+    return found
 
 
 def _failures(rows: list[Row], labels: charts.Labels) -> str:

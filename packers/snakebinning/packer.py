@@ -99,6 +99,11 @@ class SnakeBinning(Packer):
         self.tops = frame.scene.device.upload(self.heights.tops())
 
     @property
+    def leaves_unwritten(self) -> bool:
+        """The paper's enlargement does."""
+        return self.enlarge == "paper"
+
+    @property
     def rate(self) -> float:
         """Texels per pixel of the current frame."""
         return self.shading_rate * 2 ** (-self.rate_step / 8)

@@ -55,6 +55,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     done = bench("run", *SMALL, "--dump", "--out", str(folder))
     assert done.returncode == 0, done.stdout + done.stderr
     assert max(map(len, done.stdout.splitlines())) <= 80
+    assert "sample/pixel" in done.stdout
     return folder
 
 
@@ -72,6 +73,18 @@ def test_a_run_leaves_every_file_and_one_row_per_codec_and_frame(whole: Path):
         assert int(row["placed_triangles"]) == int(row["pvs_triangles"])
         total = sum(int(row[name]) for name in ("bytes_video", "bytes_metadata", "bytes_geometry"))
         assert int(row["bytes_total"]) == total
+
+
+def test_a_run_says_how_fast_in_ratios(whole: Path):
+    with open(whole / "statistics.csv", newline="") as file:
+        values = {(row["frame"], row["name"]): float(row["value"]) for row in csv.DictReader(file)}
+    for row in rows_of(whole):
+        share, cost, pixel = (
+            values[row["frame"], name] for name in ("structs_share", "gather_over_shading", "reference_shading_ns")
+        )
+        assert share == pytest.approx(float(row["structs_ms"]) / float(row["server_ms"]))
+        assert cost == pytest.approx(1e6 * float(row["gather_ms"]) / float(row["samples"]) / pixel)
+    assert "gathered sample / reference" in (whole / "report.html").read_text()
 
 
 def test_the_work_group_size_changes_no_byte(whole: Path, tmp_path: Path):

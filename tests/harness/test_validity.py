@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.validity import Violation, check
+from harness.validity import Gaps, Violation, check
 from packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
@@ -57,8 +57,8 @@ class Packed:
     def rules(self, **options: Any) -> set[str]:
         return {violation.rule for violation in self.check(**options)}
 
-    def check(self, visible: Any = None, budget: int | None = None) -> list[Violation]:
-        return check(self.frame, self.payload, self.owners, self.client, visible, budget=budget)
+    def check(self, visible: Any = None, budget: int | None = None, gaps: Gaps | None = None) -> list[Violation]:
+        return check(self.frame, self.payload, self.owners, self.client, visible, budget=budget, gaps=gaps)
 
     @property
     def plane(self) -> np.ndarray:
@@ -121,6 +121,43 @@ def test_sound_atlases_break_no_rule():
     assert pack_cells(cell=1).check() == []  # one texel per triangle: every lookup finds it
     assert pack_fold().check() == []
     assert pack_fold(slope=50.0).check() == []  # the neighbour's texels are far larger
+
+
+@pytest.fixture
+def half_a_texel() -> Packed:
+    """Cells of which only the texels within half a texel of the triangle are written."""
+    packed = pack_cells()
+    packed.drop(packed.owners.bary.sum(axis=1) > 1.01)
+    return packed
+
+
+def test_declared_gaps_are_counted_and_no_violation(half_a_texel: Packed):
+    assert {v.rule for v in half_a_texel.check()} == {"written"}
+    gaps = Gaps()
+    assert half_a_texel.check(gaps=gaps) == []
+    assert 0.02 < gaps.share < 0.2
+    assert pack_cells().check(gaps=(none := Gaps())) == []
+    assert none.missing == 0
+    assert none.touched > 0
+
+
+def test_declared_gaps_hide_no_other_violation(half_a_texel: Packed):
+    inside = int(half_a_texel.owners.texel[np.abs(half_a_texel.owners.bary - [2 / 7, 3 / 7]).max(axis=1).argmin()])
+    half_a_texel.drop(half_a_texel.owners.texel == inside)
+    (violation,) = half_a_texel.check(gaps=Gaps())
+    assert (violation.rule, violation.texels) == ("written", (inside,))
+
+
+@pytest.mark.parametrize("by", [(1, 0), (0, -1), (0.5, 0.5)])
+def test_declared_gaps_do_not_hide_a_client_that_looks_elsewhere(half_a_texel: Packed, by: tuple[float, float]):
+    half_a_texel.client.corners = half_a_texel.client.corners + np.array(by)
+    assert "surface" in {v.rule for v in half_a_texel.check(gaps=Gaps())}
+
+
+def test_declared_gaps_do_not_hide_texels_of_another_surface(half_a_texel: Packed):
+    half_a_texel.frame.scene.host.positions[3 * 8 : 3 * 9] += 100
+    half_a_texel.owners.triangle[half_a_texel.owners.triangle == 7] = 8
+    assert (7,) in {v.triangles for v in half_a_texel.check(gaps=Gaps()) if v.rule == "surface"}
 
 
 def test_empty_work_breaks_no_rule():

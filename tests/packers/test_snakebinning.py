@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from harness.pvs import potentially_visible
 from harness.reference import ForwardRenderer
-from harness.validity import check
+from harness.validity import Gaps, check
 from harness.views import CellFrustum, Pose, client_view
 from packers.interface import Decoded, Frame, Payload, ServerScene, View
 from packers.snakebinning import SnakeBinning
@@ -135,6 +135,17 @@ def test_what_does_not_change_stays(scene):
     assert not any(second.blobs["places"])
     assert second.statistics["frozen_frames"] == 1
     assert second.statistics["triangles_moved"] == 0
+
+
+def test_the_published_enlargement_leaves_texels_unwritten_and_breaks_no_other_rule(scene):
+    stream, frame = Stream(scene, enlarge="paper"), frame_of(scene, 1024, 512)
+    owners = stream.packer.owners(payload := stream.send(frame))
+    assert stream.packer.leaves_unwritten
+    assert not SnakeBinning().leaves_unwritten
+    gaps = Gaps()
+    assert check(frame, payload, owners, stream.client, budget=None, gaps=gaps) == []
+    assert 0.01 < gaps.share < 0.1
+    assert "written" in {v.rule for v in stream.violations(frame, payload)}
 
 
 def test_frozen_frames_move_nothing_and_add_what_is_new(scene):
