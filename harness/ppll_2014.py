@@ -24,7 +24,7 @@ from harness.upload import upload_scene
 from harness.views import Pose, client_view
 from kernels.cache import cache_folder
 from kernels.device import Device
-from kernels.ppll.blend import blend_lists
+from kernels.fragments.blend import blend_lists
 from kernels.ppll.lists import Lists
 from packers.interface import Decoded, Frame, Image, ServerScene
 from packers.ppll import PerPixelLinkedLists

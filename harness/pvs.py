@@ -1,4 +1,8 @@
-"""The potentially visible set of a view cell: every triangle that some view from inside the cell shows."""
+"""The potentially visible set of a view cell: every triangle that some view from inside the cell shows.
+
+Through blended surfaces others are seen: there a triangle is shown that makes up 1/255 or more of a pixel, its opacity
+times the light let through by what lies in front of it.
+"""
 
 from __future__ import annotations
 
@@ -10,11 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from harness.blended import layers_of
 from harness.views import CellFrustum, Pose, rotation
 from kernels.cache import cache_folder, write_atomically
 from kernels.device import kernels_digest
-from kernels.raster.camera import Camera
 from kernels.raster.mark import mark_visible
 from packers.interface import ServerScene, View
 
@@ -86,14 +88,14 @@ def _draw(scene: ServerScene, views: list[View]) -> PotentiallyVisibleSet:
     """Draw the views one after the other and mark what they show; skip those that cannot add anything."""
     device, count = scene.device, scene.host.triangle_count
     flags = device.zeros(count, np.uint8)
-    drawn, layers = 0, layers_of(scene)
+    drawn = 0
     with device.record() as record:
         for view in views:
             if drawn and _adds_nothing(scene, view, flags):
                 continue
             camera = (view.view, view.projection, view.width, view.height)
-            if layers:
-                layers.mark(Camera.of(*camera), flags, stage="pvs/layers")
+            if scene.layers:
+                scene.layers.mark(*camera, flags, stage="pvs")
             else:
                 mark_visible(device, scene.rasteriser.draw(*camera, stage="pvs"), flags, stage="pvs/mark")
             drawn += 1

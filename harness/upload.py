@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kernels.fragments.layered import LayeredRasteriser
+from kernels.fragments.layers import Layers
+from kernels.fragments.opacity import Opacity, blends
 from kernels.raster.rasteriser import Rasteriser
 from kernels.shade.shader import Shader
 from kernels.shade.shadow import ShadowMaps
@@ -29,14 +32,18 @@ def upload_scene(device: Device, scene: Scene) -> ServerScene:
     rasteriser = Rasteriser(device, triangles, mask)
     shadows = _shadow_maps(device, scene, triangles, mask)
     shader = Shader(device, triangles, surface_of(scene), lighting_of(scene), textures, shadows)
-    return ServerScene(scene, device, triangles, rasteriser, shader, mask)
+    layers = None
+    if scene.features.blend:
+        opacity = Opacity.of_scene(triangles, shader, scene)
+        layers = Layers(LayeredRasteriser(device, triangles, mask), opacity)
+    return ServerScene(scene, device, triangles, rasteriser, shader, mask, layers)
 
 
 def _shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None) -> ShadowMaps:
     """Shadow maps of everything that is not see-through: light passes blended surfaces and transmissive ones."""
     if not any(light.shadows and light.kind != "point" for light in scene.lights):
         return ShadowMaps.none(device, len(scene.lights))
-    opaque = np.array([m.alpha_mode != "blend" and m.transmission == 0 for m in scene.materials], bool)
+    opaque = np.array([not blends(m) for m in scene.materials], bool)
     casting = np.flatnonzero(opaque[scene.material_ids])
     casters = triangles
     if len(casting) < triangles.count:
@@ -52,7 +59,9 @@ def upload_triangles(device: Device, scene: Scene) -> Triangles:
     """The scene's triangles with their flags."""
     by_material = np.array(
         [
-            Triangles.DOUBLE_SIDED * m.double_sided + Triangles.MASKED * (m.alpha_mode == "mask")
+            Triangles.DOUBLE_SIDED * m.double_sided
+            + Triangles.MASKED * (m.alpha_mode == "mask")
+            + Triangles.BLENDED * blends(m)
             for m in scene.materials
         ],
         np.uint8,

@@ -17,11 +17,12 @@ if TYPE_CHECKING:
 class Triangles:
     """positions float32 (V, 3), indices int32 (T, 3) and flags uint8 (T) on the device, with host copies.
 
-    flags: DOUBLE_SIDED and MASKED, per triangle.
+    flags: DOUBLE_SIDED, MASKED and BLENDED (what is behind shows through), per triangle.
     """
 
     DOUBLE_SIDED = 1
     MASKED = 2
+    BLENDED = 4
 
     count: int
     positions: Array

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
+    from kernels.fragments.layers import Layers
     from kernels.raster.rasteriser import Rasteriser
     from kernels.samples import Samples
     from kernels.shade.shader import Shader
@@ -94,6 +95,7 @@ class ServerScene:
 
     host: the scene model. triangles: on the device. rasteriser: draws them. shader: the one shading function.
     mask: alpha masks of masked triangles, None where the scene has none; clients are shipped with it.
+    layers: what is seen through blended and transmissive triangles, None where the scene has none.
     """
 
     host: Scene
@@ -102,6 +104,7 @@ class ServerScene:
     rasteriser: Rasteriser
     shader: Shader
     mask: AlphaMask | None = None
+    layers: Layers | None = None
 
 
 @dataclass(frozen=True)

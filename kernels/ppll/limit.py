@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.common.scan import exclusive_scan
-from kernels.ppll.build import Fragments
+from kernels.fragments.build import Fragments
 from kernels.samples import Samples
 
 if TYPE_CHECKING:

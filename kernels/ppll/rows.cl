@@ -8,14 +8,6 @@
 #define OPACITY_PARAMETER
 #endif
 
-// Each fragment's own number, as the texel to shade it into.
-__kernel void number_fragments(const int count, __global int *numbers)
-{
-    const int i = get_global_id(0);
-    if (i < count)
-        numbers[i] = i;
-}
-
 __kernel void colour_rows(const int count, __global const uint *colours, __global const float *depth,
                           __global uint2 *rows OPACITY_PARAMETER)
 {

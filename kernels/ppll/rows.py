@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
-    from kernels.ppll.build import Fragments
+    from kernels.fragments.build import Fragments
     from kernels.samples import Samples
     from kernels.triangles import Triangles
 
@@ -26,14 +26,6 @@ def rays(projection: np.ndarray, width: int, height: int) -> np.ndarray:
     steps = np.array([2 / width / projection[0, 0], -2 / height / projection[1, 1]])
     start = np.array([(-1 + projection[0, 2]) / projection[0, 0], (1 + projection[1, 2]) / projection[1, 1]])
     return np.stack([steps, start + steps / 2], axis=1).ravel().astype(np.float32)
-
-
-def number_fragments(device: Device, count: int, room: int, stage: str) -> Array:
-    """int32 (room): 0, 1, 2 ... up to `count`."""
-    numbers = device.recycled(room, np.int32)
-    kernel = device.build("ppll/rows.cl", BLENDED=0).number_fragments
-    device.launch(stage, kernel, count, count, numbers)
-    return numbers
 
 
 def colour_rows(device: Device, fragments: Fragments, colours: Array, opacity: Array | None, stage: str) -> Array:

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels.ppll.blend import blend_lists
+from kernels.fragments.blend import blend_lists
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
 from kernels.ppll.lists import Lists, changed_colours, changed_lists, splice_lists
 from kernels.ppll.match import find_differences, merge_differences, move_lists, turning

@@ -7,12 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.ppll.blend import blend_lists
-from kernels.ppll.build import Builder, Fragments
-from kernels.ppll.layers import shade_fragments
+from kernels.fragments.blend import blend_lists
+from kernels.fragments.build import Builder, Fragments
+from kernels.fragments.layers import shade_fragments
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
 from kernels.ppll.lists import Lists
-from kernels.ppll.opacity import Opacity
 from kernels.ppll.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows
 from kernels.raster.camera import Camera
 from packers.interface import ServerScene, View
@@ -52,9 +51,7 @@ class ListRenderer:
         host = scene.host
         self.builder = Builder(scene.rasteriser)
         self.of_triangle = self.device.upload(deal_objects(host.material_ids, nodes))
-        self.opacity = None
-        if host.features.blend:
-            self.opacity = Opacity.of_scene(scene.triangles, scene.shader, host)
+        self.opacity = scene.layers.opacity if scene.layers else None
 
     def render(self, view: View, pvs: Array, count: int, normals: bool) -> list[NodeLists]:
         """The lists of the `count` triangles in `pvs` seen from a view, for each node."""

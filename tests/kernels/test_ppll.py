@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kernels.ppll.blend import blend_lists, blend_twin
-from kernels.ppll.build import Builder, build_twin
+from kernels.fragments.blend import blend_lists, blend_twin
+from kernels.fragments.build import Builder, build_twin
+from kernels.fragments.opacity import Opacity, opacity_twin
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments, limit_twin
 from kernels.ppll.lists import (
     Lists,
@@ -17,7 +18,6 @@ from kernels.ppll.lists import (
     splice_lists,
     splice_twin,
 )
-from kernels.ppll.opacity import Opacity, opacity_twin
 from kernels.ppll.rows import normal_rows, normals_twin, rows_twin
 from kernels.ppll.splat import draw_lists, draw_lists_twin
 from kernels.raster.camera import Camera

@@ -155,7 +155,7 @@ def test_opaque_references_blend_nothing(opaque, glass, device):
 
 def test_the_blended_reference_is_that_of_sorted_lists(glass):
     """The reference's picture against a float64 blend of the packer's own lists, whose colours are the same."""
-    from kernels.ppll.blend import blend_twin
+    from kernels.fragments.blend import blend_twin
 
     made = frame(glass)
     view = made.predicted[0]

@@ -87,7 +87,7 @@ class Opacity:
         inputs = (samples.triangle, samples.bary1, samples.bary2, samples.footprint)
         tables = (self.indices, self.faces, self.surfaces, self.corners, opacity)
         textures = (self.textures.textures, self.textures.levels, self.textures.texels)
-        kernel = self.device.build("ppll/opacity.cl").fragment_opacity
+        kernel = self.device.build("fragments/opacity.cl").fragment_opacity
         self.device.launch(stage, kernel, -(-samples.count // 8), samples.count, *inputs, *tables, *textures)
         return opacity
 

@@ -10,7 +10,7 @@ import numpy as np
 from kernels.common.scan import exclusive_scan
 from kernels.raster.camera import Camera
 from kernels.raster.picture import Picture
-from kernels.raster.rasteriser import Rasteriser, ScreenTriangles
+from kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
 from kernels.raster.resolve import locate_samples
 from kernels.raster.setup import Bins, Scratch, set_up
 from kernels.samples import Samples
@@ -46,6 +46,17 @@ class Fragments:
         return self.width * self.height
 
 
+@dataclass(frozen=True)
+class Front:
+    """A picture that hides fragments behind it, of other triangles.
+
+    numbers: int32 (T), what the picture would call the triangles of the fragments: of equal depths the lower is nearer.
+    """
+
+    visibility: Visibility
+    numbers: Array
+
+
 class Builder:
     """Builds A-buffers from a rasteriser's set-up records and tile lists.
 
@@ -61,20 +72,9 @@ class Builder:
         """uint8 (T): 0, or 1 + the node (uint8 (T) in `nodes`) of each of the `count` triangles listed in `pvs`."""
         members = self.device.recycled(self.rasteriser.triangles.count, np.uint8)
         self.device.fill(members, 0, stage)
-        kernel = self.device.build("ppll/build.cl", TILE=TILE, MASKED=0).mark_members
+        kernel = self.device.build("fragments/build.cl", TILE=TILE, MASKED=0, FRONT=0).mark_members
         self.device.launch(stage, kernel, count, count, pvs, nodes, members)
         return members
-
-    def all_members(self) -> Array:
-        """uint8 (T) of ones: every triangle, dealt to the first node."""
-        members = self.device.recycled(self.rasteriser.triangles.count, np.uint8)
-        self.device.fill(members, 1)
-        return members
-
-    def mark(self, fragments: Fragments, flags: Array, stage: str) -> None:
-        """Set `flags`, uint8 (T), to 1 for every triangle that has a fragment; others stay as they are."""
-        kernel = self.device.build("ppll/build.cl", TILE=TILE, MASKED=0).mark_fragments
-        self.device.launch(stage, kernel, fragments.count, fragments.count, fragments.samples.triangle, flags)
 
     def bins(self, camera: Camera, stage: str) -> tuple[Bins | None, Picture]:
         """The tile lists of everything in the frustum; they serve all nodes until the next call."""
@@ -85,16 +85,20 @@ class Builder:
             return None, picture
         return set_up(self.device, clusters, chosen, count, picture, False, self._scratch, stage), picture
 
-    def build(self, bins: Bins | None, picture: Picture, members: Array, member: int, stage: str) -> Fragments:
-        """The fragments of the triangles whose entry in `members`, uint8 (T), is `member`."""
+    def build(
+        self, bins: Bins | None, picture: Picture, members: Array, member: int, stage: str, front: Front | None = None
+    ) -> Fragments:
+        """Fragments of the triangles whose entry in `members`, uint8 (T), is `member`, as far as `front` shows them."""
         device, camera = self.device, picture.camera
         pixels = camera.width * camera.height
         counts = device.recycled(pixels + 1, np.int32)
         device.fill(counts, 0, f"{stage}/count")
         inputs = (picture.tiles, picture.tiles_x, camera.width, camera.height, device.chunks)
         mask, triangles = self.rasteriser.mask, self.rasteriser.triangles
-        kernels = device.build("ppll/build.cl", TILE=TILE, MASKED=int(mask is not None))
+        defines = {"MASKED": int(mask is not None), "FRONT": int(front is not None)}
+        kernels = device.build("fragments/build.cl", TILE=TILE, **defines)
         alpha = (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments) if mask else ()
+        alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
         if bins:
             inputs += (bins.ends, bins.entries, bins.records, members, member)
             count = (f"{stage}/count", kernels.count_fragments, picture.tiles)
@@ -102,7 +106,7 @@ class Builder:
         offsets, total = exclusive_scan(device, counts, pixels + 1, f"{stage}/scan")
         samples = Samples.allocate(device, total)
         depth = device.recycled(len(samples.texel), np.float32)
-        if bins:
+        if total:
             results = (offsets, samples.triangle, depth)
             write = (f"{stage}/write", kernels.write_fragments, picture.tiles)
             device.launch(*write, *inputs, *results, *alpha, local=1)

@@ -4,6 +4,17 @@
 #define BLOCK 8
 #define BLOCKS (TILE / BLOCK) // per tile's side
 
+#if FRONT
+// What is in front of the fragments that count: a picture's triangles and depths. `numbers`: what it calls the
+// triangles, for those of equal depth.
+#define FRONT_PARAMETERS                                                                                               \
+    , __global const int *front_triangle, __global const float *front_depth, __global const int *numbers
+#define FRONT_ARGUMENTS , front_triangle, front_depth, numbers
+#else
+#define FRONT_PARAMETERS
+#define FRONT_ARGUMENTS
+#endif
+
 // Where the tiles' fragments go. `cursor`: how many each pixel of the tile has so far, rows of 8 pixels.
 typedef struct {
     int2 origin; // the tile's first pixel
@@ -53,8 +64,31 @@ INLINE void write_row(Target *target, const int x, const int y, const int at, co
     }
 }
 
+#if FRONT
+// Clear the lanes of a row of 8 pixels from (x, y) of the tile where the picture shows something nearer.
+INLINE int8 in_front(int8 draw, const Target *target, const int x, const int y, const float8 z,
+                     const int id FRONT_PARAMETERS)
+{
+    if (lanes_of(draw) == 0)
+        return draw;
+    const size_t at = (size_t)(target->origin.y + y) * target->width + target->origin.x + x;
+    float8 depth = INFINITY;
+    int8 triangle = -1;
+    if (target->origin.x + x + 8 <= target->width) {
+        depth = *(__global const loose_float8 *)(front_depth + at);
+        triangle = *(__global const loose_int8 *)(front_triangle + at);
+    } else {
+        for (int lane = 0; lane < target->width - target->origin.x - x; lane++) {
+            ((float *)&depth)[lane] = front_depth[at + lane];
+            ((int *)&triangle)[lane] = front_triangle[at + lane];
+        }
+    }
+    return draw & ((z > depth) | ((z == depth) & (numbers[id] < triangle)));
+}
+#endif
+
 // Count or write the fragments of one record in a tile: the pixels and depths that the rasteriser gives it.
-INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETERS)
+INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int2 origin = target->origin;
     const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
@@ -107,6 +141,9 @@ INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETE
                     draw = without_holes(draw, &masked, middle.x + (px + lanes) * SUBPIXELS,
                                          middle.y + y * SUBPIXELS ALPHA_ARGUMENTS);
 #endif
+#if FRONT
+                draw = in_front(draw, target, px, y, z, id FRONT_ARGUMENTS);
+#endif
                 if (target->offsets)
                     write_row(target, px, y, at, draw, z, id);
                 else
@@ -117,7 +154,7 @@ INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETE
 
 INLINE void add_records(Target *target, const int tile, const int tiles_x, const int chunks, __global const int *ends,
                         __global const int *entries, __global const int *records, __global const uchar *members,
-                        const int member ALPHA_PARAMETERS)
+                        const int member ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int first = tile == 0 ? 0 : ends[(size_t)tile * chunks - 1], end = ends[(size_t)(tile + 1) * chunks - 1];
     target->origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
@@ -126,14 +163,15 @@ INLINE void add_records(Target *target, const int tile, const int tiles_x, const
     for (int i = first; i < end; i++) {
         __global const int *record = records + (size_t)entries[i] * RECORD;
         if (members[record[9] & ~MASK_BIT] == member)
-            add_record(record, target ALPHA_ARGUMENTS);
+            add_record(record, target ALPHA_ARGUMENTS FRONT_ARGUMENTS);
     }
 }
 
 // How many fragments of triangles with members[triangle] == member each pixel has.
 __kernel void count_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
                               __global const int *ends, __global const int *entries, __global const int *records,
-                              __global const uchar *members, const int member, __global int *counts ALPHA_PARAMETERS)
+                              __global const uchar *members, const int member,
+                              __global int *counts ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
@@ -142,7 +180,7 @@ __kernel void count_fragments(const int tiles, const int tiles_x, const int widt
     target.width = width;
     target.height = height;
     target.offsets = 0;
-    add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS);
+    add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS FRONT_ARGUMENTS);
     for (int y = 0; y < TILE && target.origin.y + y < height; y++)
         for (int x = 0; x < TILE && target.origin.x + x < width; x++)
             counts[(size_t)(target.origin.y + y) * width + target.origin.x + x] =
@@ -153,7 +191,7 @@ __kernel void count_fragments(const int tiles, const int tiles_x, const int widt
 __kernel void write_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
                               __global const int *ends, __global const int *entries, __global const int *records,
                               __global const uchar *members, const int member, __global const int *offsets,
-                              __global int *triangle, __global float *depth ALPHA_PARAMETERS)
+                              __global int *triangle, __global float *depth ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
@@ -164,7 +202,7 @@ __kernel void write_fragments(const int tiles, const int tiles_x, const int widt
     target.offsets = offsets;
     target.triangle = triangle;
     target.depth = depth;
-    add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS);
+    add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS FRONT_ARGUMENTS);
 }
 
 // Sorts each pixel's fragments, nearest (greatest depth) first, of equal depths the lowest triangle, and notes whose they
@@ -196,14 +234,6 @@ __kernel void sort_fragments(const int pixels, __global const int *offsets, __gl
         if (gap == 1)
             break;
     }
-}
-
-// flags[id] = 1 for the triangles that have a fragment.
-__kernel void mark_fragments(const int count, __global const int *triangle, __global uchar *flags)
-{
-    const int i = get_global_id(0);
-    if (i < count)
-        flags[triangle[i]] = 1;
 }
 
 // members[id] = node[id] + 1 for the listed triangles.

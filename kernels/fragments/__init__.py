@@ -1,0 +1,1 @@
+"""Lists of the fragments of each pixel: built, given an opacity, blended; what is seen through blended surfaces."""

@@ -1,0 +1,74 @@
+"""What is seen through blended surfaces: their fragments shaded and composited, and which triangles contribute."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.fragments.blend import blend_layers
+from kernels.fragments.layered import LayeredRasteriser, numbered
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.fragments.build import Fragments
+    from kernels.fragments.opacity import Opacity
+    from kernels.raster.rasteriser import Visibility
+    from kernels.shade.shader import Shader
+
+
+def shade_fragments(shader: Shader, fragments: Fragments, eye: np.ndarray, stage: str) -> Array:
+    """The colour of every fragment, uint8 (1, n, 4), sRGB with alpha 255; eye: float64 (3), see Shader.shade."""
+    device, n = shader.device, fragments.count
+    colours = device.recycled((1, n, 4), np.uint8)
+    if n:
+        shader.shade(numbered(device, fragments, stage).samples, eye, colours, stage)
+    return colours
+
+
+class Layers:
+    """A scene with blended triangles: how they are drawn, and how much of what is behind they cover."""
+
+    def __init__(self, rasteriser: LayeredRasteriser, opacity: Opacity) -> None:
+        self.rasteriser, self.opacity, self.device = rasteriser, opacity, rasteriser.device
+
+    def blend(
+        self, fragments: Fragments, visible: Visibility, shader: Shader, eye: np.ndarray, picture: Array, stage: str
+    ) -> None:
+        """Shade the fragments and blend them over `picture`, uint8 (h, w, 4), which shows the opaque triangles.
+
+        `visible.triangle` becomes the nearest triangle that is not wholly transparent there.
+        """
+        if not fragments.count:
+            return
+        opacity = self.opacity.of(fragments.samples, f"{stage}/opacity")
+        colours = shade_fragments(shader, fragments, eye, f"{stage}/shade")
+        seen = (fragments.samples.triangle, picture, visible.triangle)
+        blend_layers(self.device, fragments, colours, opacity, *seen, f"{stage}/blend")
+
+    def mark(self, view: np.ndarray, projection: np.ndarray, width: int, height: int, flags: Array, stage: str) -> None:
+        """Set `flags`, uint8 (T), to 1 for every triangle that makes up 1/255 or more of a pixel; others stay."""
+        visible, fragments = self.rasteriser.draw(view, projection, width, height, stage)
+        opacity = self.opacity.of(fragments.samples, f"{stage}/opacity")
+        lists = (fragments.pixels, fragments.offsets, fragments.samples.triangle, opacity, visible.triangle, flags)
+        kernel = self.device.build("fragments/layers.cl").mark_layers
+        self.device.launch(f"{stage}/mark", kernel, fragments.pixels, *lists)
+
+
+def mark_layers_twin(
+    offsets: np.ndarray, triangle: np.ndarray, opacity: np.ndarray, opaque: np.ndarray, flags: np.ndarray
+) -> np.ndarray:
+    """The flags after marking what contributes 1/255 or more: offsets (P + 1) into triangle and opacity (0..255),
+    nearest first; opaque (P), what is behind them, -1 for nothing."""
+    marked = flags.copy()
+    for pixel, (first, end) in enumerate(itertools.pairwise(offsets)):
+        through = 1.0
+        for at in range(first, end):
+            if through * opacity[at] >= 1 - 1e-9:
+                marked[triangle[at]] = 1
+            through *= 1 - opacity[at] / 255
+        if through * 255 >= 1 - 1e-9 and opaque[pixel] >= 0:
+            marked[opaque[pixel]] = 1
+    return marked
