@@ -23,8 +23,28 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
 ROOT = Path(__file__).parent
+CONTRACT = "#pragma OPENCL FP_CONTRACT"
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
+KERNEL = re.compile(r"^\s*(?:__)?kernel\s+void\s+(\w+)", re.MULTILINE)
 DEFAULT_LOCAL_SIZE = 64
+
+
+@dataclass(frozen=True)
+class Arithmetic:
+    """How freely the compiler may round: its options, and fused multiply-add where files do not say and where they
+    allow it."""
+
+    options: tuple[str, ...]
+    contract: str
+    contract_where_allowed: str
+
+
+# What `bench kernels` compares; results always come from the default.
+VARIANTS = {
+    "precise": Arithmetic(("-cl-fp32-correctly-rounded-divide-sqrt",), "OFF", "OFF"),
+    "default": Arithmetic((), "OFF", "ON"),
+    "relaxed": Arithmetic(("-cl-fast-relaxed-math",), "ON", "ON"),
+}
 
 # PoCL compiles its AVX-512 library of built-ins for a processor with clwb. Where LLVM finds one without it (as in
 # virtual machines), no built-in is inlined: vload16, sqrt, min, clamp become calls that spill all registers. No kernel
@@ -99,6 +119,16 @@ def source_with_includes(path: str, seen: set[str] | None = None) -> str:
     return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text())
 
 
+def kernel_names() -> list[str]:
+    """Every kernel of the suite as folder/file.function, as in `Record.kernels`."""
+    files = sorted(ROOT.rglob("*.cl"))
+    return [
+        f"{file.relative_to(ROOT).with_suffix('')}.{name}"
+        for file in files
+        for name in KERNEL.findall(file.read_text())
+    ]
+
+
 def kernels_digest() -> str:
     """A hash of every kernel file of the suite: results and cached results say which kernels they came from."""
     digest = hashlib.sha256()
@@ -109,11 +139,15 @@ def kernels_digest() -> str:
 
 @dataclass
 class Record:
-    """Device time and launches by stage name, filled when its `with` block ends."""
+    """Device time and launches by stage name, and time by kernel, filled when its `with` block ends.
+
+    kernels: milliseconds by the kernel's name, folder/file.function.
+    """
 
     milliseconds: dict[str, float] = field(default_factory=dict)
     launches: dict[str, int] = field(default_factory=dict)
-    _events: list[tuple[str, Any]] = field(default_factory=list)
+    kernels: dict[str, float] = field(default_factory=dict)
+    _events: list[tuple[str, str | None, Any]] = field(default_factory=list)
 
     def total(self, prefix: str) -> float:
         """Milliseconds of all stages named `prefix` or `prefix/...`."""
@@ -122,24 +156,30 @@ class Record:
     def _close(self) -> None:
         spent: dict[str, float] = defaultdict(float)
         count: dict[str, int] = defaultdict(int)
-        for stage, event in self._events:
-            spent[stage] += (event.profile.end - event.profile.start) * 1e-6
+        by_kernel: dict[str, float] = defaultdict(float)
+        for stage, kernel, event in self._events:
+            milliseconds = (event.profile.end - event.profile.start) * 1e-6
+            spent[stage] += milliseconds
             count[stage] += 1
-        self.milliseconds, self.launches, self._events = dict(spent), dict(count), []
+            if kernel:
+                by_kernel[kernel] += milliseconds
+        self.milliseconds, self.launches, self.kernels, self._events = dict(spent), dict(count), dict(by_kernel), []
 
 
 class Device:
     """One OpenCL device with a profiling, in-order queue.
 
     `local_size` is the work-group size of one-item-per-element kernels; `BENCH_LOCAL_SIZE` overrides it and
-    changes no result.
+    changes no result. `variant`, one of VARIANTS, is how freely its kernels round.
     """
 
-    def __init__(self, device: cl.Device) -> None:
+    def __init__(self, device: cl.Device, variant: str = "default") -> None:
         cl = _opencl()
+        if variant not in VARIANTS:
+            raise DeviceError(f"There is no build variant {variant!r}: give one of {', '.join(VARIANTS)}.")
         if "Portable Computing Language" in device.platform.name and not shutil.which("ld"):
             raise DeviceError("PoCL needs the linker ld: install binutils (Debian, Ubuntu: apt install binutils).")
-        self.device = device
+        self.device, self.variant = device, variant
         self.context = cl.Context([device])
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
         self.name = f"{device.name.strip()} ({device.platform.version.strip().split(',')[0]})"
@@ -149,13 +189,14 @@ class Device:
         # small tables. A constant, never the number of cores, so that nothing can depend on the machine.
         self.chunks = 64
         self._programs: dict[tuple, Any] = {}
+        self._names: dict[cl.Kernel, str] = {}
         self._records: list[Record] = []
 
     @classmethod
-    def open(cls, name: str | None = None) -> Device:
+    def open(cls, name: str | None = None, variant: str = "default") -> Device:
         """The device whose platform and name contain `name` (any case); without one, the default device.
 
-        Raises DeviceError, listing what there is, if none matches.
+        Raises DeviceError, listing what there is, if none matches or the variant is unknown.
         """
         devices = list_devices()
         if not devices:
@@ -163,7 +204,7 @@ class Device:
         wanted = (name or os.environ.get("BENCH_DEVICE", "")).lower()
         for device in devices:
             if wanted in f"{device.platform.name} {device.name}".lower():
-                return cls(device)
+                return cls(device, variant)
         known = "; ".join(f"{device.name.strip()} on {device.platform.name}" for device in devices)
         raise DeviceError(f"No OpenCL device matches {name!r}. There are: {known}.")
 
@@ -186,17 +227,28 @@ class Device:
         come out the same everywhere.
         """
         cl = _opencl()
-        flags = [*options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
+        arithmetic = VARIANTS[self.variant]
+        flags = [*arithmetic.options, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
         key = (path, *flags)
         if key not in self._programs:
-            source = "#pragma OPENCL FP_CONTRACT OFF\n" + source_with_includes(path)
+            files: set[str] = set()
+            source = source_with_includes(path, files)
+            source = source.replace(f"{CONTRACT} ON", f"{CONTRACT} {arithmetic.contract_where_allowed}")
+            source = f"{CONTRACT} {arithmetic.contract}\n{source}"
             source = INLINED_BUILTINS.replace("{source}", source)
             try:
                 program = cl.Program(self.context, source).build(["-cl-std=CL1.2", *flags], cache_dir=False)
             except cl.RuntimeError as error:
                 raise DeviceError(f"kernels/{path} does not build on {self.name}: {error}") from error
             digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
-            self._programs[key] = Kernels({k.function_name: k for k in program.all_kernels()}, digest)
+            kernels = Kernels({k.function_name: k for k in program.all_kernels()}, digest)
+            self._programs[key] = kernels
+            self._names |= {
+                kernels.by_name[name]: f"{file.removesuffix('.cl')}.{name}"
+                for file in files
+                for name in KERNEL.findall((ROOT / file).read_text())
+                if name in kernels.by_name  # included files may leave some out
+            }
         return self._programs[key]
 
     def launch(self, stage: str, kernel: cl.Kernel, items: int, *args: Any, local: int | None = None) -> None:
@@ -214,7 +266,7 @@ class Device:
         kernel.set_args(*(_argument(value) for value in args))
         event = cl.enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
         for record in self._records:
-            record._events.append((stage, event))
+            record._events.append((stage, self._names.get(kernel), event))
 
     def upload(self, values: np.ndarray) -> Array:
         """A device copy of a NumPy array (never empty: zero-sized arrays become one unused element)."""
@@ -258,7 +310,7 @@ class Device:
         event = cl.enqueue_fill_buffer(self.queue, array.base_data, array.dtype.type(value), array.offset, array.nbytes)
         if stage:
             for record in self._records:
-                record._events.append((stage, event))
+                record._events.append((stage, None, event))
 
     def finish(self) -> None:
         """Wait until everything launched has run."""

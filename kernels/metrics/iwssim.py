@@ -221,7 +221,7 @@ def _expanded(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return padded
 
 
-def _bands_twin(image: np.ndarray) -> list[np.ndarray]:
+def bands_twin(image: np.ndarray) -> list[np.ndarray]:
     """The four Laplacian bands, finest first, and the coarsest low-pass plane."""
     bands = []
     for _ in range(SCALES - 1):
@@ -262,7 +262,7 @@ def weights_twin(reference: np.ndarray, test: np.ndarray, parent: np.ndarray | N
 
 def iwssim_twin(test: np.ndarray, reference: np.ndarray) -> float:
     """IW-SSIM of two uint8 (h, w, 3 or 4) pictures of at least 161 pixels a side."""
-    bands_r, bands_t = _bands_twin(luma(reference)), _bands_twin(luma(test))
+    bands_r, bands_t = bands_twin(luma(reference)), bands_twin(luma(test))
     means = []
     for k in range(SCALES - 1):
         parent = bands_r[k + 1] if k < WITH_PARENT else None

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from harness.metrics import METRICS, PICTURE_METRICS, Metrics
-from tests.kernels.pictures import damaged, flat, on_device, rendering
+from kernels.inputs.pictures import damaged, flat, on_device, rendering
 
 
 @pytest.fixture(scope="module")

@@ -6,14 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.fill.fill import Filler, fill_twin
-
-
-def random_atlas(rng, height, width, owned):
-    """Random colours; squares of texels owned or not, garbage in those that are not."""
-    cells = rng.random((-(-height // 4), -(-width // 4))) < owned
-    alpha = cells.repeat(4, axis=0).repeat(4, axis=1)[:height, :width] * 255
-    colours = rng.integers(0, 256, (height, width, 3))
-    return np.concatenate([colours, alpha[..., None]], axis=2).astype(np.uint8)
+from kernels.inputs.atlases import random_atlas
 
 
 @settings(max_examples=20, deadline=None)

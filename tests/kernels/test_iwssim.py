@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
 from kernels.metrics.iwssim import IwSsim, decorrelation, iwssim_twin
-from tests.kernels.pictures import KINDS, damaged, flat, on_device, rendering
 
 
 def compared(device, test, reference):

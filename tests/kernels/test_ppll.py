@@ -7,7 +7,9 @@ import pytest
 
 from kernels.fragments.blend import blend_lists, blend_twin
 from kernels.fragments.build import Builder, build_twin
-from kernels.fragments.opacity import Opacity, opacity_twin
+from kernels.fragments.opacity import opacity_twin
+from kernels.inputs.fragments import glass_opacity, random_lists
+from kernels.inputs.soups import look_at, perspective, random_soup, soup
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments, limit_twin
 from kernels.ppll.lists import (
     Lists,
@@ -23,7 +25,6 @@ from kernels.ppll.splat import draw_lists, draw_lists_twin
 from kernels.raster.camera import Camera
 from kernels.raster.rasteriser import Rasteriser, ScreenTriangles
 from kernels.triangles import Triangles
-from tests.kernels.raster_scenes import look_at, perspective, random_soup, soup
 
 SIZE = (96, 64)
 VIEW = look_at((0, 1, 9), (0, 0, 0))
@@ -158,19 +159,6 @@ def test_opaque_fragments_are_limited_to_the_nearest(device):
     assert every.count == fragments.count
 
 
-def random_lists(device, rng, width=24, height=16, most=6, words=2):
-    counts = rng.integers(0, most, width * height) * (rng.random(width * height) < 0.7)
-    offsets = np.concatenate([[0], np.cumsum(counts)])
-    pixel = np.repeat(np.arange(len(counts)), counts)
-    depth = rng.uniform(0.01, 0.2, len(pixel)).astype(np.float32)
-    depth = depth[np.lexsort((-depth, pixel))]
-    rows = rng.integers(0, 2**32, (len(pixel), words), dtype=np.uint64).astype(np.uint32)
-    rows[:, 1] = depth.view(np.uint32)
-    rows[:, 0] |= 1 << 24
-    rows[rng.random(len(rows)) < 0.2, 0] |= 255 << 24
-    return Lists.upload(device, width, height, offsets, rows)
-
-
 def test_blending_equals_the_over_operator(device):
     """Within half a level: one 255th after rounding."""
     rng = np.random.default_rng(11)
@@ -215,39 +203,11 @@ def test_changed_lists_are_those_of_the_twin_and_make_the_other_end_equal(device
     np.testing.assert_array_equal(exact.host()[1], fresh.host()[1])
 
 
-class Glass:
-    """A scene's materials and vertices, as Opacity reads them."""
-
-    def __init__(self, rng, vertices):
-        from scenes.model import Material
-
-        self.uvs = rng.normal(0, 2, (vertices, 2)).astype(np.float32)
-        self.colours = rng.uniform(0.3, 1, (vertices, 4)).astype(np.float32)
-        self.materials = [
-            Material(),
-            Material(base_colour=(1, 1, 1, 0.6), base_texture=0, alpha_mode="blend"),
-            Material(base_colour=(1, 1, 1, 0.5), alpha_mode="blend"),
-            Material(base_colour=(1, 1, 1, 0.5), transmission=0.7),
-            Material(base_colour=(1, 1, 1, 0.2), base_texture=0, alpha_mode="mask"),
-        ]
-
-
 def test_opacity_equals_its_twin(device):
     """Within one level; texels of a level next to it where the footprint lies between two levels."""
-    from kernels.shade.shader import Shader
-    from kernels.shade.tables import Lighting, Surface
-    from kernels.texture.buffers import TextureBuffers
-    from scenes.model import Sky, Texture
-
     rng = np.random.default_rng(14)
     triangles = random_soup(device, rng, 300)
-    glass = Glass(rng, len(triangles.host_positions))
-    texels = rng.integers(0, 256, (32, 48, 4)).astype(np.uint8)
-    textures = TextureBuffers.upload(device, [Texture("glass", texels, wrap_s="mirror", wrap_t="clamp")])
-    ids = rng.integers(0, 5, 300).astype(np.int32)
-    normals = np.tile(np.array([0, 1, 0], np.float32), (len(glass.uvs), 1))
-    shader = Shader(device, triangles, Surface(normals, glass.uvs, ids, glass.materials), Lighting([], Sky()), textures)
-    opacity = Opacity.of_scene(triangles, shader, glass)
+    opacity, ids = glass_opacity(device, rng, triangles)
     fragments = build(device, triangles, Camera.of(VIEW, perspective(), *SIZE))
     samples, n = fragments.samples, fragments.count
     found = opacity.of(samples, "opacity").get()[:n]

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from kernels.ppll.lists import Lists
+from kernels.inputs.fragments import PROJECTION, SIZE, normal_lists
+from kernels.inputs.soups import look_at
 from kernels.ppll.match import (
     differences_twin,
     find_differences,
@@ -13,27 +14,6 @@ from kernels.ppll.match import (
     move_twin,
     turning,
 )
-from tests.kernels.raster_scenes import look_at, perspective
-
-SIZE = (24, 16)
-PROJECTION = perspective(80, SIZE[0] / SIZE[1])
-
-
-def normal_lists(device, rng, most=6, near=1.0):
-    """Lists of fragments that lie in their pixels; a fifth of the distances occurs twice."""
-    pixels = SIZE[0] * SIZE[1]
-    counts = rng.integers(0, most, pixels) * (rng.random(pixels) < 0.8)
-    pixel = np.repeat(np.arange(pixels), counts)
-    distance = near + rng.integers(0, 40, len(pixel)).astype(np.float32) / 16
-    distance = distance[np.lexsort((distance, pixel))]
-    tangent = 1 / PROJECTION[0, 0] / (SIZE[0] / 2)
-    x = (pixel % SIZE[0] + rng.uniform(0.1, 0.9, len(pixel)) - SIZE[0] / 2) * tangent * distance
-    y = (SIZE[1] / 2 - pixel // SIZE[0] - rng.uniform(0.1, 0.9, len(pixel))) * tangent * distance
-    rows = np.zeros((len(pixel), 5), np.uint32)
-    rows[:, 0] = rng.integers(0, 1 << 8, len(pixel)) | 200 << 24
-    rows[:, 1] = np.arange(len(pixel))  # a name, to tell fragments apart
-    rows[:, 2:] = np.stack([x, y, distance], axis=1).astype(np.float32).view(np.uint32)
-    return Lists.upload(device, *SIZE, np.concatenate([[0], np.cumsum(counts)]), rows)
 
 
 def assert_same(found, expected):

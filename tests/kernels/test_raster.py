@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from kernels.inputs.soups import look_at, orthographic, perspective, pixel_points, random_soup, soup
 from kernels.raster.camera import Camera
 from kernels.raster.clusters import boxes_twin, in_frustum_twin
 from kernels.raster.rasteriser import Rasteriser, ScreenTriangles, draw_twin
 from kernels.triangles import Triangles
 from tests.conftest import REAL_SCENES
-from tests.kernels.raster_scenes import look_at, orthographic, perspective, pixel_points, random_soup, soup
 
 SIZE = (96, 64)
 SHIFT = 1 / 256  # pixels; half of it along each axis by snapping, the rest for the float32 transform

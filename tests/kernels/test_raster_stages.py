@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
+from kernels.inputs.soups import look_at, perspective, pixel_points, random_soup, soup
 from kernels.raster.camera import Camera
 from kernels.raster.picture import Picture
 from kernels.raster.rasteriser import TILE, Rasteriser
 from kernels.raster.setup import MASK_BIT, RECORD, Scratch, set_up, set_up_twin
 from kernels.raster.tiles import draw_tiles, draw_tiles_twin
 from kernels.triangles import Triangles
-from tests.kernels.raster_scenes import look_at, perspective, pixel_points, random_soup, soup
 
 SIZE = (256, 128)
 

@@ -5,22 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from kernels.inputs.patches import ROLES, Soup, random_masks, random_patches, words_in_rows
 from kernels.sas.corners import locate_corners_twin
 from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin
-from kernels.sas.layout import pack_location
 from kernels.triangles import Triangles
-from tests.kernels.patch_soup import ROLES, Soup, random_patches
 
 WIDTH = 4096
 FIELDS = ("triangle", "bary1", "bary2", "footprint", "texel")
 ALL_LEVELS = [(w, h) for w in range(9) for h in range(9)]
-
-
-def words_in_rows(levels: list[tuple[int, int]]) -> np.ndarray:
-    """Location words of blocks of these levels, each alone in a square of 256 texels."""
-    w, h = np.array(levels).T
-    k = np.arange(len(levels))
-    return pack_location(k % 16 * 256 + (k * 37 % 256 >> w << w), k // 16 * 256 + (k * 91 % 256 >> h << h), w, h)
 
 
 def emit(device, soup: Soup, masks: np.ndarray, words: np.ndarray, complete=False, runs=None) -> dict[str, np.ndarray]:
@@ -30,12 +22,6 @@ def emit(device, soup: Soup, masks: np.ndarray, words: np.ndarray, complete=Fals
     unfolded = Unfolded.measure(device, device.upload(soup.members), device.upload(soup.codes), triangles)
     samples = emit_samples(device, *uploaded, len(patches), device.upload(words), unfolded, WIDTH, complete, runs)
     return {name: getattr(samples, name).get()[: samples.count] for name in FIELDS}
-
-
-def random_masks(rng: np.random.Generator, soup: Soup) -> np.ndarray:
-    """For each patch some of its members, at least one."""
-    sizes = (soup.members >= 0).sum(axis=1)
-    return rng.integers(1, 1 << sizes).astype(np.uint8)
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.common.rank import rank_by_class, rank_by_class_twin
+from kernels.inputs.patches import random_patches
 from kernels.sas.bias import levels_at, needed_superblocks, needed_superblocks_twin
 from kernels.sas.corners import locate_corners, locate_corners_twin
 from kernels.sas.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
@@ -18,7 +19,6 @@ from kernels.sas.layout import (
     unpack_location,
 )
 from kernels.sas.visible import visible_patches, visible_patches_twin
-from tests.kernels.patch_soup import random_patches
 
 
 def test_roles_tile_the_square_without_flips():

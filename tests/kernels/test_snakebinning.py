@@ -8,6 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.views import Pose, client_view, from_rotation_vector
+from kernels.inputs.bins import crowd
+from kernels.inputs.soups import mixed_soup
 from kernels.samples import Samples
 from kernels.snakebinning.bins import BINS, HEIGHTS, HeightBins, bin_of, indices_of
 from kernels.snakebinning.clear import clear_strips, clear_strips_twin
@@ -45,16 +47,6 @@ def views(count: int = 2) -> np.ndarray:
     return pack_views([(view.view, view.projection, view.width) for view in cameras], 0.7)
 
 
-def soup(rng: np.random.Generator, count: int, offset: float = 0.0) -> np.ndarray:
-    """Triangles (n, 3, 3) of all sizes, ahead, beside and behind; slivers, points and equilateral ones among them."""
-    middle = rng.normal(size=(count, 1, 3)) * [2, 1, 4] - [0, 0, 3]
-    corners = middle + rng.normal(size=(count, 3, 3)) * 10.0 ** rng.uniform(-3, 0.7, (count, 1, 1))
-    corners[::7, 2] = 0.5 * (corners[::7, 0] + corners[::7, 1]) + 1e-4 * corners[::7, 2]
-    corners[::31] = corners[::31, :1]
-    corners[5::29] = [[-1, 0, -4], [1, 0, -4], [0, np.sqrt(3), -4]]
-    return (corners + offset).astype(np.float32)
-
-
 class Soup:
     """Triangles on the device, measured."""
 
@@ -85,7 +77,7 @@ def test_footprints_match_their_twin(device, logarithmic, perspective):
     But for one in 1000, which appears equally large in two views and whose view float32 chooses otherwise.
     """
     fit = Fit(HeightBins(127.0, logarithmic), 180.0, perspective)
-    corners = soup(np.random.default_rng(1), 4000)
+    corners = mixed_soup(np.random.default_rng(1), 4000)
     found = Soup(device, corners, fit)
     bins, lengths, words = found.host()
     expected = measure_triangles_twin(corners, views(), fit)
@@ -120,7 +112,7 @@ def test_footprints_turn_with_the_camera_and_move_with_the_scene(device):
 
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 1e30])
 def test_broken_positions_get_a_shape_that_fits(device, bad):
-    corners = soup(np.random.default_rng(2), 64)
+    corners = mixed_soup(np.random.default_rng(2), 64)
     corners[3, 1, 0] = corners[40] = bad
     bins, lengths, _ = Soup(device, corners).host()
     assert ((bins >= 0) & (bins < BINS)).all()
@@ -130,7 +122,7 @@ def test_broken_positions_get_a_shape_that_fits(device, bad):
 
 
 def test_hysteresis_keeps_triangles_that_move_little(device):
-    corners = soup(np.random.default_rng(3), 3000)
+    corners = mixed_soup(np.random.default_rng(3), 3000)
     found = Soup(device, corners)
     before = found.host()
     nearer = views()
@@ -180,13 +172,6 @@ def test_counts_match_their_twin(device, seed, count, same):
         np.testing.assert_array_equal(counts.counts.get()[used], totals)
         np.testing.assert_array_equal(counts.widest.get()[used], widest)
         assert counts.counts.get().sum() == count
-
-
-def crowd(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Used bins and their triangles: a cloud in bin space, as of a scene."""
-    bins = bin_of(rng.integers(0, 30, count), rng.integers(0, 30, count), rng.integers(0, HEIGHTS, count) ** 2 // 1500)
-    used = np.unique(bins)
-    return used, np.maximum(1, rng.geometric(0.06, len(used)) - 10)
 
 
 @pytest.mark.parametrize("search", ["exact", "hierarchical"])
@@ -341,7 +326,7 @@ def packed(device, corners: np.ndarray, atlas: Atlas, fit: Fit = FIT):
 @pytest.fixture(scope="module")
 def scene(device):
     rng = np.random.default_rng(5)
-    corners = soup(rng, 600)
+    corners = mixed_soup(rng, 600)
     corners[300:] = corners[300] + 0.01 * rng.normal(size=(300, 1, 3))  # many alike
     return packed(device, corners, Atlas(2048, 2048, 512))
 

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
+from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
 from kernels.metrics.colour import luma
 from kernels.metrics.mse import SquaredError, mse_twin, psnr
 from kernels.metrics.ssim import Ssim, ssim_twin
-from tests.kernels.pictures import KINDS, damaged, flat, on_device, rendering
 
 
 def compared(device, test, reference):

@@ -5,36 +5,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from kernels.inputs.masks import leaves, masked_material, masked_soup
 from kernels.texture.mask import AlphaMask, between, margin_twin
 
 
-def material(mode="mask", texture=0, cutoff=0.5, alpha=1.0):
-    return SimpleNamespace(base_colour=(1, 1, 1, alpha), base_texture=texture, alpha_mode=mode, alpha_cutoff=cutoff)
-
-
-def leaves(rng, size=(128, 96)):
-    """Random opaque rectangles of up to 9 texels on about a third."""
-    texels = np.zeros((*size, 4), np.uint8)
-    for _ in range(size[0] * size[1] // 60):
-        y, x, height, width = rng.integers(0, [*size, 9, 9])
-        texels[y : y + height + 1, x : x + width + 1, 3] = 255
-    return texels
-
-
-@pytest.fixture
-def masked_soup(device):
-    rng = np.random.default_rng(5)
-    textures = [
-        SimpleNamespace(texels=leaves(rng, size), srgb=True, wrap_s=s, wrap_t=t)
-        for size, s, t in [((128, 96), "repeat", "repeat"), ((33, 70), "clamp", "mirror"), ((1, 1), "mirror", "clamp")]
-    ]
-    materials = [material("opaque")] + [material(texture=i) for i in range(3)] + [material(texture=-1, alpha=0.7)]
-    indices = np.arange(3 * 200).reshape(-1, 3).astype(np.int32)
-    uvs = rng.uniform(-3, 3, (600, 2)).astype(np.float32)
-    uvs[30:33], uvs[33:36] = np.nan, 1e9
-    material_ids = rng.integers(0, 5, 200).astype(np.int32)
-    material_ids[10:12] = 1
-    return AlphaMask.upload(device, indices, uvs, material_ids, materials, textures), material_ids
+@pytest.fixture(name="masked_soup")
+def soup_of_masks(device):
+    return masked_soup(device)
 
 
 def test_the_alpha_test_matches_its_twin(device, masked_soup):
@@ -56,7 +33,7 @@ def test_the_alpha_test_matches_its_twin(device, masked_soup):
 def test_foliage_keeps_its_density_in_the_distance(device):
     texture = SimpleNamespace(texels=leaves(np.random.default_rng(1)), srgb=True, wrap_s="repeat", wrap_t="repeat")
     uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
-    mask = AlphaMask.upload(device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [material()], [texture])
+    mask = AlphaMask.upload(device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [masked_material()], [texture])
     near = np.mean(texture.texels[..., 3] > 127)
     levels, alphas = mask.host["levels"], mask.host["alphas"]
     assert len(levels) > 3
@@ -70,14 +47,16 @@ def test_masks_without_texture_are_all_there_or_not_at_all(device):
     uvs = np.zeros((3, 2), np.float32)
     for alpha, expected in [(0.7, True), (0.3, False), (0.0, False)]:
         mask = AlphaMask.upload(
-            device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [material(texture=-1, alpha=alpha)], []
+            device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [masked_material(texture=-1, alpha=alpha)], []
         )
         margin = margin_twin(mask, np.zeros(1, int), np.array([0.3]), np.array([0.3]), np.array([10.0]))
         assert (margin[0] >= 0) == expected
 
 
 def test_scenes_without_masks_have_none(device):
-    none = AlphaMask.upload(device, np.zeros((1, 3), int), np.zeros((1, 2)), np.zeros(1, int), [material("opaque")], [])
+    none = AlphaMask.upload(
+        device, np.zeros((1, 3), int), np.zeros((1, 2)), np.zeros(1, int), [masked_material("opaque")], []
+    )
     assert none is None
 
 

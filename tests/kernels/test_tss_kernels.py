@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 from kernels.common.rank import rank_by_class_twin
+from kernels.inputs.soups import FAR_EYE as EYE
+from kernels.inputs.soups import far_soup
 from kernels.samples import Samples
 from kernels.triangles import Triangles
 from kernels.tss.bins import Bins
@@ -22,26 +24,10 @@ SCALE = 0.83
 STAGE = "structs/test"
 
 
-def soup(count: int = 400) -> np.ndarray:
-    """Triangles float32 (n, 3, 3) around a camera at `EYE`: of all sizes, behind it, through it, slivers, points."""
-    size = 10.0 ** RNG.uniform(-2.5, 1.2, (count, 1, 1))
-    corners = EYE + RNG.normal(size=(count, 1, 3)) * 6 + size * RNG.normal(size=(count, 3, 3))
-    corners[::7, 2] = corners[::7, 1] + 1e-3 * corners[::7, 2] - 1e-3 * EYE
-    corners[5] = corners[5, 0]
-    corners[6, 2] = corners[6, 1]
-    corners[8, 0] = EYE
-    corners[9] = EYE + np.array([[-30, -1.5, -30], [30, -1.5, -30], [0, -1.5, 40]])  # a floor below the camera
-    corners[10] = EYE + np.array([[-2, -2, -2.5], [2, -2, -2.5], [0, 2, -2.5]])  # larger than the picture
-    return corners.astype(np.float32)
-
-
-EYE = np.array([1000.5, -20.25, 300.125])
-
-
 @pytest.fixture(scope="module")
 def known(device) -> SimpleNamespace:
     """Triangles, the camera, and all stages up to the samples."""
-    corners = soup()
+    corners = far_soup(RNG)
     view = np.eye(4)
     view[:3, 3] = -EYE
     projection = np.array([[1.2, 0, 0, 0], [0, 1.9, 0, 0], [0, 0, 0, 0.02], [0, 0, -1, 0]])

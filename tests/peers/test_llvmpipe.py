@@ -13,10 +13,10 @@ import numpy as np
 import pytest
 
 from kernels.device import Device
+from kernels.inputs.soups import NEAR, look_at, perspective
 from kernels.raster.rasteriser import Rasteriser
 from kernels.triangles import Triangles
 from tests.conftest import REAL_SCENES
-from tests.kernels.raster_scenes import NEAR, look_at, perspective
 from tests.peers.llvmpipe import Llvmpipe
 
 WIDTH, HEIGHT = 1920, 1080

@@ -1,4 +1,4 @@
-"""Cameras and triangles for the tests of the rasteriser."""
+"""Cameras and triangle soups."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import numpy as np
 from kernels.triangles import Triangles
 
 NEAR = 0.1
+FAR_EYE = np.array([1000.5, -20.25, 300.125])
 
 
 def look_at(eye, target, up=(0.0, 1.0, 0.0)) -> np.ndarray:
@@ -61,3 +62,26 @@ def random_soup(device, rng, count, flags=Triangles.DOUBLE_SIDED) -> Triangles:
     thin = rng.random(count) < 0.1
     sides[thin, 2] = sides[thin, 1] + rng.normal(0, 1e-4, (thin.sum(), 3))
     return soup(device, centres + sides, flags)
+
+
+def far_soup(rng: np.random.Generator, count: int = 400) -> np.ndarray:
+    """Triangles float32 (n, 3, 3) around a camera at FAR_EYE: of all sizes, behind it, through it, slivers, points."""
+    size = 10.0 ** rng.uniform(-2.5, 1.2, (count, 1, 1))
+    corners = FAR_EYE + rng.normal(size=(count, 1, 3)) * 6 + size * rng.normal(size=(count, 3, 3))
+    corners[::7, 2] = corners[::7, 1] + 1e-3 * corners[::7, 2] - 1e-3 * FAR_EYE
+    corners[5] = corners[5, 0]
+    corners[6, 2] = corners[6, 1]
+    corners[8, 0] = FAR_EYE
+    corners[9] = FAR_EYE + np.array([[-30, -1.5, -30], [30, -1.5, -30], [0, -1.5, 40]])  # a floor below the camera
+    corners[10] = FAR_EYE + np.array([[-2, -2, -2.5], [2, -2, -2.5], [0, 2, -2.5]])  # larger than the picture
+    return corners.astype(np.float32)
+
+
+def mixed_soup(rng: np.random.Generator, count: int, offset: float = 0.0) -> np.ndarray:
+    """Triangles (n, 3, 3) of all sizes, ahead, beside and behind; slivers, points and equilateral ones among them."""
+    middle = rng.normal(size=(count, 1, 3)) * [2, 1, 4] - [0, 0, 3]
+    corners = middle + rng.normal(size=(count, 3, 3)) * 10.0 ** rng.uniform(-3, 0.7, (count, 1, 1))
+    corners[::7, 2] = 0.5 * (corners[::7, 0] + corners[::7, 1]) + 1e-4 * corners[::7, 2]
+    corners[::31] = corners[::31, :1]
+    corners[5::29] = [[-1, 0, -4], [1, 0, -4], [0, np.sqrt(3), -4]]
+    return (corners + offset).astype(np.float32)

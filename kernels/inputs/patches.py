@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kernels.sas.layout import ROLE_POINTS, ROLE_SLOT, pack_role
+from kernels.sas.layout import ROLE_POINTS, ROLE_SLOT, pack_location, pack_role
 
 
 @dataclass
@@ -43,3 +43,16 @@ def random_patches(rng: np.random.Generator, count: int, size: int | None = None
             members[patch, ROLE_SLOT[role]] = triangle
             points[patch, ROLE_POINTS[role]] = 5 * patch + ROLE_POINTS[role]
     return Soup(positions, indices, of_triangle, codes, members, points)
+
+
+def words_in_rows(levels: list[tuple[int, int]]) -> np.ndarray:
+    """Location words of blocks of these levels, each alone in a square of 256 texels."""
+    w, h = np.array(levels).T
+    k = np.arange(len(levels))
+    return pack_location(k % 16 * 256 + (k * 37 % 256 >> w << w), k // 16 * 256 + (k * 91 % 256 >> h << h), w, h)
+
+
+def random_masks(rng: np.random.Generator, soup: Soup) -> np.ndarray:
+    """For each patch some of its members, at least one."""
+    sizes = (soup.members >= 0).sum(axis=1)
+    return rng.integers(1, 1 << sizes).astype(np.uint8)

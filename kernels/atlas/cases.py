@@ -1,0 +1,47 @@
+"""Cases of lookups in an atlas."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.atlas.lookup import look_up, look_up_twin
+from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.samples import Samples
+
+if TYPE_CHECKING:
+    from kernels.device import Device
+
+SIDE, TRIANGLES = 2048, 5000
+
+
+@case({"lookup.look_up": Cost("n", "16*n + 24*n + 16*n + 8*n", "21*n")}, 1 << 19, 1 << 16)
+def lookup(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: perspective-correct, with weights that almost vanish, at texel centres and without a place."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    plane = rng.integers(0, 256, (SIDE, SIDE, 4), dtype=np.uint8)
+    corners = rng.uniform(0.5, SIDE - 0.5, (TRIANGLES, 1, 2)) + rng.normal(size=(TRIANGLES, 3, 2)) * 8
+    if hard:
+        corners[::3] = np.round(corners[::3] - 0.5) + 0.5
+        weight = 10.0 ** rng.uniform(-6, 0, (TRIANGLES, 3, 1))
+        corners = np.concatenate([corners * weight, weight], axis=2)
+        corners[::50] = np.nan
+    corners = corners.astype(np.float32)
+    triangle = np.sort(rng.integers(0, TRIANGLES, size))
+    bary = rng.dirichlet(np.ones(3), size)[:, 1:].astype(np.float32)
+    samples = Samples.upload(device, triangle, *bary.T, np.zeros(size), np.arange(size))
+    arrays = [device.upload(array) for array in (corners, np.arange(TRIANGLES, dtype=np.int32), plane)]
+    rgb, drawn = device.zeros((1, size, 4), np.uint8), device.zeros((1, size), np.int32)
+
+    def run() -> None:
+        look_up(device, samples, *arrays, rgb, drawn, "lookup")
+
+    def results() -> list[Result]:
+        run()
+        expected = look_up_twin(corners, triangle, bary, plane)
+        placed = np.isfinite(expected[:, 0])
+        colours = Result(rgb.get()[0, placed, :3], expected[placed])
+        return [colours, Result(drawn.get()[0], np.where(placed, triangle, 0))]
+
+    return Trial({"n": size}, run, results)

@@ -1,0 +1,1 @@
+"""Inputs that kernels are tested and measured on: pictures, triangle soups, patches."""

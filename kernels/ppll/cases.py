@@ -1,0 +1,214 @@
+"""Cases of per-pixel linked lists: a few layers of small triangles, and hundreds of layers and slivers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.fragments.cases import fragments_of, host, most_layers
+from kernels.inputs.fragments import normal_lists, random_lists
+from kernels.inputs.soups import look_at, perspective
+from kernels.ppll.limit import limit_fragments, limit_twin
+from kernels.ppll.lists import (
+    changed_colours,
+    changed_lists,
+    changed_twin,
+    cut_lists,
+    cut_twin,
+    splice_lists,
+    splice_twin,
+)
+from kernels.ppll.match import (
+    differences_twin,
+    find_differences,
+    merge_differences,
+    merge_twin,
+    move_lists,
+    move_twin,
+    turning,
+)
+from kernels.ppll.rows import colour_rows, normal_rows, normals_twin, rows_twin
+from kernels.ppll.splat import draw_lists, draw_lists_twin
+from kernels.raster.cases import camera
+
+if TYPE_CHECKING:
+    from kernels.device import Device
+
+
+LIMITING = {
+    "limit.count_kept": Cost("n", "4*n + 8*pixels"),
+    "limit.list_kept": Cost("n", "4*n + 8*pixels + 4*kept"),
+    "limit.copy_kept": Cost("kept", "52*kept"),
+    "limit.pick": Cost("kept", "12*kept"),
+}
+
+
+@case(LIMITING, 480, 96)
+def limiting(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: opacities whose sum reaches the threshold within rounding."""
+    _, fragments = fragments_of(device, kind, size)
+    levels = [0, 51, 102, 127, 128] if kind == "adversarial" else [0, 1, 100, 128, 255]
+    opacity = seeded(kind).choice(levels, fragments.count).astype(np.int32)
+    uploaded = device.upload(opacity)
+
+    def run() -> tuple:
+        return limit_fragments(device, fragments, uploaded, 4, 0.8, "limit")
+
+    def results() -> list[Result]:
+        kept, left = run()
+        expected = limit_twin(fragments.offsets.get(), opacity, 4, 0.8)
+        found, wanted = np.zeros((2, fragments.pixels), np.int64)
+        found[:] = np.diff(kept.offsets.get())
+        np.add.at(wanted, host(fragments)[3][expected], 1)
+        same = kept.count == len(expected)
+        values = [Result(left.get()[: kept.count], opacity[expected])] if same else []
+        return [Result(found, wanted), *values]
+
+    counts = {"n": fragments.count, "kept": run()[0].count, "pixels": fragments.pixels}
+    return Trial(counts, run, results)
+
+
+ROWS = {
+    "rows.colour_rows": Cost("n", "16*n"),
+    "rows.normal_rows": Cost("n", "(8 + 12 + 12 + 96 + 20)*n", "60*n"),
+}
+
+
+@case(ROWS, 480, 96)
+def rows(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: normals at the poles, where the azimuth is free."""
+    triangles, fragments = fragments_of(device, kind, size)
+    n, rng, view = fragments.count, seeded(kind), camera(size)
+    normals = rng.normal(size=triangles.host_positions.shape) * ([1e-4, 1e-4, 1] if kind == "adversarial" else 1)
+    vertices = np.zeros((len(normals), 8), np.float32)
+    vertices[:, 3:6] = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    colours = device.upload(rng.integers(0, 256, (1, n, 4)).astype(np.uint8))
+    projection, uploaded = perspective(80, 16 / 9), device.upload(vertices)
+
+    def run() -> tuple:
+        known = (device, fragments, colours, None)
+        return (
+            normal_rows(*known, triangles, uploaded, projection, "rows"),
+            colour_rows(*known, "rows"),
+        )
+
+    def results() -> list[Result]:
+        packed, coloured = (array.get()[:n] for array in run())
+        depth, rgba = fragments.depth.get()[:n], colours.get().view(np.uint32).ravel()[:n]
+        known = (fragments.samples, depth, triangles, vertices[:, 3:6], projection, view.width, view.height)
+        smooth, positions = rows_twin(*known)
+        return [
+            Result(normals_twin(packed[:, 1].copy()), smooth),
+            Result(packed[:, 2:].copy().view(np.float32), positions),
+            Result(coloured, np.stack([rgba, depth.view(np.uint32)], axis=1)),
+        ]
+
+    return Trial({"n": n}, run, results)
+
+
+SPLICING = {
+    "lists.cut_lists": Cost("n", "16*n + 8*pixels"),
+    "lists.count_spliced": Cost("pixels", "12*pixels"),
+    "lists.splice_lists": Cost("n", "16*n + 12*pixels"),
+    "lists.count_changed_colours": Cost("pixels", "16*pixels"),
+    "lists.count_changed_lists": Cost("n", "16*n + 12*pixels"),
+}
+
+
+@case(SPLICING, 480, 96)
+def splicing(device: Device, kind: str, size: int) -> Trial:
+    """Lists of which a tenth changed, found, cut out and spliced in."""
+    rng = seeded(kind)
+    held = random_lists(device, rng, size, size * 2 // 3, most_layers(kind))
+    offsets, rows = held.host()
+    some = rng.random(len(rows)) < 0.1
+    rows[some, 0] ^= rng.choice([1, 4, 1 << 20], some.sum()).astype(np.uint32)
+    fresh = type(held).upload(device, held.width, held.height, offsets, rows)
+    blended = [device.upload(rng.integers(0, 9, (held.pixels, 4), dtype=np.uint8)) for _ in range(2)]
+
+    def run() -> tuple:
+        changed_colours(device, fresh, *blended, 3, "lists")
+        changed = changed_lists(device, fresh, held, 3, 1e-4, "lists")
+        return changed, splice_lists(device, held, changed, "lists")
+
+    def results() -> list[Result]:
+        changed, spliced = run()
+        differs = changed_twin(fresh.host(), held.host(), 3, 1e-4)
+        counts = np.diff(fresh.host()[0]) * differs
+        expected = cut_twin(fresh.host(), counts)
+        cut = cut_lists(device, fresh, device.upload(np.append(counts, 0).astype(np.int32)), "lists")
+        pairs = zip((*cut.host(), *spliced.host()), (*expected, *splice_twin(held.host(), expected)), strict=True)
+        return [Result(np.diff(changed.host()[0]) > 0, differs), *(Result(*pair) for pair in pairs)]
+
+    return Trial({"n": held.count, "pixels": held.pixels}, run, results)
+
+
+MATCHING = {
+    "match.move_fragments": Cost("n", "48*n", "60*n"),
+    "match.list_moved": Cost("n", "12*n"),
+    "match.sort_moved": Cost("n", "48*n + 4*pixels"),
+    "match.count_differences": Cost("n", "40*n + 12*pixels"),
+    "match.write_differences": Cost("n", "60*n + 12*pixels"),
+    "match.remove_fragments": Cost("n", "41*n + 12*pixels"),
+    "match.merge_fragments": Cost("n", "61*n + 12*pixels"),
+}
+
+
+@case(MATCHING, 480, 48)
+def matching(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: long lists and a move that sends many fragments to pixels' borders."""
+    rng, shape = seeded(kind), (size, size * 2 // 3)
+    held, fresh = (normal_lists(device, rng, most_layers(kind), size=shape) for _ in range(2))
+    turn = turning(np.eye(4), look_at((0.3, 0, 0.1), (0.2, 0.1, -4)))
+    projection = perspective(80, 1.5)
+
+    def run() -> tuple:
+        moved = move_lists(device, held, turn, projection, "match")
+        changes = find_differences(device, moved, fresh, 0.03, 60, "match")
+        return moved, changes, merge_differences(device, moved, changes, None, "match")
+
+    def results() -> list[Result]:
+        moved, changes, merged = run()
+        _, _, distance = move_twin(held.host(), turn, projection, *shape)
+        rows = moved.host()[1]
+        expected = differences_twin(moved.host(), fresh.host(), 0.03, 60)
+        whole = merge_twin(moved.host(), changes.host(), None)
+        return [
+            Result(rows[:, 4].copy().view(np.float32), distance[rows[:, 1]]),
+            Result(np.diff(changes.host()[0]), np.array([len(entries) for entries in expected])),
+            *(Result(*pair) for pair in zip(merged.host(), whole, strict=True)),
+        ]
+
+    return Trial({"n": held.count, "pixels": held.pixels}, run, results)
+
+
+SPLATTING = {
+    "splat.place_points": Cost("n", "8*n + 28*n + 4*pixels", "40*n"),
+    "splat.count_points": Cost("n", "16*n + 4*4*n"),
+    "splat.list_points": Cost("n", "16*n + 8*4*n"),
+    "splat.blend_points": Cost("4*n", "32*4*n + 12*pixels", "12*4*n"),
+}
+
+
+@case(SPLATTING, 480, 48)
+def splatting(device: Device, kind: str, size: int) -> Trial:
+    """A point falls on about 4 pixels. Adversarial: long lists, moved until they spread."""
+    rng, shape = seeded(kind), (size, size * 2 // 3)
+    lists = [random_lists(device, rng, *shape, most_layers(kind))]
+    shift = 0.3 if kind == "adversarial" else 0.05
+    views = (np.eye(4), perspective(80, 1.5)), (look_at((shift, 0, 0), (shift, 0, -5)), perspective(60, 1.5))
+    background = rng.integers(0, 256, (*shape[::-1], 4)).astype(np.uint8)
+    uploaded, picture = device.upload(background), device.upload(background)
+    drawn = device.empty(shape[::-1], np.int32)
+
+    def run() -> None:
+        draw_lists(device, lists, *views, picture, drawn, "splat")
+
+    def results() -> list[Result]:
+        picture.set(uploaded.get())
+        run()
+        return [Result(picture.get()[..., :3], draw_lists_twin(lists, *views, background))]
+
+    return Trial({"n": lists[0].count, "pixels": lists[0].pixels}, run, results)

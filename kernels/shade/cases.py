@@ -1,0 +1,76 @@
+"""Cases of shading: everything a material can have, and what breaks it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.inputs.surfaces import CASES, EYE, FULL, LIGHTS, PLAIN, TRIANGLES, make_samples, make_shader
+from kernels.samples import Samples
+from kernels.shade.faces import face_rows, uv_scale_twin
+from kernels.shade.shade import shade_twin
+from kernels.shade.shader import Shader
+from kernels.shade.sky import paint_sky_twin
+
+if TYPE_CHECKING:
+    from kernels.device import Device
+
+
+def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:
+    """The twin's colours of the samples of a shader's own scene, in list order."""
+    n = samples.count
+    bary = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:n]
+    known = (shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get())
+    with np.errstate(invalid="ignore"):
+        return shade_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], EYE)
+
+
+# Three lights with highlights, two shadow maps, three trilinear lookups; 4 x 4 taps of a shadow's penumbra.
+@case({"shade.shade_samples": Cost("n", "(16 + 4 + 3*48 + 3*8*4 + 2*16*4)*n", "900*n")}, 1 << 18, 1 << 14)
+def shading(device: Device, kind: str, size: int) -> Trial:
+    materials, lights, features = CASES["everything"]
+    hard = kind == "adversarial"
+    shader = make_shader(device, materials, lights, degenerate=hard, **features)
+    samples = make_samples(device, count=size, adversarial=hard)
+    target = device.zeros((1, samples.triangle.size, 4), np.uint8)
+
+    def results() -> list[Result]:
+        shader.shade(samples, EYE, target)
+        found = target.get()[0, samples.texel.get()[:size]]
+        return [Result(found, colours_twin(shader, samples))]
+
+    return Trial({"n": size}, lambda: shader.shade(samples, EYE, target), results)
+
+
+@case({"sky.paint_sky": Cost("n", "4*n", "60*n")}, 960)
+def sky(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: a horizon across a field of view of 170 degrees."""
+    shader = make_shader(device, PLAIN, LIGHTS[:1])
+    height, focal = size * 9 // 16, 0.09 if kind == "adversarial" else 0.8
+    projection = np.array([[focal, 0, 0.1, 0], [0, focal * 16 / 9, -0.1, 0], [0, 0, 0, 0.1], [0, 0, -1, 0]])
+    target = device.zeros((height, size, 4), np.uint8)
+
+    def results() -> list[Result]:
+        shader.sky(np.eye(4), projection, target)
+        return [Result(target.get(), paint_sky_twin(np.eye(4), projection, size, height, shader.tables.environment))]
+
+    return Trial({"n": size * height}, lambda: shader.sky(np.eye(4), projection, target), results)
+
+
+@case({"faces.uv_scales": Cost("n", "(12 + 3*32 + 8)*n", "30*n")}, 1 << 18, 1 << 12)
+def faces(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: triangles with almost no area on the surface or in the texture."""
+    shader, rng = make_shader(device, FULL, []), seeded(kind)
+    vertices = shader.tables.vertices[rng.integers(0, 3 * TRIANGLES, 3 * size)]
+    if kind == "adversarial":
+        vertices[1::3, :3] = vertices[::3, :3] * (1 + 1e-4 * rng.normal(size=(size, 3)))
+    indices = np.arange(3 * size, dtype=np.int32).reshape(-1, 3)
+    uploaded, ids = [device.upload(array) for array in (vertices, indices)], np.zeros(size, np.int32)
+
+    def results() -> list[Result]:
+        found = face_rows(device, *uploaded, ids).get()[:, 1].copy().view(np.float32)
+        return [Result(found, uv_scale_twin(vertices, indices))]
+
+    return Trial({"n": size}, lambda: face_rows(device, *uploaded, ids), results)
