@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 STATUSES = ("ok", "skipped", "overflow", "invalid", "timeout", "failed")
+STRESS_STATUSES = ("ok", "overflow", "refused", "inaccurate", "unsteady", "invalid", "failed", "timeout")
 # Frames with numbers: where triangles found no place the picture shows it, so its numbers are fair.
 MEASURED_STATUSES = ("ok", "overflow")
 KINDS = ("key", "setting", "status", "time", "count", "size", "quality")
@@ -129,6 +130,32 @@ STATISTIC_COLUMNS: tuple[Column, ...] = (
 )
 
 
+STRESS_COLUMNS: tuple[Column, ...] = (
+    Column("method", "", "packer, or raster: the forward rendering", "key", str),
+    Column("variant", "", "all parameters of the packer and their values", "key", str),
+    Column("test", "", "test of the catalogue", "key", str),
+    Column("step", "", "place of the magnitude in the test, from 0 (mild)", "key", int),
+    Column("magnitude", "", "how hard it is, in `unit`", "setting", float),
+    Column("unit", "", "unit of the magnitude", "setting", str),
+    Column("status", "", f"one of {', '.join(STRESS_STATUSES)}", "status", str),
+    Column("reason", "", "what is wrong or was left out, and where", "status", str),
+    Column("passed", "", "1 where the method did what can be done, 0 where it broke", "status", int, "higher"),
+    Column("error", "0..1", "mean FLIP of the last frame's client picture (without a lossy codec) against a float64 "
+           "rendering; of masked and blended surfaces against the forward rendering", "quality", float,
+           "lower"),  # fmt: skip
+    Column("growth", "", "error over the error at the first magnitude of the test", "quality", float, "lower"),
+    Column("wrong_px", "0..1", "share of pixels that show another triangle than in float64 and rounding does not "
+           "explain; empty with triangles left out, and for a method whose client knows no triangles", "quality",
+           float, "lower"),  # fmt: skip
+    Column("holes_px", "0..1", "share of pixels that are empty well inside what float64 shows; empty with triangles "
+           "left out", "quality", float, "lower"),  # fmt: skip
+    Column("samples", "samples", "shading samples of the last frame", "count", int),
+    Column("unplaced", "triangles", "triangles of the last frame that got no place, each with a reason", "count", int),
+    Column("seconds", "s", "host time of the trial: packing all frames three times, checking and drawing", "time",
+           float, "lower"),  # fmt: skip
+)
+
+
 def summary_columns() -> tuple[Column, ...]:
     """Columns of summary.csv: the key without the frame, settings, counts of frames, and three for each measure."""
     carried = tuple(column for column in FRAME_COLUMNS if column.kind in ("key", "setting") and column.name != "frame")
@@ -186,6 +213,14 @@ def document() -> str:
             "`unwritten_lookups` (of the texels that the lookups of the validity check touch, the share that is "
             "missing, for a method that declares to leave some unwritten).",
             STATISTIC_COLUMNS,
+        ),
+        (
+            "stress.csv",
+            "One row per method, test and magnitude of `bench stress`. `refused`: loading said in a sentence why the "
+            "input cannot be used; `inaccurate`: valid, but another picture than a float64 rendering's, or, where the "
+            "test must not change the picture, than the first magnitude's; `unsteady`: other bytes when packed again "
+            "or with other work-groups; the others as in frames.csv.",
+            STRESS_COLUMNS,
         ),
     )
     parts = [
