@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from harness import cli_robustness
+
 if TYPE_CHECKING:
     from harness.settings import Settings
 
@@ -195,6 +197,9 @@ def doctor() -> None:
     with guarded():
         if not show_examination():
             raise typer.Exit(SOME_FAILED)
+
+
+app.command()(cli_robustness.stress)
 
 
 def main() -> None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 SHIFT = 1 / 256  # pixels; half of it along each axis by snapping, the rest for the float32 transform
+TIED = 1 + 1e-11  # depths closer than this are equal: rounding of float64 decides no tie
 DEPTH = 2e-6  # relative error of a float32 depth
 
 
@@ -109,16 +110,14 @@ def _visible(triangles: Triangles, camera: Camera) -> tuple[np.ndarray, np.ndarr
     for number, box in _boxes(triangles, camera, screen):
         at = centres[box]
         depth, edges = at @ screen.depth[number], at @ screen.edges[number].T
-        wins = (edges >= 0).all(axis=-1) & (depth > nearest[box]) & (depth <= 1)
+        wins = (edges >= 0).all(axis=-1) & (depth > nearest[box] * TIED) & (depth <= 1)
         if wins.any():
             triangle[box][wins], nearest[box][wins] = number, depth[wins]
             bary[box][wins] = edges[wins][:, 1:] / edges[wins].sum(axis=-1)[:, None]
     return triangle, bary, screen
 
 
-def _boxes(
-    triangles: Triangles, camera: Camera, screen: ScreenTriangles
-) -> Iterator[tuple[int, tuple[slice, slice]]]:
+def _boxes(triangles: Triangles, camera: Camera, screen: ScreenTriangles) -> Iterator[tuple[int, tuple[slice, slice]]]:
     """Drawn triangles in order, with the rows and columns that they can cover."""
     corners = camera.project(triangles.host_positions[triangles.host_indices])
     size = np.array([camera.width, camera.height])

@@ -1,7 +1,7 @@
 """The catalogue of adversarial scenes: a test is one function of a magnitude, registered with the magnitudes to try.
 
-A test's function makes a `Case` (scene, poses, sets, settings) as hard as its magnitude says; magnitudes are listed from
-mild to hard. `@stress(name, what, magnitudes)` adds it to CATALOGUE, and nothing else has to be done.
+A test's function makes a `Case` (scene, poses, sets, settings) as hard as its magnitude says; magnitudes are listed
+from mild to hard. `@stress(name, what, magnitudes)` adds it to CATALOGUE, and nothing else has to be done.
 """
 
 from __future__ import annotations
@@ -346,13 +346,13 @@ def behind(magnitude: float) -> Case:
 @stress("wide-view", "ever wider fields of view", (60, 90, 120, 150, 170, 175, 179), unit="degrees")
 def wide_view(magnitude: float) -> Case:
     scene = scene_of(room())
-    return Case(scene, walk(scene), fov=magnitude, cell=Cell(0.08, min(179.0, (magnitude + 180) / 2)))
+    return Case(scene, walk(scene), fov=magnitude, cell=Cell(0.08, min(179.0, magnitude + 20)))
 
 
 @stress("narrow-view", "ever narrower fields of view", (60, 30, 10, 5, 2, 1), unit="degrees")
 def narrow_view(magnitude: float) -> Case:
     scene = scene_of(room())
-    return Case(scene, walk(scene), fov=magnitude, cell=Cell(0.08, 1.3 * magnitude))
+    return Case(scene, walk(scene), fov=magnitude, cell=Cell(0.08 * magnitude / 60, 1.3 * magnitude))
 
 
 @stress("motion", "ever smaller steps of the camera, and none", (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0), unit="units")
@@ -367,7 +367,7 @@ def motion(magnitude: float) -> Case:
 def teleport(magnitude: float) -> Case:
     scene = scene_of(room())
     here, there = walk(scene)
-    away = replace(there, position=there.position + magnitude * np.array([1, 0, 1]))
+    away = replace(there, position=there.position + magnitude * np.array([0, 0, 1]))
     turned = Pose(here.position, np.array([0, 1.0, 0, 0]))
     return Case(scene, (here, away, turned, here))
 

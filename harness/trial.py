@@ -100,7 +100,7 @@ class Stage:
         self.server: ServerScene = upload_scene(device, case.scene)
         self.forward = ForwardRenderer(self.server)
         frustum = CellFrustum.around(case.cell, case.fov, *case.size)
-        ahead = case.ahead or tuple(beside(pose, case.cell) for pose in case.poses)
+        ahead = case.ahead or tuple(beside(pose, case.cell, case.fov) for pose in case.poses)
         everything = np.arange(case.scene.triangle_count, dtype=np.int32)
         self.views = [client_view(pose, case.fov, *case.size, case.near) for pose in ahead]
         self.frames = [
@@ -160,14 +160,14 @@ class Stage:
         return samples.triangle.get()[:n], np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
 
 
-def beside(pose: Pose, cell: Cell) -> Pose:
+def beside(pose: Pose, cell: Cell, fov: float) -> Pose:
     """A client's pose that a cell allows: a third of its radius to the right, and turned by up to 2 degrees."""
-    turn = np.radians(min(2.0, cell.fov / 100))
+    turn = np.radians(min(2.0, (cell.fov - fov) / 4))
     position = pose.position + rotation(pose.orientation) @ np.array([cell.radius / 3, 0, 0])
     return Pose(position, multiply(pose.orientation, from_rotation_vector(np.array([0, turn, 0]))))
 
 
-class Wrong(Exception):  # noqa: N818: what is wrong with a method's results, not an error of ours
+class Wrong(Exception):  # noqa: N818
     """A check did not hold: the status, a sentence, and the pictures that show it."""
 
     def __init__(self, status: str, sentence: str, pictures: dict[str, np.ndarray] | None = None) -> None:
@@ -239,7 +239,8 @@ def _check_frame(stage: Stage, index: int, packer: Packer, payload: Payload, cli
     bad = sorted(name for name, value in payload.statistics.items() if not np.isfinite(value))
     if bad:
         raise Wrong("invalid", f"Frame {index}: the statistics {', '.join(bad)} are not finite.")
-    found = validity.check(frame, payload, owners, client, stage.seen(index))
+    gaps = validity.Gaps() if packer.leaves_unwritten else None
+    found = validity.check(frame, payload, owners, client, stage.seen(index), gaps=gaps)
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
         raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
@@ -382,5 +383,3 @@ def _forward(stage: Stage, view: View, frame: Frame) -> tuple[Any, np.ndarray, s
     ids = visible.triangle.get()
     digests = [hashlib.sha256(np.ascontiguousarray(array)).hexdigest() for array in (image.rgb.get(), ids)]
     return image, ids, *digests
-
-

@@ -439,6 +439,8 @@ class _Lookups:
 
     def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray) -> None:
         """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2)."""
+        if not len(triangles):  # an empty set, or nothing of it in the novel view
+            return
         atlas = self._atlas
         rows = self._table.row[triangles]
         x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre

@@ -140,19 +140,43 @@ STRESS_COLUMNS: tuple[Column, ...] = (
     Column("status", "", f"one of {', '.join(STRESS_STATUSES)}", "status", str),
     Column("reason", "", "what is wrong or was left out, and where", "status", str),
     Column("passed", "", "1 where the method did what can be done, 0 where it broke", "status", int, "higher"),
-    Column("error", "0..1", "mean FLIP of the last frame's client picture (without a lossy codec) against a float64 "
-           "rendering; of masked and blended surfaces against the forward rendering", "quality", float,
-           "lower"),  # fmt: skip
+    Column(
+        "error",
+        "0..1",
+        "mean FLIP of the last frame's client picture (without a lossy codec) against a float64 "
+        "rendering; of masked and blended surfaces against the forward rendering",
+        "quality",
+        float,
+        "lower",
+    ),
     Column("growth", "", "error over the error at the first magnitude of the test", "quality", float, "lower"),
-    Column("wrong_px", "0..1", "share of pixels that show another triangle than in float64 and rounding does not "
-           "explain; empty with triangles left out, and for a method whose client knows no triangles", "quality",
-           float, "lower"),  # fmt: skip
-    Column("holes_px", "0..1", "share of pixels that are empty well inside what float64 shows; empty with triangles "
-           "left out", "quality", float, "lower"),  # fmt: skip
+    Column(
+        "wrong_px",
+        "0..1",
+        "share of pixels that show another triangle than in float64 and rounding does not "
+        "explain; empty with triangles left out, and for a method whose client knows no triangles",
+        "quality",
+        float,
+        "lower",
+    ),
+    Column(
+        "holes_px",
+        "0..1",
+        "share of pixels that are empty well inside what float64 shows; empty with triangles left out",
+        "quality",
+        float,
+        "lower",
+    ),
     Column("samples", "samples", "shading samples of the last frame", "count", int),
     Column("unplaced", "triangles", "triangles of the last frame that got no place, each with a reason", "count", int),
-    Column("seconds", "s", "host time of the trial: packing all frames three times, checking and drawing", "time",
-           float, "lower"),  # fmt: skip
+    Column(
+        "seconds",
+        "s",
+        "host time of the trial: packing all frames three times, checking and drawing",
+        "time",
+        float,
+        "lower",
+    ),
 )
 
 

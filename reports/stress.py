@@ -23,7 +23,7 @@ CHART = (260, 96)
 class Reach:
     """How far one method came in one test.
 
-    reached: the last magnitude before the first that went wrong, None if that is the first. hardest: the last one tried.
+    reached: the last magnitude before the first that went wrong, None if that is the first. hardest: the last tried.
     broken: the row that went wrong first, None if none did.
     """
 
@@ -40,6 +40,8 @@ class Reach:
 
 def magnitude(value: float) -> str:
     """A magnitude in few characters: 1e6, 0.003, 179."""
+    if 1000 <= value < 100_000 and value % 1000:
+        return f"{value:.0f}"
     return f"{value:.3g}".replace("e+0", "e").replace("e-0", "e-").replace("e+", "e")
 
 
@@ -76,7 +78,7 @@ def write_stress(folder: Path, rows: list[Row], tests: dict[str, str], facts: di
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><title>Stress test – shading-atlas benchmark</title>
+<meta name="color-scheme" content="light dark"><title>Stress test, shading-atlas benchmark</title>
 <link rel="icon" href="data:,"><style>{style}</style></head>
 <body><header><p class="eyebrow">Shading-atlas benchmark</p><h1>Stress test</h1>{facts}</header>
 <main>{body}</main></body></html>
@@ -175,9 +177,9 @@ def _charts_section(rows: list[Row], tests: dict[str, str]) -> str:
         if any(row["error"] is not None for row in chosen):
             plots.append(_plot(test, chosen, colours))
     return (
-        '<section><h2>Error over magnitude</h2><p class="caption">Mean FLIP of the last frame, drawn by the client from '
-        "the payload without a lossy codec, against a float64 rendering (for masked and blended surfaces against the "
-        f'forward renderer); from mild to hard.</p><p class="key">{key}</p><div class="plots">{"".join(plots)}</div></section>'  # noqa: E501
+        '<section><h2>Error over magnitude</h2><p class="caption">Mean FLIP of the last frame, drawn by the client '
+        "from the payload without a lossy codec, against a float64 rendering (for masked and blended surfaces "
+        f'against the forward renderer); from mild to hard.</p><p class="key">{key}</p><div class="plots">{"".join(plots)}</div></section>'  # noqa: E501
     )
 
 
@@ -200,7 +202,8 @@ def _plot(test: str, rows: list[Row], colours: dict[str, str]) -> str:
     low, high = magnitude(steps[0][1]), magnitude(steps[-1][1])
     words = (
         f'<text x="2" y="14">{top:.2g}</text><text x="2" y="{height - 18}">0</text>'
-        f'<text x="30" y="{height - 2}">{low}</text><text x="{width - 8}" y="{height - 2}" text-anchor="end">{high}</text>'
+        f'<text x="30" y="{height - 2}">{low}</text>'
+        f'<text x="{width - 8}" y="{height - 2}" text-anchor="end">{high}</text>'
     )
     return (
         f'<figure class="plot"><svg viewBox="0 0 {width} {height}" width="100%" font-size="9" fill="currentColor">'

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
-from scenes.model import Camera, CameraAnimation, Light, Scene, SceneError
+from scenes.model import Camera, CameraAnimation, Light, Material, Scene, SceneError
 from scenes.normals import perpendicular, tangents, with_normals
 from scenes.raw import Part, RawScene
 from scenes.repair import decimated, repaired
@@ -24,6 +24,8 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
     Raises SceneError where nothing is left.
     """
     parts = _prepared(raw, repair, decimate)
+    _clean_lights(raw)
+    _clean_materials(raw)
     if not parts:
         raise SceneError(f"{name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
     _drop_unused_textures(parts, raw)
@@ -103,12 +105,29 @@ def has_area(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
 
 def _prepared(raw: RawScene, repair: bool, decimate: float | None) -> list[Part]:
     """The parts that have triangles after cleaning, repair and decimation."""
-    parts = [part for part in (_cleaned(part, raw) for part in raw.parts) if len(part.indices)]
+    parts = [p for p in (_cleaned(part, raw) for part in raw.parts) if len(p.indices) and len(p.transforms)]
     if repair:
         before = sum(raw.counts.values())
         parts = [part for part in (repaired(part, raw) for part in parts) if len(part.indices)]
         raw.note("Repair found nothing to drop.", before == sum(raw.counts.values()))
     return parts if decimate is None else [decimated(part, decimate, raw) for part in parts]
+
+
+def _clean_lights(raw: RawScene) -> None:
+    """Drop lights whose colour, position, direction or cone is not finite (counted)."""
+    whole = [np.isfinite([*light.colour, *light.position, *light.direction, light.cone]).all() for light in raw.lights]
+    raw.note("Lights whose numbers are infinite or none, dropped: {}.", len(whole) - sum(whole))
+    raw.lights = [light for light, good in zip(raw.lights, whole, strict=True) if good]
+
+
+def _clean_materials(raw: RawScene) -> None:
+    """Give materials the default of each property that is not finite (counted)."""
+    default = Material()
+    for index, material in enumerate(raw.materials):
+        numbers = {f.name: getattr(material, f.name) for f in fields(Material) if isinstance(f.default, float | tuple)}
+        broken = [name for name, value in numbers.items() if not np.isfinite(value).all()]
+        raw.note("Properties of materials that are infinite or not a number, replaced: {}.", len(broken))
+        raw.materials[index] = replace(material, **{name: getattr(default, name) for name in broken})
 
 
 def _drop_unused_textures(parts: list[Part], raw: RawScene) -> None:
@@ -137,6 +156,9 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
     inside = ((indices >= 0) & (indices < count)).all(axis=1)
     raw.note("Triangles that refer to missing vertices, dropped: {}.", np.count_nonzero(~inside))
     indices = indices[inside]
+    placed = np.isfinite(part.transforms).all(axis=(1, 2))
+    raw.note("Instances whose placement is infinite or not a number, dropped: {}.", np.count_nonzero(~placed))
+    part = replace(part, transforms=part.transforms[placed])
     finite = np.isfinite(part.positions).all(axis=1)
     near = np.ones(count, bool)
     with np.errstate(over="ignore", invalid="ignore"):
@@ -162,7 +184,7 @@ def _completed(part: Part, wants_tangents: bool) -> Part:
     usable_uvs = part.uvs is not None
     uvs = np.nan_to_num(part.uvs, posinf=0.0, neginf=0.0) if usable_uvs else np.zeros((count, 2), np.float32)
     colours = part.colours if part.colours is not None else np.ones((count, 4), np.float32)
-    colours = np.clip(np.nan_to_num(colours, nan=1.0), 0, 1e4)
+    colours = np.clip(np.nan_to_num(colours, nan=1.0, posinf=1.0, neginf=1.0), 0, 1e4)
     part = replace(part, uvs=uvs, colours=colours, normals=_repaired_normals(part))
     if not wants_tangents:
         return replace(part, tangents=None)

@@ -1,0 +1,160 @@
+"""The stress test: its catalogue, what a trial notices, and a run that resumes."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from harness.cli import app
+from harness.exact import draw_exact
+from harness.stress_catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
+from harness.trial import Case, Stage, try_method, try_rasteriser
+from harness.watchdog import time_limit
+from reports.stress import magnitude, matrix
+from scenes.model import SceneError
+from scenes.paths import PathError
+from tests.harness import faulty_packers as faulty
+from tests.packers.grid_packer import Grid
+
+FAULTY = Path(faulty.__file__)
+
+
+@pytest.fixture(scope="module")
+def stage(device) -> Stage:
+    """Two frames of a small room."""
+    scene = scene_of(room()[::3])
+    return Stage(device, Case(scene, walk(scene), size=(96, 54), atlas=(128, 128)))
+
+
+def test_the_catalogue_holds_what_a_test_needs():
+    assert len(CATALOGUE) >= 35
+    for test in CATALOGUE.values():
+        assert len(test.magnitudes) >= 6, test.name
+        assert len(set(test.magnitudes)) == len(test.magnitudes)
+
+
+@pytest.mark.parametrize("name", CATALOGUE)
+def test_every_test_makes_a_case_at_both_ends(name):
+    for value in (CATALOGUE[name].magnitudes[0], CATALOGUE[name].magnitudes[-1]):
+        try:
+            case = CATALOGUE[name].make(value)
+        except (SceneError, PathError):
+            assert CATALOGUE[name].refusable
+            continue
+        assert np.isfinite(case.scene.positions).all()
+        assert all(np.isfinite(pose.position).all() for pose in case.poses)
+
+
+def test_a_sound_packer_passes(stage):
+    found = try_method(stage, Grid)
+    assert (found.status, found.sentence) == ("ok", "")
+    assert 0 < found.error < 0.1
+    assert found.wrong == found.holes == 0
+
+
+@pytest.mark.parametrize(
+    ("packer", "status", "words"),
+    [
+        (faulty.WrongTexel, "invalid", ["Frame 0: 1 texels differ by up to 128 levels", "of triangle"]),
+        (faulty.UnwrittenTexel, "invalid", ["touch 1 texels that were not written", "triangles ", "texels ("]),
+        (faulty.Unsteady, "unsteady", ["packed a second time: other bytes in the blob noise"]),
+        (faulty.NotANumber, "invalid", ["the statistics waste are not finite"]),
+        (faulty.Elsewhere, "invalid", ["find another surface", "First: triangles 0, 1"]),
+    ],
+)
+def test_a_planted_fault_is_named(stage, packer, status, words):
+    found = try_method(stage, packer)
+    assert found.status == status
+    assert all(word in found.sentence for word in words), found.sentence
+
+
+def test_a_hang_ends_in_a_sentence(stage):
+    with time_limit(0.2, lambda: None):
+        found = try_method(stage, faulty.Hanging)
+    assert (found.status, found.sentence) == ("timeout", "It did not finish in time.")
+
+
+def test_an_atlas_too_small_must_be_explained(device):
+    scene = scene_of(facing(scattered(200, 2.0), 0.2))
+    stage = Stage(device, Case(scene, walk(scene, 1), size=(96, 54), atlas=(12, 12)))
+    assert "there are more triangles than texels" in try_method(stage, Grid).sentence
+    found = try_method(stage, faulty.Silent)
+    assert found.status == "invalid"
+    assert "have no place and are not listed" in found.sentence
+
+
+def test_the_rasteriser_is_judged_by_float64(stage):
+    assert try_rasteriser(stage).status == "ok"
+    wrong = stage.last.triangle.copy()
+    row, column = np.argwhere(wrong >= 0)[len(wrong)]
+    wrong[row, column] = (wrong[row, column] + 7) % stage.server.triangles.count
+    assert stage.last.wrong(wrong).sum() == 1
+    assert stage.last.holes(np.zeros(wrong.shape, bool)).mean() > 0.3
+
+
+def test_the_float64_picture_is_the_reference_but_for_rounding(stage):
+    view, eye = stage.views[-1], stage.frames[-1].server.eye
+    rgb = stage.forward.draw(view, eye)[0].rgb.get()[..., :3].astype(int)
+    same = draw_exact(stage.server, view, eye)
+    off = np.abs(rgb - same.rgb).max(axis=2)
+    inside = np.ones_like(off, bool)
+    for axis in (0, 1):
+        for step in (1, -1):
+            inside &= same.triangle == np.roll(same.triangle, step, axis)
+    assert off[inside].max() <= 2
+    assert inside.mean() > 0.4
+
+
+def run(*arguments: str):
+    return CliRunner().invoke(app, ["stress", *arguments])
+
+
+def test_a_run_reports_and_resumes(tmp_path):
+    out = tmp_path / "out"
+    arguments = ["--method", f"{FAULTY}:Crashing", "--quick", "--out", str(out)]
+    result = run(*arguments, "--test", "empty-frames")
+    assert result.exit_code == 1
+    assert "failed" in result.stdout
+    assert "there is no first triangle" in " ".join(result.stdout.split())
+    assert max(len(line) for line in result.stdout.splitlines()) <= 80 or str(out) in result.stdout
+    rows = list(csv.DictReader((out / "stress.csv").open()))
+    assert {(row["method"], row["passed"]) for row in rows} == {("raster", "1"), ("crashing", "0")}
+    page = (out / "stress.html").read_text()
+    assert "there is no first triangle" in page
+    log = out / "stress.jsonl"
+    lines = log.read_text().splitlines()
+    log.write_text("\n".join([*lines[:3], lines[3][: len(lines[3]) // 2]]))  # killed while writing
+    assert run(*arguments, "--test", "empty-frames").exit_code == 1
+    again = [json.loads(line) for line in log.read_text().splitlines()[1:]]
+    first = [json.loads(line) for line in lines[1:]]
+    assert [row | {"seconds": 0} for row in again] == [row | {"seconds": 0} for row in first]
+    refused = run(*arguments, "--test", "fan")
+    assert refused.exit_code == 2
+
+
+@pytest.mark.parametrize("arguments", [["--test", "fann"], ["--method", "nobody"]])
+def test_unusable_arguments_are_refused(arguments, tmp_path):
+    assert run(*arguments, "--out", str(tmp_path / "out")).exit_code == 2
+
+
+def test_the_matrix_says_how_far_each_came():
+    row = {"test": "t", "label": "m", "status": "ok", "reason": None}
+    rows = [row | {"step": k, "magnitude": 10.0**k, "passed": int(k != 2)} for k in (3, 0, 1, 2)]
+    reach = matrix(rows)["t"]["m"]
+    assert (reach.reached, reach.hardest, reach.broken["step"], reach.text) == (10, 1000, 2, "10 !")
+    assert matrix([rows[1]])["t"]["m"].text == "1"
+    assert [magnitude(x) for x in (1e6, 1e-7, 8192, 0.003, 10_000, 0)] == ["1e6", "1e-7", "8192", "0.003", "1e4", "0"]
+
+
+def test_a_scene_far_away_stays_the_same(device):
+    near, far = (CATALOGUE["world-offset"].make(value) for value in (1.0, 1e7))
+    np.testing.assert_allclose(near.scene.positions, far.scene.positions, atol=1e-6)
+    both = [Stage(device, replace(case, size=(96, 54), poses=case.poses[:1])) for case in (near, far)]
+    rgb = [stage.last.rgb.astype(int) for stage in both]
+    assert np.abs(rgb[0] - rgb[1]).max() <= 1
