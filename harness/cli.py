@@ -1,4 +1,4 @@
-"""The command line: `bench run`, `list`, `report`, `compare`, `doctor`; nothing heavy is imported until needed."""
+"""The command line: `bench run`, `sweep`, `list` and others; nothing heavy is imported until needed."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ app = typer.Typer(
 )
 
 SOME_FAILED, UNUSABLE = 1, 2
+OF_SWEEP = ("vary", "precision", "repetitions", "budget", "workers")
 WORK, CLIENT, CODING, RUNNING = "What to run", "The client and its view cell", "Atlas and encoding", "How to run"
 
 
@@ -73,6 +74,21 @@ Timeout = Annotated[Number, _option(RUNNING, "For one packing. Default: 60", met
 Out = Annotated[Path | None, _option(RUNNING, "Folder of the results. Default: a new one in runs/", metavar="DIR")]
 Dump = Annotated[Switch, _option(RUNNING, "Also write every atlas, its owners and the pictures", "--dump")]
 DryRun = Annotated[bool, _option(RUNNING, "Only say what would run, and for how long", "--dry-run")]
+Vary = Annotated[
+    list[str] | None,
+    _option(
+        WORK,
+        "Values of a parameter, or of atlas, crf, cell (RADIUS/FOV), size, fov, latency, pvs_density, scene; "
+        "repeatable: the grid has every combination. Default: each parameter of each method in turn",
+        metavar="NAME=V1,V2",
+    ),
+]
+Precision = Annotated[
+    float, _option(RUNNING, "Width of the 95 % interval of a cell's time to reach", metavar="PERCENT")
+]
+Repetitions = Annotated[int, _option(RUNNING, "Most timings of a cell", metavar="N")]
+Budget = Annotated[float, _option(RUNNING, "For timing one cell again", metavar="SECONDS")]
+Workers = Annotated[int, _option(RUNNING, "Cells side by side, for quality only: times do not compare", metavar="N")]
 Config = Annotated[Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")]
 Preset = Annotated[
     Text,
@@ -152,11 +168,62 @@ def _settings_of(options: dict[str, Any]) -> Settings:
         given["crf"] = s.parse_crfs(given["crf"])
     if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
         raise s.SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
-    for not_a_setting in ("out", "dry_run", "config", "preset"):
+    for not_a_setting in ("out", "dry_run", "config", "preset", *OF_SWEEP):
         given.pop(not_a_setting, None)
-    config = options["config"]
+    config = options.get("config")
     base = s.read_settings(config).to_json() if config else {}
     return s.Settings.from_json(base | given, str(config or "run"))
+
+
+@app.command()
+def sweep(
+    context: typer.Context,
+    method: Method = None,
+    vary: Vary = None,
+    scene: SceneName = None,
+    detail: Detail = None,
+    unit: Unit = None,
+    repair: Repair = None,
+    decimate: Decimate = None,
+    path: PathName = None,
+    head_motion: Motion = None,
+    frames: Frames = None,
+    size: Size = None,
+    fov: Fov = None,
+    cell: CellSize = None,
+    pvs_density: Density = None,
+    latency: Latency = None,
+    atlas: Atlas = None,
+    codec: Codec = None,
+    display_crf: DisplayCrf = None,
+    device: DeviceName = None,
+    seed: Seed = None,
+    precision: Precision = 5.0,
+    repetitions: Repetitions = 15,
+    budget: Budget = 30.0,
+    workers: Workers = 1,
+    timeout: Timeout = None,
+    out: Out = None,
+    dry_run: DryRun = False,
+) -> None:
+    """Measure run time against error over a grid of parameters and settings; write CSV and HTML.
+
+    Exit codes: as of bench run.
+    """
+    from harness.console import guarded
+
+    with guarded():
+        from harness.sweep.wanted import read_wanted
+
+        wanted = read_wanted(_settings_of(context.params), vary or (), precision, repetitions, budget, workers)
+        if dry_run:
+            from harness.sweep.console import show_grid
+
+            show_grid(wanted, out)
+            return
+        from harness.sweep.run import sweep as run_sweep
+
+        raise typer.Exit(0 if run_sweep(wanted, out) else SOME_FAILED)
 
 
 @app.command("list")
@@ -169,7 +236,9 @@ def list_everything() -> None:
 
 
 @app.command()
-def report(folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `bench run` wrote")]) -> None:
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `bench run` or `bench sweep` wrote")],
+) -> None:
     """Rebuild the CSV files and the HTML report from the results store."""
     from harness.console import guarded, show_report
 

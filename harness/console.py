@@ -182,10 +182,14 @@ def _troubles(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) ->
 
 def show_report(folder: Path) -> None:
     """Rebuild the CSV files and the report of a results folder."""
-    from reports import csv_files, html
+    from reports import csv_files, html, sweep, sweep_report
 
     if not (folder / "results.sqlite").is_file():
         raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+    if sweep.is_sweep(folder):
+        sweep_report.write_sweep(folder)
+        make_console().print(f"Rebuilt {folder}/sweep.csv and report.html", soft_wrap=True)
+        return
     csv_files.write_all(folder)
     html.write_report(folder)
     make_console().print(f"Rebuilt {folder}/frames.csv, summary.csv and report.html", soft_wrap=True)

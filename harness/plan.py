@@ -86,7 +86,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     console.print(table)
     running = sum(packer.skip(scene) is None for packer in packers)
     seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, running)
-    console.print(f"about {_duration(seconds)}; results in {out or 'a new folder below runs/'}")
+    console.print(f"about {duration(seconds)}; results in {out or 'a new folder below runs/'}")
 
 
 def _print_methods(console: Any, packers: list[Packer], scene: Scene, settings: Settings, count: int) -> None:
@@ -102,7 +102,7 @@ def _print_methods(console: Any, packers: list[Packer], scene: Scene, settings: 
     console.print(table)
 
 
-def _duration(seconds: float) -> str:
+def duration(seconds: float) -> str:
     if seconds < 90:
         return f"{max(5, round(seconds / 5) * 5)} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -58,7 +58,7 @@ def load_packer(spec: str) -> list[Packer]:
 
 def variant_string(packer: Packer) -> str:
     """All parameters of a packer and their values as `a=1,b=2`, sorted by name: equal for equal packers only."""
-    return ",".join(f"{name}={_text(getattr(packer, name))}" for name in sorted(packer.parameters))
+    return ",".join(f"{name}={value_text(getattr(packer, name))}" for name in sorted(packer.parameters))
 
 
 def folder_name(method: str, variant: str) -> str:
@@ -152,11 +152,11 @@ def _parse_values(packer: type[Packer], text: str) -> dict[str, Any]:
             raise ValueError(f"{packer.name} has no parameter {name!r}.{nearest(name, sorted(packer.parameters))}")
         if name in values:
             raise ValueError(f"{packer.name}: the parameter {name!r} is given twice.")
-        values[name] = _parse_value(packer, name, packer.parameters[name], value)
+        values[name] = parse_value(packer, name, packer.parameters[name], value)
     return values
 
 
-def _parse_value(packer: type[Packer], name: str, parameter: Parameter, text: str) -> Any:
+def parse_value(packer: type[Packer], name: str, parameter: Parameter, text: str) -> Any:
     """`text` as the type of the parameter's default; a whole number may be written for a float."""
     kind = type(parameter.default)
     try:
@@ -173,7 +173,7 @@ def _parse_value(packer: type[Packer], name: str, parameter: Parameter, text: st
     return value
 
 
-def _text(value: Any) -> str:
+def value_text(value: Any) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):

@@ -11,9 +11,10 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, TextIO
@@ -55,13 +56,14 @@ def run(settings: Settings, out: Path | None) -> bool:
     session = open_session(settings)
     lanes = [Lane(packer, session.scene, settings) for packer in lanes_of]
     plan = make_plan(session, lanes)
-    folder = out or _folder_for(plan, settings)
-    with _locked(folder), Store(folder) as store:
+    folder = out or folder_for(plan, Path(settings.scene).stem)
+    with locked(folder), Store(folder) as store:
         store.set_plan(plan)
         (folder / "run.json").write_text(json.dumps({"settings": settings.to_json(), "plan": plan}, indent=2) + "\n")
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
-        with _stops_kept(folder):
-            Run(session, lanes, store, folder).all_frames()
+        with stops_kept(folder), show_progress() as progress:
+            write_notes(store, session)
+            Run(session, lanes, store, folder).all_frames(progress)
         csv_files.write_all(folder)
         html.write_report(folder)
         show_summary(store, folder)
@@ -69,14 +71,26 @@ def run(settings: Settings, out: Path | None) -> bool:
 
 
 class Run:
-    """One run on its way: what it works with, and where its results go."""
+    """One run on its way: what it works with, and where its results go.
 
-    def __init__(self, session: Session, lanes: list[Lane], store: Store, folder: Path) -> None:
+    start_again: what to do, never to return, when a kernel hangs; by default, this command with the same folder.
+    """
+
+    def __init__(
+        self,
+        session: Session,
+        lanes: list[Lane],
+        store: Store,
+        folder: Path,
+        *,
+        pictures: bool = True,
+        start_again: Callable[[], None] | None = None,
+    ) -> None:
         self.session, self.lanes, self.store, self.folder = session, lanes, store, folder
-        self.settings, self.frames = session.settings, len(session.path.times_ms[: session.settings.frames])
+        self.settings, self.frames = session.settings, session.frames
         self.metrics = Metrics(session.device)
-        shown = {0, self.frames // 2, self.frames - 1}
-        self.pictured = sorted(shown)
+        self.pictured = {0, self.frames // 2, self.frames - 1} if pictures else set()
+        self.start_again = start_again or partial(restart, "--out", str(folder))
         self.common = self._common_columns()
 
     def _common_columns(self) -> dict[str, Any]:
@@ -97,28 +111,20 @@ class Run:
             "seed": s.seed,
         }
 
-    def all_frames(self) -> None:
-        """Prepare the lanes, then work through the frames, with progress."""
-        self._write_notes()
+    def all_frames(self, progress: Progress) -> None:
+        """Prepare the lanes, then work through the frames; what is finished already is replayed where it must be."""
         done = self.store.finished()
         finished = self._finished_before(done)
-        columns = (
-            TextColumn("{task.description}"),
-            BarColumn(bar_width=20),
-            MofNCompleteColumn(),
-            TextColumn("left:"),
-            TimeRemainingColumn(),
-        )
         started = time.perf_counter()
-        with Progress(*columns, console=make_console(stderr=True), transient=True) as progress:
-            task = progress.add_task("preparing", total=self.frames * len(self.lanes))
-            for lane in self.lanes:
-                progress.update(task, description=f"preparing {lane.method}")
-                self._prepare(lane, finished[lane.method, lane.variant])
-            progress.update(task, description="warming up metrics")
-            self._warm_up_metrics()
-            for index in range(self.frames):
-                self._one_frame(index, done, finished, progress, task)
+        task = progress.add_task("preparing", total=self.frames * len(self.lanes))
+        for lane in self.lanes:
+            progress.update(task, description=f"preparing {lane.method}")
+            self._prepare(lane, finished[lane.method, lane.variant])
+        progress.update(task, description="warming up metrics")
+        self._warm_up_metrics()
+        for index in range(self.frames):
+            self._one_frame(index, done, finished, progress, task)
+        progress.remove_task(task)
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
 
     def _finished_before(self, done: set[tuple[str, str, int]]) -> dict[tuple[str, str], int]:
@@ -237,26 +243,7 @@ class Run:
         with Store(self.folder) as store:
             self.store = store
             self._commit_stopped(lane, index)
-        restart("--out", str(self.folder))
-
-    def _write_notes(self) -> None:
-        """What a result must say about where it came from; warnings; what was skipped and why."""
-        notes, scene = self.store.notes, self.session.scene.host
-        notes.setdefault("environment/date", datetime.now().astimezone().isoformat(timespec="seconds"))
-        notes["environment/machine"] = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
-        notes["environment/triangles"] = f"{scene.triangle_count:,}"
-        notes["environment/system"] = platform.platform()
-        notes["environment/python"] = platform.python_version()
-        for name in PACKAGES:
-            notes[f"environment/{name}"] = version(name)
-        for key, value in self.session.device.description.items():
-            notes[f"device/{key}"] = value
-        for number, text in enumerate([*scene.notes, *self.session.path.notes]):
-            notes[f"scene/{number:02d}"] = text
-        for number, text in enumerate(noise_warnings()):
-            notes[f"warning/{number:02d}"] = text
-        for name, reason in skipped_stages(scene).items():
-            notes[f"skipped/{name}"] = reason
+        self.start_again()
 
     def _write_pictures(self, lane: Lane, work: Work, novel: NovelView, measured: Measured) -> None:
         index = work.frame.index
@@ -290,14 +277,46 @@ class Run:
         write_png(path, rgb)
 
 
-def _folder_for(plan: dict[str, Any], settings: Settings) -> Path:
-    """The newest unfinished run of this plan below runs/, else a new folder there."""
+def show_progress() -> Progress:
+    """The progress bars of a run, on stderr."""
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(bar_width=20),
+        MofNCompleteColumn(),
+        TextColumn("left:"),
+        TimeRemainingColumn(),
+    )
+    return Progress(*columns, console=make_console(stderr=True), transient=True)
+
+
+def write_notes(store: Store, session: Session) -> None:
+    """What a result must say about where it came from; warnings; what was skipped and why."""
+    notes, scene = store.notes, session.scene.host
+    notes.setdefault("environment/date", datetime.now().astimezone().isoformat(timespec="seconds"))
+    notes["environment/machine"] = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
+    notes["environment/triangles"] = f"{scene.triangle_count:,}"
+    notes["environment/system"] = platform.platform()
+    notes["environment/python"] = platform.python_version()
+    for name in PACKAGES:
+        notes[f"environment/{name}"] = version(name)
+    for key, value in session.device.description.items():
+        notes[f"device/{key}"] = value
+    for number, text in enumerate([*scene.notes, *session.path.notes]):
+        notes[f"scene/{number:02d}"] = text
+    for number, text in enumerate(noise_warnings()):
+        notes[f"warning/{number:02d}"] = text
+    for name, reason in skipped_stages(scene).items():
+        notes[f"skipped/{name}"] = reason
+
+
+def folder_for(plan: dict[str, Any], name: str) -> Path:
+    """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`."""
     for folder in sorted(RUNS.glob("*/"), reverse=True):
         if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file():
             with Store(folder) as store:
                 if store.plan() == json.loads(json.dumps(plan)):
                     return folder
-    stem = datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + Path(settings.scene).stem
+    stem = datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + name
     for number in itertools.count():
         folder = RUNS / (stem if number == 0 else f"{stem}-{number}")
         try:
@@ -311,7 +330,7 @@ def _folder_for(plan: dict[str, Any], settings: Settings) -> Path:
 
 
 @contextmanager
-def _stops_kept(folder: Path) -> Iterator[None]:
+def stops_kept(folder: Path) -> Iterator[None]:
     """Ctrl-C and SIGTERM end the run with a word about what is kept."""
 
     def stop(_signal: int, _frame: object) -> None:
@@ -331,7 +350,7 @@ def _stops_kept(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[TextIO]:
+def locked(folder: Path) -> Iterator[TextIO]:
     """Keep two processes from writing one run; the lock ends with the process, however that ends."""
     try:
         folder.mkdir(parents=True, exist_ok=True)

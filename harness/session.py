@@ -40,6 +40,15 @@ class Session:
     source: FrameSource
     forward: ForwardRenderer
 
+    def at(self, settings: Settings) -> Session:
+        """The same scene and path under settings that differ in neither."""
+        return replace(self, settings=settings, source=FrameSource(self.scene, self.path, self.head, settings))
+
+    @property
+    def frames(self) -> int:
+        """How many frames of the path are run."""
+        return len(self.path.times_ms[: self.settings.frames])
+
     @property
     def path_hash(self) -> str:
         """A hash of the path's poses and of the head motion at each of them."""

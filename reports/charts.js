@@ -21,13 +21,17 @@
   }
 
   function draw(place) {
-    const chooser = document.querySelector(`[data-chooses="${place.dataset.figure}"]`);
+    const choosers = [...document.querySelectorAll(`[data-chooses="${place.dataset.figure}"]`)];
     const entry = figures[place.dataset.figure];
-    const figure = chooser ? entry[chooser.value] : entry;
+    const figure = choosers.length ? entry[choosers.map((chooser) => chooser.value).join("/")] : entry;
+    const words = document.querySelector(`[data-says="${place.dataset.figure}"]`);
+    if (words) words.textContent = figure?.says ?? "";
     if (!figure) {
+      if (place.data) Plotly.purge(place);
       place.textContent = "No values for this chart.";
       return;
     }
+    if (!place.data) place.textContent = "";
     const options = {
       responsive: true, displaylogo: false, displayModeBar: innerWidth < 600 ? false : "hover",
       modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]],

@@ -5,7 +5,7 @@ COLUMNS.md is written from this file by `python -m reports.columns`.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 STATUSES = ("ok", "skipped", "overflow", "invalid", "timeout", "failed")
@@ -129,6 +129,78 @@ STATISTIC_COLUMNS: tuple[Column, ...] = (
     Column("value", "", "its value, in the unit the method documents", "count", float),
 )
 
+SWEEP_CODINGS = ("displayed", "lossless")
+SWEEP_STATUSES = (*STATUSES, "unfinished")
+FRONT = "all: on the Pareto front of all methods; method: only on that of its own; no: on neither; empty: not a point"
+
+
+def _front(name: str, cost: str) -> Column:
+    return Column(f"pareto_{name}", "", f"front of FLIP over {cost}. {FRONT}", "status", str)
+
+
+def _of_cell(measure: Column, over: str) -> tuple[Column, ...]:
+    return (
+        replace(
+            measure, name=f"{measure.name}_median", meaning=f"median over the {over}: {measure.meaning}", type=float
+        ),
+        replace(measure, name=f"{measure.name}_low", meaning="lower end of its 95 % interval", type=float),
+        replace(measure, name=f"{measure.name}_high", meaning="upper end of its 95 % interval", type=float),
+    )
+
+
+SWEEP_SETTINGS = (
+    "scene", "path", "width", "height", "fov", "cell_radius", "cell_fov", "pvs_density", "latency", "atlas_width",
+    "atlas_height", "seed",
+)  # fmt: skip
+_SETTINGS_OF_SWEEPS = BY_NAME | {
+    "pvs_density": Column("pvs_density", "", "density of the PVS views over the client's", "setting", float)
+}
+_MEASURES_OF_SWEEPS = BY_NAME | {
+    "atlas_mb": Column(
+        "atlas_mb",
+        "MB",
+        "memory of the atlas at 4 bytes per texel, or of a method's lists before compression (1 MB is 10^6 bytes)",
+        "size",
+        float,
+        "lower",
+    )
+}
+SWEEP_MEASURES = (
+    "server_ms", "samples", "bytes_total", "atlas_mb", "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2",
+)  # fmt: skip
+SWEEP_COLUMNS: tuple[Column, ...] = (
+    BY_NAME["method"],
+    BY_NAME["variant"],
+    Column("varied", "", "what was varied in this cell, as NAME=VALUE", "key", str),
+    Column("coding", "", f"{' or '.join(SWEEP_CODINGS)}: what the client drew from", "key", str),
+    BY_NAME["codec"],
+    BY_NAME["crf"],
+    Column("status", "", f"the worst of its frames: {', '.join(SWEEP_STATUSES)}", "status", str),
+    BY_NAME["reason"],
+    *(replace(_SETTINGS_OF_SWEEPS[name], kind="setting") for name in SWEEP_SETTINGS),
+    Column("frames", "frames", "frames of the cell", "count", int),
+    Column("frames_ok", "frames", "frames with status ok", "count", int, "higher"),
+    *(
+        column
+        for name in SWEEP_MEASURES
+        for column in _of_cell(_MEASURES_OF_SWEEPS[name], "repetitions" if name == "server_ms" else "frames")
+    ),
+    Column("repetitions", "", "passes through the frames that were timed", "count", int),
+    Column(
+        "stop",
+        "",
+        "why no more passes were timed: precise (the interval is narrow enough), repetitions or budget (as many or as "
+        "long as allowed), not timed (with --workers), failed, timeout; or unfinished",
+        "status",
+        str,
+    ),
+    Column("comparable", "", "yes, or no where cells ran side by side, so that times do not compare", "status", str),
+    _front("time", "server time"),
+    _front("samples", "samples"),
+    _front("bytes", "bytes sent"),
+    _front("memory", "memory of the atlas"),
+)
+
 
 STRESS_COLUMNS: tuple[Column, ...] = (
     Column("method", "", "packer, or raster: the forward rendering", "key", str),
@@ -245,6 +317,15 @@ def document() -> str:
             "test must not change the picture, than the first magnitude's; `unsteady`: other bytes when packed again "
             "or with other work-groups; the others as in frames.csv.",
             STRESS_COLUMNS,
+        ),
+        (
+            "sweep.csv",
+            "Of `bench sweep`: one row per cell of the grid and coding, in the order of the grid. A cell whose status "
+            "is overflow has numbers but is on no front; one that failed or is invalid has none. The server time of a "
+            "pass is the median over the frames; its median and interval are over the passes, and the interval is that "
+            "of summary.csv, so it needs 6 of them. Medians and intervals of all else are over the frames: the same on "
+            "every machine.",
+            SWEEP_COLUMNS,
         ),
     )
     parts = [

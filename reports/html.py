@@ -46,22 +46,31 @@ def write_report(folder: Path) -> Path:
         _skipped(notes["skipped"], rows, labels),
         _details(notes, plan, labels),
     ]
-    page = files("reports").joinpath("page.html").read_text(encoding="utf-8")
+    figures = _figures(rows, summaries, stages, labels)
+    page = fill_page(_title(rows), _header(rows, notes), sections, figures, embedded)
+    replace_file(folder / "report.html", page)
+    return folder / "report.html"
+
+
+def fill_page(title: str, header: str, sections: list[str], figures: dict[str, Any], pictures: dict[str, Any]) -> str:
+    """A page that needs nothing else. title: plain text; header, sections: HTML; figures: by the name in data-figure.
+
+    A figure is one of Plotly, or one for each value that the choosers of this name can have, joined by `/`.
+    """
     slots = {
-        "title": escape(_title(rows)),
-        "header": _header(rows, notes),
+        "title": escape(title),
+        "header": header,
         "body": "\n".join(sections),
-        "figures": _json(_figures(rows, summaries, stages, labels)),
-        "pictures": _json(embedded),
+        "figures": _json(figures),
+        "pictures": _json(pictures),
         "plotly": _plotly(),
     } | {part: files("reports").joinpath(part).read_text(encoding="utf-8") for part in PARTS}
-    before, *rest = page.split("{{")
+    before, *rest = files("reports").joinpath("page.html").read_text(encoding="utf-8").split("{{")
     filled = [before]
     for piece in rest:
         name, _, after = piece.partition("}}")
         filled += [slots[name], after]
-    replace_file(folder / "report.html", "".join(filled))
-    return folder / "report.html"
+    return "".join(filled)
 
 
 def chosen_frames(pictures: Pictures, rows: list[Row]) -> list[int]:
@@ -96,13 +105,15 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Machine": notes["environment"].get("machine", ""),
         "Date": notes["environment"].get("date", ""),
     }
+    return f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>{facts_list(facts)}"
+
+
+def facts_list(facts: dict[str, str]) -> str:
+    """Names and what they are, side by side; empty ones are left out."""
     items = "".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in facts.items() if text
     )
-    return (
-        f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>"
-        f'<dl class="facts">{items}</dl>'
-    )
+    return f'<dl class="facts">{items}</dl>'
 
 
 def _joined(row: Row, text: str) -> str:
@@ -113,11 +124,11 @@ def _joined(row: Row, text: str) -> str:
         return ""
 
 
-def _section(name: str, title: str, *content: str) -> str:
+def section(name: str, title: str, *content: str) -> str:
     return f'<section id="{name}"><h2>{escape(title)}</h2>{"".join(content)}</section>'
 
 
-def _caption(text: str) -> str:
+def caption(text: str) -> str:
     return f'<p class="caption">{escape(text)}</p>'
 
 
@@ -134,12 +145,12 @@ def _warnings(warnings: dict[str, str], rows: list[Row]) -> str:
 def _results(rows: list[Row], summaries: list[Row], statistics: list[Row], labels: charts.Labels) -> str:
     if not rows:
         return ""
-    return _section(
+    return section(
         "results",
         "Results",
-        *(_caption(caption) + html for caption, html in headline_tables(rows, summaries, labels)),
+        *(caption(text) + html for text, html in headline_tables(rows, summaries, labels)),
         _speed(statistics, labels),
-        _caption("Error over server time: the best methods are at the lower left. Rings are without video coding."),
+        caption("Error over server time: the best methods are at the lower left. Rings are without video coding."),
         '<div class="chart" data-figure="error"></div>',
     )
 
@@ -155,7 +166,7 @@ def _speed(statistics: list[Row], labels: charts.Labels) -> str:
     if not lines:
         return ""
     head = ["method", "structures / server time", "reference, ns per pixel", "gathered sample / reference's pixel"]
-    return _caption(
+    return caption(
         "Speed as ratios, lower is better: the structures' share of the server's time, and the device time per "
         "gathered sample over the time per covered pixel of the shading kernel in the reference. Medians."
     ) + table(head, lines, texts=1)
@@ -169,10 +180,10 @@ def _viewer(embedded: dict) -> str:
         if embedded["exact"]
         else "Pictures are compressed to keep this file small; the originals are in the folder pictures."
     )
-    return _section(
+    return section(
         "pictures",
         "Pictures",
-        _caption(f"What the client shows against the reference; in FLIP maps brighter is worse. {exact}"),
+        caption(f"What the client shows against the reference; in FLIP maps brighter is worse. {exact}"),
         '<div id="viewer"></div>',
     )
 
@@ -182,27 +193,25 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
         return ""
     measures = "".join(f"<option>{name}</option>" for name in charts.per_frame(rows, labels))
     parts = [
-        _section(
+        section(
             "stages",
             "Time per stage",
-            _caption("Median device time of each stage, stacked: shorter is better. Click a name to show or hide it."),
+            caption("Median device time of each stage, stacked: shorter is better. Click a name to show or hide it."),
             '<div class="chart" data-figure="stages"></div>',
         )
         if stages
         else "",
-        _section(
+        section(
             "frames",
             "Quality and cost per frame",
-            _caption(
-                "One value per frame along the path; the arrow says which direction is better. Gaps are failures."
-            ),
+            caption("One value per frame along the path; the arrow says which direction is better. Gaps are failures."),
             f'<label class="chooser">Measure <select data-chooses="frames">{measures}</select></label>',
             '<div class="chart" data-figure="frames"></div>',
         ),
-        _section(
+        section(
             "rates",
             "Bytes per CRF",
-            _caption(
+            caption(
                 "Size of the encoded planes of a frame at each rate, on a logarithmic axis: lower is better. "
                 "The mean holds the keyframe at the start, the median hardly does."
             ),
@@ -231,10 +240,10 @@ def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
         whole = all(value == int(value) for value in values)
         shown = [number(value, whole) for value in (median(values), min(values), max(values))]
         lines.append([labels[key], name, *shown, str(len(values))])
-    return _section(
+    return section(
         "statistics",
         "Statistics of the methods",
-        _caption("What each method reports of itself, over the frames; neither direction is better as such."),
+        caption("What each method reports of itself, over the frames; neither direction is better as such."),
         table(["method", "statistic", "median", "lowest", "highest", "frames"], lines, texts=2),
     )
 
@@ -251,11 +260,11 @@ def _by_name(statistics: list[Row]) -> dict[tuple[charts.Key, str], list[float]]
 def _failures(rows: list[Row], labels: charts.Labels) -> str:
     lines = _reasons([row for row in rows if row["status"] not in ("ok", "skipped")], labels)
     if not lines:
-        return _section("failures", "Failures", '<p class="fine">No frame of any method failed.</p>')
-    return _section(
+        return section("failures", "Failures", '<p class="fine">No frame of any method failed.</p>')
+    return section(
         "failures",
         "Failures",
-        _caption(
+        caption(
             "Frames that are neither ok nor skipped, and why: fewer is better. Of these, only overflows enter medians."
         ),
         table(["method", "status", "frames", "reason"], lines, texts=4),
@@ -279,10 +288,10 @@ def _skipped(skipped: dict[str, str], rows: list[Row], labels: charts.Labels) ->
     lines += [[stage, reason] for stage, reason in skipped.items()]
     if not lines:
         return ""
-    return _section(
+    return section(
         "skipped",
         "Skipped",
-        _caption("What the scene does not need, and why: it cost nothing and changes no number."),
+        caption("What the scene does not need, and why: it cost nothing and changes no number."),
         table(["skipped", "reason"], lines, texts=2),
     )
 
@@ -303,10 +312,10 @@ def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: cha
         for title, values in lists.items()
         if values
     ]
-    return _section(
+    return section(
         "details",
         "How it was run",
-        _caption("All settings, parameters and notes. Every number is in the CSV files beside this report."),
+        caption("All settings, parameters and notes. Every number is in the CSV files beside this report."),
         *folded,
     )
 

@@ -143,6 +143,20 @@ class Store:
                 f"Frame {frame} of {method} cannot be stored: two entries of one key ({error})."
             ) from error
 
+    def add_repetition(
+        self, method: str, variant: str, repetition: int, times: Iterable[tuple[int, str, float]]
+    ) -> None:
+        """Write one more timing of a method's finished frames, as (frame, stage, milliseconds), in one transaction.
+
+        It takes the place of an earlier one of the same number. Rows and stages stay as they are.
+        """
+        records = [(method, variant, int(frame), repetition, stage, _number(ms)) for frame, stage, ms in times]
+        with self._transaction():
+            self._connection.execute(
+                "DELETE FROM repeats WHERE method = ? AND variant = ? AND repetition = ?", (method, variant, repetition)
+            )
+            self._insert("repeats", records)
+
     def rows(self) -> list[dict[str, Any]]:
         """All rows, by column name, sorted by the key; absent values are None and sort first."""
         return self._select(f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}")

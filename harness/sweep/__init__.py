@@ -1,0 +1,1 @@
+"""`bench sweep`: run time against error, over a grid of parameters and settings."""

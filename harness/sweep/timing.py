@@ -1,0 +1,124 @@
+"""Timing the cells of a sweep again and again, until the interval of the median is narrow enough."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+
+from harness.lane import Lane
+from harness.session import Session
+from harness.sweep.grid import Cell
+from harness.watchdog import PackTimeoutError, time_limit
+from reports.columns import MEASURED_STATUSES
+from reports.csv_files import median_interval
+from reports.store import Store
+from reports.sweep import passes
+
+PREPARE = 10  # packings' time that preparing may take, as in a run
+
+
+@dataclass(frozen=True)
+class Rule:
+    """When a cell has been timed enough.
+
+    precision: width of the 95 % interval of the median over the median. repetitions: most passes through the frames.
+    budget: seconds of preparing and packing per cell, the first pass not counted.
+    """
+
+    precision: float = 0.05
+    repetitions: int = 15
+    budget: float = 30.0
+
+    def stop(self, times: Sequence[float], spent: float) -> str | None:
+        """Why no further pass is needed after passes of these milliseconds and `spent` seconds; None to go on."""
+        low, high = median_interval(sorted(times))
+        if low is not None and high - low <= self.precision * median(times):
+            return "precise"
+        if len(times) >= self.repetitions:
+            return "repetitions"
+        return "budget" if spent >= self.budget else None
+
+
+def note_of(cell: Cell) -> str:
+    """The note that holds why a cell's timing stopped."""
+    method, variant = cell.key
+    return f"stop/{method}[{variant}]"
+
+
+@dataclass
+class Timed:
+    """What is known of a cell's time: milliseconds of each pass, and seconds spent on those after the first."""
+
+    cell: Cell
+    folder: Path
+    times: list[float]
+    spent: float
+
+    @classmethod
+    def read(cls, cell: Cell, folder: Path) -> Timed | None:
+        """As far as an earlier process came; None for a cell without times, or whose timing failed."""
+        with Store(folder, must_exist=True) as store:
+            rows = [row for row in store.rows() if (row["method"], row["variant"]) == cell.key]
+            repeats = [row for row in store.repeats() if (row["method"], row["variant"]) == cell.key]
+            noted = store.notes.get(note_of(cell), "")
+        first = {row["frame"]: row["server_ms"] for row in rows if row["status"] in MEASURED_STATUSES}
+        if len(first) < cell.settings.frames or noted.startswith(("failed", "timeout")):
+            return None
+        spent = sum(row["ms"] for row in repeats if row["stage"].startswith("wall/")) / 1000
+        return cls(cell, folder, passes(first, repeats), spent)
+
+    def goes_on(self, rule: Rule) -> bool:
+        """Whether the rule asks for another pass; otherwise the reason is noted."""
+        reason = rule.stop(self.times, self.spent)
+        if reason:
+            self._note(reason)
+        return reason is None
+
+    def again(self, session: Session, warm: bool, hung: Callable[[], None]) -> bool:
+        """One more pass; False, with the reason noted, if it fails.
+
+        warm: whether this process ran the cell's kernels already. hung: called when a kernel hangs, never to return.
+        """
+
+        def give_up() -> None:
+            self._note("timeout")
+            hung()
+
+        try:
+            entries = _one_pass(self.cell, session, warm, give_up)
+        except PackTimeoutError:
+            self._note("timeout")
+            return False
+        except Exception as error:  # whatever a method does, the other cells go on
+            self._note(f"failed: {type(error).__name__}: {error}")
+            return False
+        with Store(self.folder) as store:
+            store.add_repetition(*self.cell.key, len(self.times), entries)
+        rows = [{"repetition": 1, "frame": frame, "stage": stage, "ms": ms} for frame, stage, ms in entries]
+        self.times += passes({}, rows)
+        self.spent += sum(ms for _, stage, ms in entries if stage.startswith("wall/")) / 1000
+        return True
+
+    def _note(self, reason: str) -> None:
+        with Store(self.folder) as store:
+            store.notes[note_of(self.cell)] = reason
+
+
+def _one_pass(cell: Cell, session: Session, warm: bool, give_up: Callable[[], None]) -> list[tuple[int, str, float]]:
+    """(frame, stage, milliseconds) of packing all frames with a packer of no past; host times are under `wall/`."""
+    lane = Lane(cell.fresh(), session.scene, session.settings)
+    limit = session.settings.timeout
+    with time_limit(PREPARE * limit, give_up):
+        entries = [(0, "wall/prepare", lane.prepare())]
+    if not warm:
+        with time_limit(2 * limit, give_up):
+            lane.warm_up(session.source.work(0))
+    for index in range(session.settings.frames):
+        frame = session.source.work(index).frame
+        with time_limit(limit, give_up):
+            packed = lane.pack(frame)
+        entries += [(index, stage, ms) for stage, ms in packed.stages.items()]
+        entries.append((index, "wall/pack", packed.wall_ms))
+    return entries

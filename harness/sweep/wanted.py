@@ -1,0 +1,40 @@
+"""What `bench sweep` is asked for, checked."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+from harness.settings import Settings, SettingsError
+from harness.sweep.timing import Rule
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """A sweep. vary: the `--vary` arguments. workers: processes side by side; times compare only with one."""
+
+    settings: Settings
+    vary: tuple[str, ...] = ()
+    rule: Rule = field(default_factory=Rule)
+    workers: int = 1
+
+    @property
+    def timed(self) -> bool:
+        """Whether times can be compared."""
+        return self.workers == 1
+
+
+def read_wanted(
+    settings: Settings, vary: Iterable[str], percent: float, repetitions: int, budget: float, workers: int
+) -> Wanted:
+    """The options of `bench sweep` as one value. Raises SettingsError for numbers out of range."""
+    checks = [
+        (0 < percent <= 100, f"--precision is {percent:g}: give per cent, above 0 and up to 100."),
+        (repetitions >= 1, f"--repetitions is {repetitions}: give at least 1."),
+        (budget >= 0, f"--budget is {budget:g}: give 0 seconds or more."),
+        (1 <= workers <= 64, f"--workers is {workers}: give 1 to 64."),
+    ]
+    for fine, sentence in checks:
+        if not fine:
+            raise SettingsError(sentence)
+    return Wanted(settings, tuple(vary), Rule(percent / 100, repetitions, budget), workers)

@@ -1,0 +1,63 @@
+"""Who wins where, in one sentence: only where the intervals separate."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from reports.fronts import Candidate, Range, ranges_won
+
+FEWEST = 6  # values that an interval of a median needs
+NAMES = {
+    "flip": "FLIP error", "dssim": "DSSIM", "iwssim": "IW-SSIM", "psnr": "PSNR", "delta_e": "CIEDE2000 difference",
+    "stretch_l2": "stretch",
+}  # fmt: skip
+BEST = {"iwssim": "highest", "psnr": "highest"}
+COST_NAMES = {
+    "server_ms": ("server time", "ms", 1.0),
+    "samples": ("samples", "thousand samples", 1e-3),
+    "bytes_total": ("bytes sent", "kB", 1e-3),
+    "atlas_mb": ("atlas memory", "MB", 1.0),
+}  # cost to its name, the unit people read, and what it is multiplied with for that
+RULE = (
+    "With a budget on the horizontal axis, a method is judged by its best cell whose whole interval of repetitions is "
+    "within the budget. It wins where that cell has a lower error than every cell of the others whose interval begins "
+    "within the budget: the 95 % interval of the median difference, frame by frame, excludes zero. Cells that are not "
+    "ok are on no front and win nothing."
+)
+
+
+def verdict(candidates: Sequence[Candidate], cost: str, error: str) -> str:
+    """The sentence for candidates of one condition and coding, their costs in the unit of the store."""
+    if not candidates:
+        return "No cell has these values."
+    if len({candidate.method for candidate in candidates}) < 2:
+        return f"Only {candidates[0].method} has points here: there is nothing to compare."
+    frames = max(len(candidate.errors) for candidate in candidates)
+    if frames < FEWEST:
+        return f"No clear winner: an interval needs {FEWEST} frames, and the sweep has {frames} (--frames {FEWEST})."
+    if all(candidate.low is None for candidate in candidates):
+        return f"No clear winner: the interval of a time needs {FEWEST} repetitions, and no cell has as many."
+    ranges = ranges_won(candidates)
+    if all(each.method is None for each in ranges):
+        return "No clear winner: nowhere do the intervals separate."
+    phrases = [_phrase(each, cost, error) for each in ranges]
+    return "; ".join([phrases[0][0].upper() + phrases[0][1:], *phrases[1:]]) + "."
+
+
+def _phrase(each: Range, cost: str, error: str) -> str:
+    where = _where(each, cost)
+    if each.method is None:
+        return f"{where} no clear winner"
+    if each.alone:
+        return f"{where} only {each.method} has a cell"
+    return f"{where} {each.method} has the {BEST.get(error, 'lowest')} {NAMES[error]}"
+
+
+def _where(each: Range, cost: str) -> str:
+    _, unit, scale = COST_NAMES[cost]
+    start = _number(each.start * scale)
+    return f"from {start} {unit} on" if each.end is None else f"from {start} to {_number(each.end * scale)} {unit}"
+
+
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if value >= 100 else f"{value:.3g}"

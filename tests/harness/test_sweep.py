@@ -1,0 +1,157 @@
+"""`bench sweep` as a user meets it: whole, killed and resumed, refused, side by side, with methods that fail."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from reports.columns import SWEEP_COLUMNS
+from tests.harness.test_run import BAD, ROOT, bench
+
+GRID = [
+    "--method", "sas", "--method", "ppll", "--size", "160x90", "--frames", "2", "--atlas", "128x128",
+    "--vary", "atlas=128,256", "--vary", "fit=0.5,0.9",
+]  # fmt: skip
+QUICK = ["--repetitions", "6", "--precision", "100", "--budget", "60"]
+VARYING = {"server_ms_median", "server_ms_low", "server_ms_high", "repetitions", "stop", "pareto_time"}
+
+
+def rows_of(folder: Path) -> list[dict[str, str]]:
+    with open(folder / "sweep.csv", newline="") as file:
+        return list(csv.DictReader(file))
+
+
+def lasting(folder: Path) -> list[dict[str, str]]:
+    return [{name: value for name, value in row.items() if name not in VARYING} for row in rows_of(folder)]
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A finished sweep of five cells."""
+    folder = tmp_path_factory.mktemp("sweep") / "out"
+    done = bench("sweep", *GRID, *QUICK, "--out", str(folder))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    assert "No clear winner" in done.stdout
+    return folder
+
+
+def test_every_cell_is_a_row_with_its_times_and_errors(whole: Path):
+    rows = rows_of(whole)
+    assert list(rows[0]) == [column.name for column in SWEEP_COLUMNS]
+    cells = [(row["method"], row["varied"], row["coding"]) for row in rows]
+    texts = [f"atlas={atlas} fit={fit}" for atlas in (128, 256) for fit in (0.5, 0.9)]
+    expected = [("sas", text) for text in texts] + [("ppll", "")]
+    assert sorted(cells) == sorted((*cell, coding) for cell in expected for coding in ("displayed", "lossless"))
+    for row in rows:
+        assert row["stop"] in ("precise", "repetitions")
+        assert row["comparable"] == "yes"
+        if row["status"] == "ok":
+            assert float(row["server_ms_low"]) <= float(row["server_ms_median"]) <= float(row["server_ms_high"])
+            assert 0 < float(row["flip_median"]) < 1
+            assert row["flip_low"] == ""  # two frames have no interval
+            assert row["pareto_time"] in ("all", "method", "no")
+    memory = {row["varied"][:9]: float(row["atlas_mb_median"]) for row in rows if row["method"] == "sas"}
+    assert memory == {"atlas=128": pytest.approx(0.065536), "atlas=256": pytest.approx(0.262144)}
+
+
+def test_the_report_holds_a_figure_and_a_sentence_for_every_choice(whole: Path):
+    page = (whole / "report.html").read_text()
+    (text,) = re.findall(r'<script type="application/json" id="figures">(.*?)</script>', page, re.DOTALL)
+    figures = json.loads(text)["sweep"]
+    assert len(figures) == 5 * 4 * 2  # the picture is too small for IW-SSIM
+    for key, figure in figures.items():
+        assert figure["says"], key
+        names = {trace["name"] for trace in figure["data"]}
+        assert any(name.startswith("sas") for name in names)
+    assert page.index('data-figure="sweep"') < page.index("<table")
+
+
+def test_the_same_command_again_changes_nothing_and_another_plan_is_refused(whole: Path):
+    before = (whole / "sweep.csv").read_text()
+    assert bench("sweep", *GRID, *QUICK, "--out", str(whole)).returncode == 0
+    assert (whole / "sweep.csv").read_text() == before
+    done = bench("sweep", *GRID, *QUICK, "--latency", "20", "--out", str(whole))
+    assert done.returncode == 2
+    assert "latency" in done.stderr
+    (whole / "sweep.csv").unlink()
+    assert bench("report", str(whole)).returncode == 0
+    assert (whole / "sweep.csv").read_text() == before
+
+
+def test_a_killed_sweep_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
+    folder = tmp_path / "out"
+    command = [sys.executable, "-m", "harness.cli", "sweep", *GRID, *QUICK, "--out", str(folder)]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until = time.monotonic() + 200
+    while len(list(folder.glob("cells/*"))) < 2 and time.monotonic() < until and process.poll() is None:
+        os.sched_yield()
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert not (folder / "sweep.csv").exists()
+    assert bench("report", str(folder)).returncode == 0
+    assert "unfinished" in {row["status"] for row in rows_of(folder)}
+    assert bench("sweep", *GRID, *QUICK, "--out", str(folder)).returncode == 0
+    assert lasting(folder) == lasting(whole)
+
+
+def test_workers_measure_the_same_quality_and_no_time(whole: Path, tmp_path: Path):
+    folder = tmp_path / "out"
+    done = bench("sweep", *GRID, "--workers", "2", "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    rows = rows_of(folder)
+    assert {(row["comparable"], row["stop"], row["pareto_time"]) for row in rows} == {("no", "not timed", "")}
+    without = [{**row, "comparable": ""} for row in lasting(folder)]
+    assert without == [{**row, "comparable": ""} for row in lasting(whole)]
+    page = (folder / "report.html").read_text()
+    assert 'value="server_ms"' not in page
+    assert "do not compare" in page
+
+
+def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path):
+    folder = tmp_path / "out"
+    names = ("Failing", "Spinning", "Pointless")
+    methods = [argument for name in names for argument in ("--method", f"{BAD}:{name}")]
+    small = ["--size", "160x90", "--frames", "2", "--atlas", "128x128", "--vary", "fit=0.5", "--codec", "none"]
+    done = bench("sweep", *methods, "--method", "sas", *small, *QUICK, "--timeout", "2", "--out", str(folder))
+    assert done.returncode == 1, done.stderr
+    rows = {row["method"]: row for row in rows_of(folder)}
+    statuses = {name: row["status"] for name, row in rows.items()}
+    assert statuses == {"failing": "failed", "spinning": "timeout", "pointless": "skipped", "sas": "ok"}
+    assert all(row["flip_median"] == row["server_ms_median"] == "" for row in rows.values() if row["status"] != "ok")
+    page = (folder / "report.html").read_text()
+    assert "one too many" in page
+
+
+def test_a_dry_run_prints_the_grid_and_runs_nothing(tmp_path: Path):
+    done = bench("sweep", *GRID, "--dry-run", "--out", str(tmp_path / "out"))
+    assert done.returncode == 0, done.stderr
+    assert "5 cells" in done.stdout
+    assert "run once for this axis" in done.stdout
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--vary", "shadingrate=1"], "Did you mean 'shading_rate'?"),
+        (["--precision", "0"], "--precision"),
+        (["--workers", "0"], "--workers"),
+        (["--repetitions", "0"], "--repetitions"),
+        (["--vary", "scene=hell"], "hall"),
+    ],
+)
+def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], says: str, tmp_path: Path):
+    done = bench("sweep", *arguments, "--out", str(tmp_path / "out"))
+    assert done.returncode == 2, done.stdout
+    assert says in done.stderr
+    assert "Traceback" not in done.stderr

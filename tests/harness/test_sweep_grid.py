@@ -1,0 +1,115 @@
+"""The grid of a sweep, its order, and the rule that stops its timing."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from harness.console import InputError
+from harness.settings import Settings, SettingsError
+from harness.sweep.grid import Cell, make_grid, shuffled
+from harness.sweep.timing import Rule
+
+ALL = Settings(methods=("ppll", "sas", "snakebinning"), frames=2)
+
+
+def of(cells: list[Cell], method: str) -> list[Cell]:
+    return [cell for cell in cells if cell.packer.name == method]
+
+
+def test_a_parameter_is_varied_only_for_methods_that_have_it():
+    grid = make_grid(ALL, ["shading_rate=0.5,0.7,1.0", "atlas=512,1024x256"])
+    assert [cell.packer.shading_rate for cell in of(grid.cells, "snakebinning")] == [0.5, 0.5, 0.7, 0.7, 1.0, 1.0]
+    sizes = [(cell.settings.atlas_width, cell.settings.atlas_height) for cell in of(grid.cells, "sas")]
+    assert sizes == [(512, 512), (1024, 256)]
+    assert len(of(grid.cells, "ppll")) == 1
+    assert of(grid.cells, "ppll")[0].varied == {}
+    assert {what for what, _ in grid.left_out} == {"sas, shading_rate", "ppll, shading_rate", "ppll, atlas"}
+
+
+def test_the_work_concerns_methods_without_an_atlas_too():
+    grid = make_grid(ALL, ["cell=pvs1,0.2,125,0.08:80,0.3/160", "crf=15"])
+    cells = [(cell.settings.cell_radius, cell.settings.cell_fov) for cell in of(grid.cells, "ppll")]
+    assert cells == [(0.1, 90), (0.2, 125), (0.08, 80), (0.3, 160)]
+    assert {cell.settings.display_crf for cell in of(grid.cells, "sas")} == {15}
+    assert len({cell.settings for cell in grid.cells}) == 8
+    assert len(set(grid.folders().values())) == 8
+
+
+def test_equal_cells_run_once_and_repeated_names_add_values():
+    grid = make_grid(Settings(methods=("sas",)), ["cell=0.1,90", "cell=pvs1", "cell=0.2,125", "fit=0.75,0.9,0.75"])
+    assert len(grid.cells) == 4
+
+
+def test_without_vary_each_parameter_takes_its_own_values_in_turn():
+    cells = make_grid(Settings(methods=("sas",)), []).cells
+    parameters = cells[0].packer.parameters
+    assert len(cells) == 1 + sum(len(set(p.sweep) - {p.default}) for p in parameters.values())
+    assert all(len(cell.varied) <= 1 for cell in cells)
+    named = make_grid(Settings(methods=("sas",)), ["fit"]).cells
+    assert [cell.packer.fit for cell in named] == list(parameters["fit"].sweep)
+
+
+def test_combinations_that_cannot_be_are_left_out_with_their_reason():
+    grid = make_grid(Settings(methods=("sas",)), ["fov=60,100", "cell=0.08/80,0.2/125"])
+    assert len(grid.cells) == 3
+    assert [what for what, why in grid.left_out if "field of view" in why] == ["fov=100, cell=0.08/80"]
+    with pytest.raises(SettingsError, match="fov=100 cannot be used"):
+        make_grid(Settings(methods=("sas",)), ["fov=60,100"])
+
+
+@pytest.mark.parametrize(
+    ("vary", "says"),
+    [
+        ("shadingrate=1", "shading_rate"),
+        ("atlsa=512", "'atlas'"),
+        ("atlas=", "atlas=1024"),
+        ("atlas=5", "from 16 to 8192"),
+        ("fit=2", "fit"),
+        ("fit=wide", "a number"),
+        ("reuse=perhaps", "true or false"),
+        ("cell=0.1", "half a cell"),
+        ("latency=soon", "latency"),
+        ("crf=99", "51"),
+    ],
+)
+def test_unusable_axes_are_one_sentence(vary: str, says: str):
+    with pytest.raises((InputError, SettingsError), match=says):
+        make_grid(ALL, [vary])
+
+
+def test_the_order_is_seeded_and_mixes_methods():
+    cells = make_grid(ALL, ["shading_rate=0.5,0.7,1.0", "atlas=512,1024,2048"]).cells
+    orders = [shuffled(cells, seed, turn) for seed, turn in ((0, 0), (0, 0), (0, 1), (1, 0))]
+    names = [[(cell.key, cell.settings) for cell in order] for order in orders]
+    assert names[0] == names[1]
+    assert names[0] != names[2]
+    assert names[0] != names[3]
+    assert sorted(map(repr, names[0])) == sorted(repr((cell.key, cell.settings)) for cell in cells)
+    assert [cell.packer.name for cell in orders[0]] != sorted(cell.packer.name for cell in orders[0])
+
+
+def test_timing_stops_when_precise_and_not_before_there_is_an_interval():
+    rule = Rule(precision=0.05, repetitions=20, budget=100)
+    assert rule.stop([10.0] * 5, 0) is None
+    assert rule.stop([10.0] * 6, 0) == "precise"
+    assert rule.stop([10.0, 10.6] * 3, 0) is None
+    assert rule.stop([10.0, 10.4] * 3, 0) == "precise"
+
+
+def test_timing_stops_at_its_limits():
+    rule = Rule(precision=0.01, repetitions=9, budget=30)
+    noisy = list(np.random.default_rng(0).normal(10, 2, 9))
+    assert rule.stop(noisy, 0) == "repetitions"
+    assert rule.stop(noisy[:8], 30) == "budget"
+    assert rule.stop(noisy[:8], 29) is None
+
+
+def test_more_passes_narrow_the_interval_until_it_is_precise():
+    draws = np.random.default_rng(3).normal(10, 0.5, 400)
+    counts = []
+    for precision in (0.2, 0.1, 0.05):
+        rule = Rule(precision, repetitions=400, budget=1)
+        counts.append(next(n for n in range(1, 401) if rule.stop(list(draws[:n]), 0) == "precise"))
+    assert counts == sorted(counts)
+    assert counts[0] < counts[-1]
