@@ -122,9 +122,7 @@ def show_summary(store: Store, folder: Path) -> None:
     speed = _speed_lines(store.statistics(), labels)
     if speed:
         console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))
-        console.print(
-            "[dim]structs/server: of time; sample/pixel: time to gather one over the reference's to shade one"
-        )
+        console.print("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]")
     for status, count, reason in _troubles(store.rows(), labels):
         colour = "dim" if status == "skipped" else "red"
         console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")

@@ -286,11 +286,13 @@ class SnakeBinning(Packer):
         in_rows = int((rows * placed["lines"] * blocks["width"][placed["superblock"]]).sum())
         in_superblocks = int(blocks["width"].sum()) * self.superblock
         atlas = self.blocks.atlas
+        sinks = int(np.count_nonzero(strips["count"] > self.sink))
         return self.noted | {
             "shading_rate": self.rate,
             "bins_before_mapping": self.rebuilt_bins,
             "bins_after_mapping": len(strips),
-            "sinks": int(np.count_nonzero(strips["count"] > self.sink)),
+            "sinks": sinks,
+            "sources": max(0, self.rebuilt_bins - sinks),
             "superblocks": len(blocks),
             "resets": self.resets,
             "collapsed": numbers["collapsed"],

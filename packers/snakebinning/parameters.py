@@ -10,8 +10,8 @@ PARAMETERS = {
         3, (0, 1, 3), "predicted client views whose largest footprint counts; 0 takes the server's view", "views", "3.1"
     ),
     "slicing": Parameter(
-        0.25,
-        (0.0, 0.25),
+        0.05,
+        (0.0, 0.05, 0.25),
         "share of the client's picture from which on a triangle that leaves it is cut along the frustum; 0 for never",
         "1",
         "3.1; number: ours",

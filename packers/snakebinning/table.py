@@ -25,6 +25,7 @@ VARIANTS = {
     "no full footprint": "full_footprint=false",
     "first superblock with room": "assignment=first",
     "enlarged by half a texel": "enlarge=paper",
+    "no slicing": "slicing=0",
     "shading rate 1": "shading_rate=1.0",
 }
 HEADINGS = ("", "samples", "fill", "coherence", "video bytes", "metadata bytes", "FLIP", "structs ms", "gather ms")
@@ -32,7 +33,7 @@ HEADINGS = ("", "samples", "fill", "coherence", "video bytes", "metadata bytes",
 
 def main(arguments: list[str]) -> int:
     """Run and print; returns the exit code."""
-    methods = [f"snakebinning[{values}]" if values else "snakebinning" for values in VARIANTS.values()] + ["sas"]
+    methods = [f"snakebinning[{values}]" if values else "snakebinning" for values in VARIANTS.values()] + ["sas", "tss"]
     with tempfile.TemporaryDirectory() as folder:
         command = [sys.executable, "-m", "harness.cli", "run", "--crf", RATE, "--out", f"{folder}/run", *arguments]
         for method in methods:
