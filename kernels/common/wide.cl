@@ -12,6 +12,9 @@ typedef float8 __attribute__((aligned(4))) loose_float8;
 
 #define INLINE __attribute__((always_inline)) inline
 
+// Loops over the elements of small arrays must be unrolled, or the arrays go through memory.
+#define UNROLL _Pragma("unroll")
+
 // Which lanes of a comparison hold, as bits.
 INLINE uint bits_of(const int8 mask)
 {

@@ -4,6 +4,7 @@ A picture is drawn in stages, each in the files of its name: `clusters` (runs of
 view), `setup` (8 triangles at a time: project, clip, snap to 1/256 pixel, drop what covers no sample, sort the rest
 into tiles) and `tiles` (coverage in exact integers, depth, hierarchical Z of 8 x 8 blocks). Depth is a plane evaluated
 from a double-precision value at each block's corner, so neither tiles nor clusters can change a bit of it.
+`README.md` says what was tried for speed.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 # Speed only; any others give the same picture.
 CLUSTER = 64  # triangles, a multiple of 8
-TILE = 64  # pixels, a multiple of 8
+TILE = 64  # pixels, a multiple of 8; the largest that the kernels allow
 TWO_PASSES_FROM = 500_000  # triangles; below, looking for hidden clusters costs more than drawing them
 RECALL = 8  # draws; how long a cluster that was seen is taken for visible
 
@@ -70,6 +71,8 @@ class Rasteriser:
     ) -> None:
         if cluster % BLOCK or tile % BLOCK or min(cluster, tile) < BLOCK:
             raise ValueError(f"The cluster size {cluster} and the tile size {tile} must be multiples of {BLOCK}.")
+        if tile > BLOCK * 8:
+            raise ValueError(f"The tile size is {tile} pixels; it must be at most {BLOCK * 8}.")
         self.device = device
         self.triangles = triangles
         self.mask = mask

@@ -115,6 +115,7 @@ INLINE void add_clipped(Output *out, const float4 *p, const int2 *snapped, const
                         const int triangle, const int flags)
 {
     Corner first[8], second[8];
+    UNROLL
     for (int i = 0; i < 3; i++) {
         first[i].p = convert_double4(p[i]);
         first[i].original = i;
@@ -191,6 +192,7 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
     float8 cx[3], cy[3], cz[3], cw[3], depth[3];
     int8 x[3], y[3], good = -1, out_near = -1, out_left = -1, out_right = -1, out_top = -1, out_bottom = -1,
                      out_far = -1;
+    UNROLL
     for (int i = 0; i < 3; i++) {
         const float8 dx = group[3 * i] - eye.s0;
         const float8 dy = group[3 * i + 1] - eye.s1;
@@ -208,6 +210,7 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
     const int8 flags = (as_int8((uint8)group_flags >> (uint8)(0, 4, 8, 12, 16, 20, 24, 28))) & 15;
     int8 keep = worth_drawing(x, y, good, (flags & DOUBLE_SIDED) != 0, out->width, out->height);
     if (any8(~good)) {
+        UNROLL
         for (int i = 0; i < 3; i++) {
             const float8 edge_x = cw[i] * (float)middle.x, edge_y = cw[i] * (float)middle.y;
             out_near &= cz[i] > cw[i];
@@ -226,6 +229,7 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
             continue;
         int2 xy[3];
         float d[3];
+        UNROLL
         for (int i = 0; i < 3; i++) {
             xy[i] = (int2)(((const int *)&x[i])[lane], ((const int *)&y[i])[lane]);
             d[i] = ((const float *)&depth[i])[lane];
@@ -234,6 +238,7 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
             add_record(out, xy[0], xy[1], xy[2], d[0], d[1], d[2], triangle + lane, ((const int *)&flags)[lane]);
         } else {
             float4 corners[3];
+            UNROLL
             for (int i = 0; i < 3; i++) {
                 corners[i] = (float4)(((const float *)&cx[i])[lane], ((const float *)&cy[i])[lane],
                                       ((const float *)&cz[i])[lane], ((const float *)&cw[i])[lane]);

@@ -1,16 +1,17 @@
 // Drawing: one work-item per tile walks the tile's records in triangle order, with a hierarchical Z of 8 x 8 blocks.
-#include "raster/coverage.cl"
+#include "raster/shapes.cl"
 
 #define BLOCK 8
-#define BLOCKS (TILE / BLOCK) // per tile's side
+#define BLOCKS (TILE / BLOCK) // per tile's side, at most 8
+#define AT(vectors, type, i) (((const type *)(vectors))[i])
 
-// A tile while it is drawn, block by block, two rows of 8 pixels per vector. Of each block: whether it is `held` yet, how
-// often it was touched, and its farthest depth, which may lag behind.
+// A tile while it is drawn, block by block, two rows of 8 pixels per vector. Of each block: whether it is `held` yet, and
+// its farthest depth, one row of blocks per vector.
 typedef struct {
     float16 depth[TILE * BLOCKS / 2];
     int16 ids[TILE * BLOCKS / 2];
-    float farthest[BLOCKS * BLOCKS];
-    uchar held[BLOCKS * BLOCKS], touched[BLOCKS * BLOCKS];
+    float8 farthest[BLOCKS];
+    uchar held[BLOCKS * BLOCKS];
     int2 origin; // its first pixel
     int width, height, resumes;
     __global int *triangles; // the images
@@ -64,33 +65,13 @@ INLINE void store_row(const Tile *tile, const int y)
     }
 }
 
-// The farthest depth of a block.
-INLINE float farthest_of(const float16 *depth)
-{
-    const float16 low01 = LESSER(depth[0], depth[1]), low23 = LESSER(depth[2], depth[3]);
-    const float16 low = LESSER(low01, low23);
-    return smallest_of(LESSER(low.lo, low.hi));
-}
-
 // Whether a box of few blocks (left, top, right, bottom) lies behind what is drawn.
 INLINE int behind(const Tile *tile, const int4 box, const float nearest)
 {
     if (box.z - box.x > 1 || box.w - box.y > 1)
         return 0;
-    const float *upper = tile->farthest + box.y * BLOCKS, *lower = tile->farthest + box.w * BLOCKS;
+    const float *upper = (const float *)&tile->farthest[box.y], *lower = (const float *)&tile->farthest[box.w];
     return (nearest < upper[box.x]) & (nearest < upper[box.z]) & (nearest < lower[box.x]) & (nearest < lower[box.z]);
-}
-
-// A record, see record.cl.
-typedef struct {
-    int8 corners;
-    int4 rest;
-} Record;
-
-INLINE Record fetch(__global const int *records, const int number)
-{
-    __global const int *at = records + (size_t)number * RECORD;
-    return (Record){*(__global const loose_int8 *)at, *(__global const loose_int4 *)(at + 8)};
 }
 
 // A record in a tile: the tile's pixels that its box holds, and what decides coverage and depth.
@@ -119,97 +100,114 @@ INLINE int16 rows_without_holes(int16 draw, const Shape *shape, const int x, con
 }
 #endif
 
-// Draw the part of a shape that lies in a block.
-INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int by ALPHA_PARAMETERS)
+// Draw the part of a shape that lies in a block; z0 is its depth at the block's first pixel. All rows, also those that
+// the shape does not reach: a branch that cannot be foreseen costs more.
+INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int by, const float z0 ALPHA_PARAMETERS)
 {
     const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7), zero = 0, one = 1;
     const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7), upper = 0.0f, lower = 1.0f;
     const int16 columns = (int16)(steps, steps), rows_down = (int16)(zero, one);
     const float16 across = (float16)(lanes, lanes), down = (float16)(upper, lower);
     const int block = by * BLOCKS + bx, px = bx * BLOCK, py = by * BLOCK;
-    const Plane plane = shape->plane;
-    const float slope_x = shape->slope_x, slope_y = shape->slope_y;
-    const float z0 = (float)(plane.depth + plane.along_x * (px * SUBPIXELS + shape->centre.x - plane.corner.x) +
-                             plane.along_y * (py * SUBPIXELS + shape->centre.y - plane.corner.y));
-    const float reached = (z0 + (slope_y > 0 ? 7.0f : 0.0f) * slope_y) + (slope_x > 0 ? 7.0f : 0.0f) * slope_x;
-    if (LESSER(reached, plane.nearest) < tile->farthest[block])
-        return;
     if (!tile->held[block])
         hold_block(tile, bx, by);
-    const int first = GREATER(shape->top - py, 0) / 2, last = LESSER(shape->bottom - py, BLOCK - 1) / 2;
     int16 inside[3];
+    UNROLL
     for (int i = 0; i < 3; i++) {
         const Edge edge = shape->edges[i];
-        inside[i] = (edge.at + edge.along_x * px + edge.along_y * (py + 2 * first)) +
+        inside[i] = (edge.at + edge.along_x * px + edge.along_y * py) +
                     (edge.along_x * columns + edge.along_y * rows_down);
     }
     float16 *depth = tile->depth + block * (BLOCK / 2);
     int16 *ids = tile->ids + block * (BLOCK / 2);
-    for (int j = first; j <= last; j++) {
-        float16 z = (z0 + (2 * j + down) * slope_y) + across * slope_x;
-        z = LESSER(z, plane.nearest);
-        z = GREATER(z, plane.farthest);
+    float16 farthest = INFINITY;
+    UNROLL
+    for (int j = 0; j < BLOCK / 2; j++) {
+        float16 z = (z0 + (2 * j + down) * shape->slope_y) + across * shape->slope_x;
+        z = LESSER(z, shape->plane.nearest);
+        z = GREATER(z, shape->plane.farthest);
+        const float16 before = depth[j];
         int16 draw = ((inside[0] | inside[1] | inside[2]) >= 0) &
-                     ((z > depth[j]) | ((z == depth[j]) & (shape->id < ids[j])));
+                     ((z > before) | ((z == before) & (shape->id < ids[j])));
 #if MASKED
         if (shape->is_masked)
             draw = rows_without_holes(draw, shape, px, py + 2 * j ALPHA_ARGUMENTS);
 #endif
-        depth[j] = draw ? z : depth[j];
+        const float16 after = draw ? z : before;
+        depth[j] = after;
         ids[j] = draw ? (int16)shape->id : ids[j];
+        farthest = LESSER(farthest, after);
+        UNROLL
         for (int i = 0; i < 3; i++)
             inside[i] += 2 * shape->edges[i].along_y;
     }
-    if (last - first == BLOCK / 2 - 1 || ++tile->touched[block] % 4 == 0)
-        tile->farthest[block] = farthest_of(depth);
+    ((float *)tile->farthest)[by * 8 + bx] = smallest_of(LESSER(farthest.lo, farthest.hi));
 }
 
-// Draw a shape: the blocks of its box, 8 at a time, that its edges reach.
+// Draw a shape: of the blocks of its box those that its edges reach and that do not lie nearer.
 INLINE void draw_shape(Tile *tile, const Shape *shape ALPHA_PARAMETERS)
 {
-    const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const int left = shape->left / BLOCK, right = shape->right / BLOCK;
-    for (int start = left / 8 * 8; start <= right; start += 8) {
-        const int8 blocks = start + steps, within = (blocks >= left) & (blocks <= right);
-        int8 reach[3]; // the edges' greatest values in each block
-        for (int i = 0; i < 3; i++) {
-            const Edge edge = shape->edges[i];
-            reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) +
-                       edge.along_x * BLOCK * blocks;
-        }
-        for (int by = shape->top / BLOCK; by <= shape->bottom / BLOCK; by++) {
-            int8 inside = 0;
-            for (int i = 0; i < 3; i++)
-                inside |= reach[i] + shape->edges[i].along_y * by * BLOCK;
-            for (uint todo = bits_of(within & (inside >= 0)); todo; todo &= todo - 1)
-                draw_block(tile, shape, start + 31 - (int)clz(todo & -todo), by ALPHA_ARGUMENTS);
-        }
+    const int8 blocks = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const Plane plane = shape->plane;
+    const int8 within = (blocks >= shape->left / BLOCK) & (blocks <= shape->right / BLOCK);
+    const double8 along = plane.depth + plane.along_x * convert_double8(blocks * (BLOCK * SUBPIXELS) +
+                                                                        (shape->centre.x - plane.corner.x));
+    const float down = (shape->slope_y > 0 ? 7.0f : 0.0f) * shape->slope_y;
+    const float right = (shape->slope_x > 0 ? 7.0f : 0.0f) * shape->slope_x;
+    int8 reach[3]; // the edges' greatest values in each block
+    UNROLL
+    for (int i = 0; i < 3; i++) {
+        const Edge edge = shape->edges[i];
+        reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
+    }
+    float8 corners[BLOCKS];
+    ulong todo = 0; // 8 blocks per row
+    for (int by = shape->top / BLOCK; by <= shape->bottom / BLOCK; by++) {
+        const float8 z0 = convert_float8(
+            along + plane.along_y * (by * (BLOCK * SUBPIXELS) + shape->centre.y - plane.corner.y));
+        float8 reached = (z0 + down) + right;
+        reached = LESSER(reached, plane.nearest);
+        int8 inside = 0;
+        UNROLL
+        for (int i = 0; i < 3; i++)
+            inside |= reach[i] + shape->edges[i].along_y * by * BLOCK;
+        const uint drawn = bits_of(within & (inside >= 0) & (reached >= tile->farthest[by]));
+        todo |= (ulong)drawn << 8 * by;
+        corners[by] = z0;
+    }
+    for (; todo; todo &= todo - 1) {
+        const int block = 63 - (int)clz(todo & -todo);
+        draw_block(tile, shape, block % 8, block / 8, AT(corners, float, block) ALPHA_ARGUMENTS);
     }
 }
 
-// Draw one record into a tile.
-INLINE void draw_record(Tile *tile, const Record record ALPHA_PARAMETERS)
+// Draw one of the shapes.
+INLINE void draw_lane(Tile *tile, const Shapes *shapes, const int lane ALPHA_PARAMETERS)
 {
-    const int2 a = record.corners.s01, b = record.corners.s23, c = record.corners.s45, origin = tile->origin;
-    const float3 d = (float3)(as_float2(record.corners.s67), as_float(record.rest.x));
-    const int4 box = record_pixels(record.rest.zw);
     Shape shape;
-    shape.left = GREATER(box.x - origin.x, 0);
-    shape.top = GREATER(box.y - origin.y, 0);
-    shape.right = LESSER(box.z - origin.x, TILE - 1);
-    shape.bottom = LESSER(box.w - origin.y, TILE - 1);
+    shape.left = AT(&shapes->left, int, lane);
+    shape.top = AT(&shapes->top, int, lane);
+    shape.right = AT(&shapes->right, int, lane);
+    shape.bottom = AT(&shapes->bottom, int, lane);
+    shape.plane.nearest = AT(&shapes->nearest, float, lane);
     const int4 blocks = (int4)(shape.left / BLOCK, shape.top / BLOCK, shape.right / BLOCK, shape.bottom / BLOCK);
-    if (behind(tile, blocks, GREATER(d.x, GREATER(d.y, d.z))))
+    if (behind(tile, blocks, shape.plane.nearest))
         return;
-    shape.id = record.rest.y & ~MASK_BIT;
-    shape.is_masked = record.rest.y & MASK_BIT;
-    shape.centre = origin * SUBPIXELS + SUBPIXELS / 2;
-    shape.edges[0] = edge_at(a, b, shape.centre);
-    shape.edges[1] = edge_at(b, c, shape.centre);
-    shape.edges[2] = edge_at(c, a, shape.centre);
-    shape.plane = depth_plane(a, b, c, d);
-    shape.slope_x = (float)(shape.plane.along_x * SUBPIXELS);
-    shape.slope_y = (float)(shape.plane.along_y * SUBPIXELS);
+    const int id = AT(&shapes->id, int, lane);
+    shape.id = id & ~MASK_BIT;
+    shape.is_masked = id & MASK_BIT;
+    shape.centre = tile->origin * SUBPIXELS + SUBPIXELS / 2;
+    UNROLL
+    for (int i = 0; i < 3; i++)
+        shape.edges[i] = (Edge){AT(&shapes->along_x[i], int, lane), AT(&shapes->along_y[i], int, lane),
+                                AT(&shapes->at[i], int, lane)};
+    shape.plane.depth = AT(&shapes->depth, float, lane);
+    shape.plane.along_x = AT(&shapes->rise_x, double, lane);
+    shape.plane.along_y = AT(&shapes->rise_y, double, lane);
+    shape.plane.corner = (int2)(AT(&shapes->corner_x, int, lane), AT(&shapes->corner_y, int, lane));
+    shape.plane.farthest = AT(&shapes->farthest, float, lane);
+    shape.slope_x = AT(&shapes->slope_x, float, lane);
+    shape.slope_y = AT(&shapes->slope_y, float, lane);
 #if MASKED
     if (shape.is_masked)
         shape.masked = masked_triangle(shape.id ALPHA_ARGUMENTS);
@@ -244,22 +242,27 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
     tile.depths = depths;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         tile.held[i] = 0;
-        tile.touched[i] = 0;
-        tile.farthest[i] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
+        ((float *)tile.farthest)[i / BLOCKS * 8 + i % BLOCKS] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
     }
-    Record next = first < end ? fetch(records, entries[first]) : (Record){0, 0};
-    for (int i = first; i < end; i++) {
-        const Record record = next;
-        next = fetch(records, entries[LESSER(i + 1, end - 1)]); // ahead of its use, because it is seldom in the cache
-        draw_record(&tile, record ALPHA_ARGUMENTS);
+    Fetched fetched;
+    if (first < end)
+        fetch_records(&fetched, records, entries + first, end - first);
+    for (int i = first; i < end; i += 8) {
+        int8 fields[RECORD];
+        Shapes shapes;
+        fields_of(&fetched, fields);
+        if (i + 8 < end) // ahead of their use, because they are seldom in the cache
+            fetch_records(&fetched, records, entries + i + 8, end - i - 8);
+        set_shapes(&shapes, fields, tile.origin);
+        for (int lane = 0; lane < LESSER(end - i, 8); lane++)
+            draw_lane(&tile, &shapes, lane ALPHA_ARGUMENTS);
     }
 
     float farthest = INFINITY;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
-        if (tile.held[i])
-            tile.farthest[i] = farthest_of(tile.depth + i * (BLOCK / 2));
-        tile_blocks[i / BLOCKS * pitch + i % BLOCKS] = tile.farthest[i];
-        farthest = LESSER(tile.farthest[i], farthest);
+        const float deepest = AT(tile.farthest, float, i / BLOCKS * 8 + i % BLOCKS);
+        tile_blocks[i / BLOCKS * pitch + i % BLOCKS] = deepest;
+        farthest = LESSER(deepest, farthest);
     }
     far[id] = farthest;
     for (int y = 0; y < TILE && tile.origin.y + y < height; y++)

@@ -224,7 +224,7 @@ def test_same_bytes_for_every_way_of_cutting_the_work(device, monkeypatch):
         (1, 1, {}),
         (7, 16, {"cluster": 8, "tile": 8}),
         (64, 256, {"cluster": 128, "tile": 32}),
-        (200, 64, {"tile": 128}),
+        (200, 64, {"tile": 24}),
     ]:
         monkeypatch.setattr(device, "chunks", chunks)
         monkeypatch.setattr(device, "local_size", local)
