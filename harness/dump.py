@@ -69,8 +69,9 @@ def dump_frame(
         **(details or {}),
     }
     if atlas is not None and owners is not None:
-        owner, bary = owner_planes(owners, atlas.shape[1], atlas.shape[0])
-        arrays |= {"atlas": np.asarray(atlas, np.uint8), "owner": owner, "bary": bary}
+        size = (atlas.shape[1], atlas.shape[0])
+        arrays |= {"atlas": np.asarray(atlas, np.uint8)}
+        arrays |= {"owner": owner_plane(owners, *size), "bary": bary_plane(owners, *size)}
     target = folder / folder_name(method, variant)
     target.mkdir(parents=True, exist_ok=True)
     path = target / f"frame_{index:04d}.npz"
@@ -81,18 +82,26 @@ def dump_frame(
     return path
 
 
-def owner_planes(owners: Owners, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
-    """Owners as planes: triangle int32 (height, width), -1 where none, and barycentrics float32 (height, width, 2).
+def owner_plane(owners: Owners, width: int, height: int) -> np.ndarray:
+    """The triangle that owns each texel, int32 (height, width), -1 where none.
 
     Samples outside the plane are left out; of two owners of one texel the last counts.
     """
-    inside = (owners.texel >= 0) & (owners.texel < width * height)
-    texel = owners.texel[inside]
-    owner = np.full(width * height, -1, np.int32)
-    bary = np.zeros((width * height, 2), np.float32)
-    owner[texel] = owners.triangle[inside]
-    bary[texel] = owners.bary[inside]
-    return owner.reshape(height, width), bary.reshape(height, width, 2)
+    return _scatter(owners, owners.triangle, np.full(width * height, -1, np.int32)).reshape(height, width)
+
+
+def bary_plane(owners: Owners, width: int, height: int) -> np.ndarray:
+    """Barycentrics of each texel's surface point, float32 (height, width, 2), as `owner_plane`; 0 where none."""
+    return _scatter(owners, owners.bary, np.zeros((width * height, 2), np.float32)).reshape(height, width, 2)
+
+
+def _scatter(owners: Owners, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    texel = owners.texel
+    if len(texel) and (texel.min() < 0 or texel.max() >= len(plane)):
+        inside = (texel >= 0) & (texel < len(plane))
+        texel, values = texel[inside], values[inside]
+    plane[texel] = values
+    return plane
 
 
 def write_png(path: Path, rgb: np.ndarray) -> None:
@@ -103,7 +112,7 @@ def write_png(path: Path, rgb: np.ndarray) -> None:
     if rgb.dtype != np.uint8 or rgb.ndim != 3 or rgb.shape[2] != 3:
         raise ValueError(f"{path}: a picture is uint8 (h, w, 3), not {rgb.dtype} {rgb.shape}.")
     spec = OpenImageIO.ImageSpec(rgb.shape[1], rgb.shape[0], 3, OpenImageIO.UINT8)
-    spec.attribute("png:compressionLevel", 3)  # 3 is several times faster than the default, for slightly larger files
+    spec.attribute("png:compressionLevel", 1)  # several times faster than the default, for slightly larger files
     output = OpenImageIO.ImageOutput.create(str(path))
     if output is None:
         raise OSError(f"{path} cannot be written: {OpenImageIO.geterror()}")

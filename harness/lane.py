@@ -14,7 +14,7 @@ import numpy as np
 from harness import validity
 from harness.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
 from harness.coherence import AtlasHistory
-from harness.dump import owner_planes
+from harness.dump import owner_plane
 from harness.frames import Work
 from harness.metrics import Metrics
 from harness.novel_view import NovelView
@@ -230,7 +230,7 @@ class Lane:
         if owners is None or not sent.planes:
             return {}
         plane = next(iter(sent.planes.values()))
-        owner, _ = owner_planes(owners, plane.shape[1], plane.shape[0])
+        owner = owner_plane(owners, plane.shape[1], plane.shape[0])
         use = self.history.update(owner, plane)
         return {
             "atlas_width": plane.shape[1],
@@ -245,12 +245,16 @@ class Lane:
         payload = self.pack(work.frame).payload
         self.remember(payload, self.packer.owners(payload), self.advance(payload))
 
-    def measure(self, work: Work, novel: NovelView, metrics: Metrics, packed: Packed, sent: Sent) -> Measured:
-        """Check and measure one packed and sent frame."""
+    def measure(
+        self, work: Work, novel: NovelView, metrics: Metrics, packed: Packed, sent: Sent, pictured: bool
+    ) -> Measured:
+        """Check and measure one packed and sent frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
         owners = self.packer.owners(payload)
+        located = validity.locate_all(self.lossless, novel.triangle, novel.bary)
+        visible = None if located is None else (novel.triangle, novel.bary, located)
         gaps = validity.Gaps() if self.packer.leaves_unwritten else None
-        found = validity.check(frame, payload, owners, self.lossless, (novel.triangle, novel.bary), gaps=gaps)
+        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
         status, reason = _verdict(frame, payload, found)
         common = {
             "status": status,
@@ -265,7 +269,7 @@ class Lane:
             "wall_ms": packed.wall_ms,
             "missing_px": novel.missing,
             **self.remember(payload, owners, sent),
-            **self._stretch(novel),
+            **self._stretch(novel, located),
         }
         drawn = self._draw(novel, metrics)
         plane = next(iter(sent.planes.values()), None)
@@ -281,12 +285,17 @@ class Lane:
             | self._cost_of_metrics(packed, novel, drawn)
             | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
-            drawn.pictures | ({"atlas": plane[..., :3]} if plane is not None else {}) | self.packer.pictures(payload),
+            self._pictures(payload, plane, drawn) if pictured else {},
             drawn.lossless,
             plane,
             owners,
             payload.details,
         )
+
+    def _pictures(self, payload: Payload, plane: np.ndarray | None, drawn: Drawn) -> dict[str, np.ndarray]:
+        """Everything the report shows of a frame, by name."""
+        atlas = {} if plane is None else {"atlas": plane[..., :3]}
+        return drawn.pictures | atlas | self.packer.pictures(payload)
 
     def _cost_of_metrics(self, packed: Packed, novel: NovelView, drawn: Drawn) -> dict[str, float]:
         """Host time of all picture metrics of the frame, and its ratio to rendering and packing it."""
@@ -298,9 +307,8 @@ class Lane:
             "metrics_over_work": spent / (packed.wall_ms + drawing),
         }
 
-    def _stretch(self, novel: NovelView) -> dict[str, float | None]:
-        """Stretch of the atlas on the novel view's pixels."""
-        texels = self.lossless.locate(novel.triangle, novel.bary)
+    def _stretch(self, novel: NovelView, texels: np.ndarray | None) -> dict[str, float | None]:
+        """Stretch of the atlas on the novel view's pixels; texels: float64 (n, 2), where its points lie."""
         if texels is None:
             return {}
         height, width = novel.visibility.shape

@@ -12,6 +12,7 @@ import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
 from functools import partial
@@ -39,6 +40,7 @@ from reports import csv_files, html
 from reports.store import Store
 
 RUNS = Path("runs")
+WRITERS = 2  # threads that write pictures
 PREPARE = 10  # packings' time that preparing may take: charts of millions of triangles need minutes
 PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
 
@@ -203,7 +205,8 @@ class Run:
         with self._guarded(lane, f"frame {index}"):
             with self._limited(lane, index, packs=1 + len(lane.repeated)):
                 packed = lane.pack(work.frame)
-            measured = lane.measure(work, novel, self.metrics, packed, lane.advance(packed.payload))
+            sent = lane.advance(packed.payload)
+            measured = lane.measure(work, novel, self.metrics, packed, sent, index in self.pictured)
         if lane.dead:
             self._commit_stopped(lane, index)
             return
@@ -248,8 +251,10 @@ class Run:
     def _write_pictures(self, lane: Lane, work: Work, novel: NovelView, measured: Measured) -> None:
         index = work.frame.index
         if index in self.pictured:
-            for name, rgb in measured.pictures.items():
-                self._write_picture(folder_name(lane.method, lane.variant), index, f"_{name}", rgb)
+            group = folder_name(lane.method, lane.variant)
+            with ThreadPoolExecutor(WRITERS) as pool:
+                for _ in pool.map(lambda named: self._write_picture(group, index, *named), measured.pictures.items()):
+                    pass
             known = {
                 folder_name(other.method, other.variant): {"method": other.method, "variant": other.variant}
                 for other in self.lanes
@@ -271,8 +276,8 @@ class Run:
                 details=measured.details,
             )
 
-    def _write_picture(self, group: str, index: int, suffix: str, rgb: Any) -> None:
-        path = self.folder / "pictures" / group / f"frame_{index:04d}{suffix}.png"
+    def _write_picture(self, group: str, index: int, name: str, rgb: Any) -> None:
+        path = self.folder / "pictures" / group / f"frame_{index:04d}{name and '_'}{name}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
         write_png(path, rgb)
 

@@ -37,8 +37,10 @@ turns by frame index, so that every one is examined within a few frames.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Lock
 
 import numpy as np
 
@@ -56,12 +58,15 @@ SIDES = 1e-4 * np.array([[2, -1], [-2, 1], [-1, 2], [1, -2], [-1, -1], [1, 1]], 
 LOCATION = 1 / 3
 REACH = 3.0
 NEAR = 0.49  # texels: whoever writes all texels within half a texel of a triangle writes these, rounding aside
-BUDGET = 200_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
+BUDGET = 100_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
+WORKERS = 2  # threads: NumPy leaves Python's lock
 CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
 UNOWNED, BORDER = -1, -2  # in the owner plane
 ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
+
+Located = tuple[np.ndarray, np.ndarray, np.ndarray]  # triangles (n), barycentrics (n, 2), atlas positions (n, 2)
 
 
 @dataclass(frozen=True)
@@ -84,6 +89,13 @@ class Gaps:
 
     touched: int = 0
     missing: int = 0
+    _lock: Lock = field(default_factory=Lock, repr=False)
+
+    def count(self, touched: int, missing: int) -> None:
+        """Add those of some lookups; from any thread."""
+        with self._lock:
+            self.touched += touched
+            self.missing += missing
 
     @property
     def share(self) -> float | None:
@@ -96,7 +108,7 @@ def check(
     payload: Payload,
     owners: Owners | None,
     client: Client,
-    visible: tuple[np.ndarray, np.ndarray] | None = None,
+    visible: Located | None = None,
     *,
     budget: int | None = BUDGET,
     gaps: Gaps | None = None,
@@ -105,8 +117,8 @@ def check(
 
     client: has received this payload. owners: None for a method without an atlas, of which only the list of unplaced
         triangles is checked.
-    visible: int32 (n) triangles and float32 (n, 2) barycentrics that the novel view sees; those of triangles without
-        a place are passed over (they count as missing elsewhere).
+    visible: int32 (n) triangles and float32 (n, 2) barycentrics that the novel view sees, and what `locate_all` says of
+        them; those of triangles without a place are passed over (they count as missing elsewhere).
     budget: None examines every triangle and every sample.
     gaps: given for a packer that declares to leave texels unwritten, whose share is counted here.
     """
@@ -118,18 +130,36 @@ def check(
         return found  # nothing else can be computed with wrong ids
     atlas = _Atlas(owners, plane.shape[1], plane.shape[0])
     found = [*atlas.violations(), *_check_planes(payload, atlas)]
-    anchors = _locate(client, np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
+    anchors = locate_all(client, np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
     if anchors is None:
         return [*found, *_check_unplaced(frame, payload, np.isin(frame.pvs, owners.triangle))]
     table = _Table(frame, anchors.reshape(-1, len(ANCHORS), 2))
     found += _check_unplaced(frame, payload, table.placed)
-    found += _check_barycentrics(owners, table)
-    found += _check_once(frame, owners, atlas, client, budget)
-    lookups = _Lookups(frame, atlas, table, gaps)
-    with np.errstate(invalid="ignore"):  # barycentrics may hold infinities, which are reported above
-        for triangles, bary, located in _points(frame, table, client, visible, budget):
-            lookups.examine(triangles, bary, located)
+    lookups = _Lookups(frame, atlas, table, client, gaps)
+    with ThreadPoolExecutor(WORKERS) as pool:
+        samples = [
+            pool.submit(_check_barycentrics, owners, table),
+            pool.submit(_check_once, frame, owners, atlas, client, budget),
+        ]
+        points = [pool.submit(lookups.examine, *some) for some in _points(frame, table, visible, budget)]
+        for task in samples:
+            found += task.result()
+        for task in points:
+            task.result()
     return [*found, *lookups.violations()]
+
+
+def locate_all(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
+    """`client.locate` of n points, a chunk at a time, on two threads; None if the client has no atlas."""
+    parts = [slice(start, start + CHUNK) for start in range(0, len(triangles), CHUNK)]
+    if not parts:
+        return client.locate(triangles, bary)
+    first = client.locate(triangles[parts[0]], bary[parts[0]])  # alone: it may keep what all others use
+    if first is None:
+        return None
+    with ThreadPoolExecutor(WORKERS) as pool:
+        others = pool.map(lambda part: client.locate(triangles[part], bary[part]), parts[1:])
+        return np.concatenate([first, *others])
 
 
 def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
@@ -341,19 +371,19 @@ def _check_barycentrics(owners: Owners, table: _Table) -> list[Violation]:
     return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
 
 
-def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> Iterator[Violation]:
+def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
     turns = _turns(len(owners.triangle), budget)
     chosen = np.flatnonzero(owners.triangle % turns == frame.index % turns)
     triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
     within = (bary.min(axis=1) >= -1e-4) & (bary.sum(axis=1) <= 1 + 1e-4)
     triangle, bary, texel = triangle[within], bary[within], texel[within]
-    located = _locate(client, triangle, bary)
+    located = _located(client, triangle, bary)
     centre = np.stack([texel % atlas.width, texel // atlas.width], axis=1) + 0.5
     distance = np.abs(located - centre).max(axis=1)
     stray = distance > DISTANCE  # False where a triangle has no place
     for side in SIDES:
         strays = np.flatnonzero(stray)
-        beside = _locate(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
+        beside = _located(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
         stray[strays] = np.abs(beside - centre[strays]).max(axis=1) > DISTANCE
     stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
     if stray.any():
@@ -363,17 +393,14 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
         if twice.size:
             texels = texel[stray & np.isin(triangle, twice)]
             sentence = f"{twice.size} triangles have samples over {DISTANCE:g} texel from where a client looks them up."
-            yield Violation("once", twice.size, sentence, _first(twice), _first(texels))
+            return [Violation("once", twice.size, sentence, _first(twice), _first(texels))]
+    return []
 
 
 def _points(
-    frame: Frame,
-    table: _Table,
-    client: Client,
-    visible: tuple[np.ndarray, np.ndarray] | None,
-    budget: int | None,
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-    """Triangles, barycentrics and atlas positions of all lookups, a chunk at a time."""
+    frame: Frame, table: _Table, visible: Located | None, budget: int | None
+) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
+    """Triangles, barycentrics and, where known, atlas positions of all lookups, a chunk at a time."""
     rows = np.flatnonzero(table.placed)
     anchors = len(ANCHORS)
     turns = _turns(anchors * len(rows), budget)
@@ -382,14 +409,13 @@ def _points(
         part = chosen[start : start + CHUNK // anchors]
         yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
     for triangles, bary in _grids(frame, table, rows, budget):
-        yield triangles, bary, client.locate(triangles, bary)
+        yield triangles, bary, None
     if visible is None:
         return
     turns = _turns(len(visible[0]), budget)
     seen = [array[frame.index % turns :: turns] for array in visible]
     for start in range(0, len(seen[0]), CHUNK):
-        triangles, bary = (array[start : start + CHUNK] for array in seen)
-        located = client.locate(triangles, bary)
+        triangles, bary, located = (array[start : start + CHUNK] for array in seen)
         known = np.isfinite(located[:, 0]) & (table.row[triangles] >= 0)
         yield triangles[known], bary[known], located[known]
 
@@ -429,19 +455,24 @@ def _pattern(steps: int) -> np.ndarray:
 class _Lookups:
     """The rules `inside`, `written` and `surface`, over any number of lookups."""
 
-    def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, gaps: Gaps | None) -> None:
-        self._atlas, self._table, self._gaps = atlas, table, gaps
+    def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, client: Client, gaps: Gaps | None) -> None:
+        self._atlas, self._table, self._client, self._gaps = atlas, table, client, gaps
         self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1], np.int32)[:, None]
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
         self._misplaced = np.zeros(len(frame.pvs), bool)
         self._incomplete = np.zeros(len(frame.pvs), bool)
-        self._unwritten = np.zeros(0, np.int64)  # texels
+        self._unwritten: list[np.ndarray] = []  # texels
 
-    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray) -> None:
-        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2)."""
+    @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
+    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray | None) -> None:
+        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2), if known.
+
+        Several threads may do so: each only sets flags.
+        """
         if not len(triangles):  # an empty set, or nothing of it in the novel view
             return
         atlas = self._atlas
+        located = self._client.locate(triangles, bary) if located is None else located
         rows = self._table.row[triangles]
         x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre
         y = np.clip(located[:, 1] + 0.5, 0, atlas.height + 0.999)
@@ -457,8 +488,7 @@ class _Lookups:
         whole = own.all(axis=0)
         if self._gaps:
             excused = ~own & (owner != BORDER) & _far(x, y)
-            self._gaps.touched += np.count_nonzero(touched)
-            self._gaps.missing += np.count_nonzero(excused)
+            self._gaps.count(np.count_nonzero(touched), np.count_nonzero(excused))
             touched, own = touched & ~excused, own | excused
         if owner.min() < 0:
             self._note_gaps(rows, texels, owner, touched)
@@ -470,7 +500,7 @@ class _Lookups:
         self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
         gaps = touched & (owner == UNOWNED)
         self._incomplete[rows[gaps.any(axis=0)]] = True
-        self._unwritten = np.union1d(self._unwritten, texels[gaps])
+        self._unwritten.append(np.unique(texels[gaps]))
 
     def _check_location(
         self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, weights: np.ndarray, whole: np.ndarray
@@ -533,9 +563,10 @@ class _Lookups:
             sentence = f"Lookups in {outside.size} triangles touch texels outside the atlas."
             found.append(Violation("inside", outside.size, sentence, _first(outside)))
         if incomplete.size:
-            count = self._unwritten.size
+            unwritten = np.unique(np.concatenate(self._unwritten))
+            count = unwritten.size
             sentence = f"Lookups in {incomplete.size} triangles touch {count} texels that were not written."
-            texels = self._atlas.unpadded(self._unwritten[:FIRST])
+            texels = self._atlas.unpadded(unwritten[:FIRST])
             found.append(Violation("written", count, sentence, _first(incomplete), _first(texels)))
         if misplaced.size:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
@@ -565,16 +596,10 @@ def _surface_points(corners: np.ndarray, bary: np.ndarray) -> np.ndarray:
     return corners[:, 0] + b1 * (corners[:, 1] - corners[:, 0]) + b2 * (corners[:, 2] - corners[:, 0])
 
 
-def _locate(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
-    """`client.locate` a chunk at a time; None if the client has no atlas."""
-    located = np.empty((len(triangles), 2))
-    for start in range(0, len(triangles), CHUNK):
-        part = slice(start, start + CHUNK)
-        found = client.locate(triangles[part], bary[part])
-        if found is None:
-            return None
-        located[part] = found
-    return located
+def _located(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+    """`client.locate` a chunk at a time."""
+    parts = (slice(start, start + CHUNK) for start in range(0, len(triangles), CHUNK))
+    return np.concatenate([np.empty((0, 2)), *(client.locate(triangles[part], bary[part]) for part in parts)])
 
 
 def _turns(count: int, budget: int | None) -> int:

@@ -36,6 +36,7 @@ class LookupClient(Client):
         self.sky = scene.shader.sky
         self.mask = scene.mask
         self.geometry = GeometryDecoder(self.attributes)
+        self._row_of: np.ndarray | None = None
 
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
@@ -47,6 +48,7 @@ class LookupClient(Client):
     def receive(self, payload: Decoded) -> None:
         """Take a frame's triangles, metadata and atlas."""
         if self.geometry.decode(payload.geometry) or not hasattr(self, "rasteriser"):
+            self._row_of = None
             count = len(self.geometry.pvs)
             positions = self.geometry.current("positions").reshape(-1, 3)
             indices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
@@ -57,6 +59,15 @@ class LookupClient(Client):
         (plane,) = payload.planes.values()
         self.plane = self.device.upload(np.dstack([plane, np.full(plane.shape[:2], 255, np.uint8)]))
         self.read(payload.blobs)
+
+    def rows(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Places of triangles (n) in `geometry.pvs`, int (n), 0 for one that is not there, and which are: bool (n)."""
+        if self._row_of is None:
+            pvs = self.geometry.pvs
+            self._row_of = np.full(int(pvs.max(initial=-1)) + 2, -1, np.int32)  # the last stands for all beyond
+            self._row_of[pvs] = np.arange(len(pvs))
+        row = self._row_of[np.minimum(triangles, len(self._row_of) - 1)]
+        return np.maximum(row, 0), row >= 0
 
     def draw(self, view: View) -> Image:
         """The view: sky, and over it every pixel of a triangle that has a place."""
@@ -98,22 +109,25 @@ class AtlasClient(LookupClient):
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
-        pvs = self.geometry.pvs
-        if self._texels is None:
-            self._texels = self.corner_texels().get()[: len(pvs)].astype(np.float64)
-        if not len(pvs):
+        row, known = self.rows(triangles)
+        if not known.any():
             return np.full((len(triangles), 2), np.nan)
-        at = np.minimum(np.searchsorted(pvs, triangles), len(pvs) - 1)
-        corners, weights = self._texels[at], bary.astype(np.float64)
+        place = self.interpolate(row, bary)
+        place[~known] = np.nan
+        return place
+
+    def interpolate(self, row: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        """Atlas position, float64 (n, 2), at barycentrics (n, 2) between the corners in rows int (n) of
+        `corner_texels`."""
+        if self._texels is None:
+            self._texels = self.corner_texels().get().astype(np.float64)
+        corners, weights = self._texels[row], bary.astype(np.float64)
         place = (
             corners[:, 0]
             + weights[:, :1] * (corners[:, 1] - corners[:, 0])
             + weights[:, 1:] * (corners[:, 2] - corners[:, 0])
         )
-        if place.shape[1] == 3:
-            place = place[:, :2] / place[:, 2:]
-        place[pvs[at] != triangles] = np.nan
-        return place
+        return place[:, :2] / place[:, 2:] if place.shape[1] == 3 else place
 
 
 def geometry_encoder(scene: ServerScene, attributes: Mapping[str, np.ndarray]) -> GeometryEncoder:

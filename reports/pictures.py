@@ -12,6 +12,7 @@ import json
 import re
 import tempfile
 from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -23,6 +24,7 @@ EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
 ATLAS_SIDE = 1024
 QUALITY = 92  # of JPEG, for what is not embedded as it is
 MOST_FRAMES = 3
+WORKERS = 2  # threads that code pictures
 FIRST = ("client", "flip", "atlas")
 
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk of every PNG file
@@ -107,10 +109,11 @@ def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], s
         files = by_frame.get(frame, {})
         names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
         if names and key in labels:
-            entry["methods"][labels[key]] = {
-                name: _data_url(files[name], exact and name != "atlas", ATLAS_SIDE if name == "atlas" else None)
-                for name in names
-            }
+            asked = [(files[n], exact and n != "atlas", ATLAS_SIDE if n == "atlas" else None) for n in names]
+            with ThreadPoolExecutor(WORKERS) as pool:
+                entry["methods"][labels[key]] = dict(
+                    zip(names, pool.map(_data_url, *zip(*asked, strict=True)), strict=True)
+                )
     urls = [entry["reference"] or "", *(url for layers in entry["methods"].values() for url in layers.values())]
     return entry, sum(len(url) * 3 // 4 for url in urls)
 

@@ -40,8 +40,16 @@ def split_samples_twin(
     """The same for triangles (n) and barycentrics (n, 2), float64; new ones are returned."""
     triangle, bary = triangle.copy(), bary.astype(np.float64)
     first, count = pieces[triangle].T
-    for i in np.flatnonzero(count):
-        own = maps[first[i] : first[i] + count[i]].reshape(-1, 2, 3) @ np.array([1, *bary[i]])
-        best = int(np.argmax(np.minimum(own.min(axis=1), 1 - own.sum(axis=1))))
-        triangle[i], bary[i] = len(pieces) + first[i] + best, own[best]
+    sliced = np.flatnonzero(count)
+    if not sliced.size:
+        return triangle, bary
+    first, count = first[sliced], count[sliced]
+    start = np.cumsum(count) - count  # of each sample's candidates in the flat list of all of them
+    piece = np.arange(count.sum()) - np.repeat(start - first, count)
+    point = np.column_stack([np.ones(len(sliced)), bary[sliced]])
+    own = np.einsum("krc,kc->kr", maps[piece].reshape(-1, 2, 3), np.repeat(point, count, axis=0))
+    least = np.minimum(own.min(axis=1), 1 - own.sum(axis=1))
+    candidates = np.flatnonzero(least == np.repeat(np.maximum.reduceat(least, start), count))
+    best = candidates[np.searchsorted(candidates, start)]
+    triangle[sliced], bary[sliced] = len(pieces) + piece[best], own[best]
     return triangle, bary

@@ -94,14 +94,9 @@ class SnakeBinningClient(AtlasClient):
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
-        if not len(self.maps):
-            return super().locate(triangles, bary)
         place = super().locate(triangles, bary)
-        at = np.minimum(np.searchsorted(self.geometry.pvs, triangles), len(self.pieces) - 1)
-        sliced = (self.pieces[at, 1] > 0) & (self.geometry.pvs[at] == triangles)
-        piece, weights = split_samples_twin(at[sliced], bary[sliced], self.pieces, self.maps)
-        weights = np.concatenate([1 - weights.sum(axis=1, keepdims=True), weights], axis=1)
-        corners = self.corner_texels().get().astype(np.float64)[piece]
-        position = np.einsum("nk,nkc->nc", weights, corners)
-        place[sliced] = position[:, :2] / position[:, 2:]
+        if len(self.maps):
+            row, known = self.rows(triangles)
+            sliced = known & (self.pieces[row, 1] > 0)
+            place[sliced] = self.interpolate(*split_samples_twin(row[sliced], bary[sliced], self.pieces, self.maps))
         return place

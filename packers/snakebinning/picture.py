@@ -21,6 +21,5 @@ def draw_packing(strips: np.ndarray, blocks: np.ndarray, height: int, owner: np.
         top = block["y"] + strip["y"]
         lines = slice(top, top + strip["rows"] * strip["lines"])
         picture[lines, block["x"] : block["x"] + block["width"]] = hues[strip["superblock"]] + strip["bin"] * 7 % 30
-    owned = owner >= 0
-    picture[owned] = np.minimum(picture[owned] + 40 + 60 * (owner[owned, None] % 2), 255)
+    picture += np.where(owner < 0, 0, 40 + 50 * (owner & 1)).astype(np.uint8)[..., None]
     return picture

@@ -29,6 +29,7 @@ class TessellatedClient(LookupClient):
     def __init__(self, scene: ServerScene) -> None:
         super().__init__(scene)
         self.bins = Bins.make()
+        self._inverse: np.ndarray | None = None
 
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take where the frame's primitives lie, and the perspective that the server saw them in."""
@@ -41,6 +42,7 @@ class TessellatedClient(LookupClient):
         tables = (self.records.pieces, self.records.starts, self.records.records)
         self.uploaded = [upload(table) for table in tables]
         self.inverse = invert_depths(self.device, depths, self.uploaded[0], rows, self.records.scale, STAGE)
+        self._inverse = None
 
     def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
         """Colour the pixels of `samples`."""
@@ -49,11 +51,12 @@ class TessellatedClient(LookupClient):
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """Atlas position of surface points (see Client.locate), in float64 from what drawing uses."""
-        pvs, records = self.geometry.pvs, self.records
-        if not len(pvs):
+        row, known = self.rows(triangles)
+        if not known.any():
             return np.full((len(triangles), 2), np.nan)
-        row = np.minimum(np.searchsorted(pvs, triangles), len(pvs) - 1)
-        inverse = self.inverse.get()[: len(pvs), :3]
-        place = locate_twin(bary, inverse[row], records.pieces[row], records.starts[row], records.records)
-        place[pvs[row] != triangles] = np.nan
+        if self._inverse is None:
+            self._inverse = self.inverse.get()[:, :3]
+        records = self.records
+        place = locate_twin(bary, self._inverse[row], records.pieces[row], records.starts[row], records.records)
+        place[~known] = np.nan
         return place

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.dump import dump_frame, dump_scene, owner_planes, write_png
+from harness.dump import bary_plane, dump_frame, dump_scene, owner_plane, write_png
 from harness.plugins import folder_name
 from packers.interface import Owners, View
 from scenes.model import Material, Scene
@@ -79,9 +79,8 @@ def test_frame_of_a_method_without_an_atlas(tmp_path: Path, frame: dict):
 
 def test_samples_outside_the_plane_are_left_out():
     owners = Owners(np.array([-1, 3, 4]), np.array([1, 2, 3], np.int32), np.ones((3, 2), np.float32))
-    owner, bary = owner_planes(owners, 2, 2)
-    assert owner.tolist() == [[-1, -1], [-1, 2]]
-    assert bary.sum() == 2
+    assert owner_plane(owners, 2, 2).tolist() == [[-1, -1], [-1, 2]]
+    assert bary_plane(owners, 2, 2).sum() == 2
 
 
 @pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (37, 53)])
