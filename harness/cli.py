@@ -268,6 +268,7 @@ def doctor() -> None:
             raise typer.Exit(SOME_FAILED)
 
 
+app.command()(cli_robustness.check)
 app.command()(cli_robustness.stress)
 
 

@@ -105,12 +105,12 @@ def open_head_motion(settings: Settings) -> HeadMotion:
     return HeadMotion.recorded(settings.head_motion) if settings.head_motion else HeadMotion.synthetic(settings.seed)
 
 
-def open_session(settings: Settings) -> Session:
-    """Open the device, load and upload the scene, and make the path."""
+def open_session(settings: Settings, device: Device | None = None) -> Session:
+    """Open the device (unless one is given), load and upload the scene, and make the path."""
     scene = open_scene(settings)
     path = open_path(settings, scene)
     head = open_head_motion(settings)
-    device = Device.open(settings.device)
+    device = device or Device.open(settings.device)
     server = upload_scene(device, scene)
     source = FrameSource(server, path, head, settings)
     return Session(settings, device, server, path, head, source, ForwardRenderer(server))

@@ -219,7 +219,7 @@ class StressRun:
         """The stage, or why there is none: loading refuses what it cannot use in one sentence."""
         try:
             with time_limit(self.timeout, lambda: self._give_up(self.rows[0], test, step)):
-                stage = Stage(self.device, test.make(test.magnitudes[step]))
+                stage = Stage.of(self.device, test.make(test.magnitudes[step]))
                 _ = stage.reference
                 return stage
         except (SceneError, PathError) as error:

@@ -90,39 +90,44 @@ class Finding:
 
 
 class Stage:
-    """A case made ready: the scene on the device, its frames, and for each the client's view and what it should show.
+    """Frames made ready to be packed, and for each the client's view and what it should show.
 
-    Raises what loading and uploading raise.
+    exact: whether there is a float64 picture to compare with.
     """
 
-    def __init__(self, device: Device, case: Case) -> None:
-        self.device, self.case = device, case
-        self.server: ServerScene = upload_scene(device, case.scene)
-        self.forward = ForwardRenderer(self.server)
+    def __init__(self, server: ServerScene, frames: list[Frame], views: list[View], exact: bool) -> None:
+        self.device, self.server, self.frames, self.views, self.exact = server.device, server, frames, views, exact
+        self.forward = ForwardRenderer(server)
+
+    @classmethod
+    def of(cls, device: Device, case: Case) -> Stage:
+        """A case, with its scene uploaded. Raises what uploading raises."""
+        server = upload_scene(device, case.scene)
         frustum = CellFrustum.around(case.cell, case.fov, *case.size)
         ahead = case.ahead or tuple(beside(pose, case.cell, case.fov) for pose in case.poses)
         everything = np.arange(case.scene.triangle_count, dtype=np.int32)
-        self.views = [client_view(pose, case.fov, *case.size, case.near) for pose in ahead]
-        self.frames = [
+        views = [client_view(pose, case.fov, *case.size, case.near) for pose in ahead]
+        frames = [
             Frame(
                 index=index,
-                scene=self.server,
+                scene=server,
                 server=frustum.server_view(pose, case.near),
                 cell_radius=case.cell.radius,
                 cell_fov=case.cell.fov,
                 pvs=(pvs := case.sets[index] if case.sets else everything),
                 pvs_device=device.upload(pvs),
-                predicted=(client_view(pose, case.fov, *case.size, case.near), self.views[index]),
+                predicted=(client_view(pose, case.fov, *case.size, case.near), views[index]),
                 atlas_width=case.atlas[0],
                 atlas_height=case.atlas[1],
             )
             for index, pose in enumerate(case.poses)
         ]
+        return cls(server, frames, views, case.exact)
 
     @cached_property
     def last(self) -> ExactPicture | None:
         """The last frame's client view in float64, of the triangles in its set."""
-        if not self.case.exact:
+        if not self.exact:
             return None
         return draw_exact(self.server, self.views[-1], self.frames[-1].server.eye)
 
@@ -140,8 +145,8 @@ class Stage:
 
     @cached_property
     def _flip(self) -> Flip:
-        flip = Flip(self.device, *self.case.size)
         height, width = self.reference.shape[:2]
+        flip = Flip(self.device, width, height)
         opaque = np.full((height, width, 1), 255, np.uint8)
         flip.reference(self.device.upload(np.concatenate([self.reference, opaque], axis=2)))
         return flip
@@ -175,20 +180,21 @@ class Wrong(Exception):  # noqa: N818
         self.status, self.sentence, self.pictures = status, sentence, pictures or {}
 
 
-def try_method(stage: Stage, make: Callable[[], Packer], *, steady: bool = True) -> Finding:
+def try_method(stage: Stage, make: Callable[[], Packer], *, again: int = 2) -> Finding:
     """Everything that can be checked of the packer that `make` makes, on all frames of a stage.
 
-    steady: whether to pack all frames twice again, the second time with other work-groups.
+    again: how often to pack all frames again: 2 for once the same and once with other work-groups, 1 for the latter,
+        0 for not at all.
     """
     start = time.perf_counter()
     try:
-        found = _tried(stage, make, steady)
+        found = _tried(stage, make, again)
     except Wrong as wrong:
         found = Finding(wrong.status, wrong.sentence, pictures=wrong.pictures)
     except PackTimeoutError:
         found = Finding("timeout", "It did not finish in time.")
     except Exception as error:  # whatever a method does becomes a sentence
-        found = Finding("failed", describe(error))
+        found = Finding("refused", str(error)) if refuses(error) else Finding("failed", describe(error))
     return replace(found, seconds=time.perf_counter() - start)
 
 
@@ -199,7 +205,14 @@ def describe(error: Exception) -> str:
     return f"{type(error).__name__} in {Path(place.filename).name}, line {place.lineno}: {text}"
 
 
-def _tried(stage: Stage, make: Callable[[], Packer], steady: bool) -> Finding:
+def refuses(error: Exception) -> bool:
+    """Whether this is a ValueError that a `raise` of ours or of a packer's states, and no failed computation."""
+    if not isinstance(error, ValueError):
+        return False
+    return (traceback.extract_tb(error.__traceback__)[-1].line or "").startswith("raise ")
+
+
+def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> Finding:
     packer = make()
     if reason := packer.skip(stage.server.host):
         return Finding("ok", f"skipped: {reason}")
@@ -211,8 +224,8 @@ def _tried(stage: Stage, make: Callable[[], Packer], steady: bool) -> Finding:
         send(client, payload)
         _check_frame(stage, index, packer, payload, client)
         prints.append(fingerprint(payload))
-    if steady:
-        _check_steady(stage, make, prints)
+    usual = stage.device.local_size
+    _check_steady(stage, make, prints, [usual, 16 if usual != 16 else 32][2 - again :] if again else [])
     return _judged(stage, payload, client)
 
 
@@ -280,10 +293,12 @@ def _check_colours(stage: Stage, index: int, payload: Payload, owners: Owners, c
         )
 
 
-def _check_steady(stage: Stage, make: Callable[[], Packer], prints: list[dict[str, str]]) -> None:
-    """Raise Wrong unless packing again, also with other work-groups, gives the same bytes."""
+def _check_steady(
+    stage: Stage, make: Callable[[], Packer], prints: list[dict[str, str]], local_sizes: list[int]
+) -> None:
+    """Raise Wrong unless packing again, with work-groups of each of these sizes, gives the same bytes."""
     usual = stage.device.local_size
-    for size in (usual, 16 if usual != 16 else 32):
+    for size in local_sizes:
         with work_groups(stage.device, size):
             packer = make()
             packer.prepare(stage.server)

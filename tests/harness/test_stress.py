@@ -29,7 +29,7 @@ FAULTY = Path(faulty.__file__)
 def stage(device) -> Stage:
     """Two frames of a small room."""
     scene = scene_of(room()[::3])
-    return Stage(device, Case(scene, walk(scene), size=(96, 54), atlas=(128, 128)))
+    return Stage.of(device, Case(scene, walk(scene), size=(96, 54), atlas=(128, 128)))
 
 
 def test_the_catalogue_holds_what_a_test_needs():
@@ -82,7 +82,7 @@ def test_a_hang_ends_in_a_sentence(stage):
 
 def test_an_atlas_too_small_must_be_explained(device):
     scene = scene_of(facing(scattered(200, 2.0), 0.2))
-    stage = Stage(device, Case(scene, walk(scene, 1), size=(96, 54), atlas=(12, 12)))
+    stage = Stage.of(device, Case(scene, walk(scene, 1), size=(96, 54), atlas=(12, 12)))
     assert "there are more triangles than texels" in try_method(stage, Grid).sentence
     found = try_method(stage, faulty.Silent)
     assert found.status == "invalid"
@@ -155,6 +155,6 @@ def test_the_matrix_says_how_far_each_came():
 def test_a_scene_far_away_stays_the_same(device):
     near, far = (CATALOGUE["world-offset"].make(value) for value in (1.0, 1e7))
     np.testing.assert_allclose(near.scene.positions, far.scene.positions, atol=1e-6)
-    both = [Stage(device, replace(case, size=(96, 54), poses=case.poses[:1])) for case in (near, far)]
+    both = [Stage.of(device, replace(case, size=(96, 54), poses=case.poses[:1])) for case in (near, far)]
     rgb = [stage.last.rgb.astype(int) for stage in both]
     assert np.abs(rgb[0] - rgb[1]).max() <= 1
