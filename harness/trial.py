@@ -253,7 +253,10 @@ def _check_frame(stage: Stage, index: int, packer: Packer, payload: Payload, cli
     if bad:
         raise Wrong("invalid", f"Frame {index}: the statistics {', '.join(bad)} are not finite.")
     gaps = validity.Gaps() if packer.leaves_unwritten else None
-    found = validity.check(frame, payload, owners, client, stage.seen(index), gaps=gaps)
+    triangle, bary = stage.seen(index)
+    places = validity.locate_all(client, triangle, bary)
+    visible = None if places is None else (triangle, bary, places)
+    found = validity.check(frame, payload, owners, client, visible, gaps=gaps)
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
         raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
