@@ -46,6 +46,7 @@ Repair = Annotated[
     Switch, _option(WORK, "Remove duplicate and degenerate faces and non-manifold edges first", "--repair")
 ]
 Decimate = Annotated[Number, _option(WORK, "Keep this share of the triangles", metavar="RATIO")]
+Opaque = Annotated[Switch, _option(WORK, "Make see-through materials opaque", "--opaque")]
 PathName = Annotated[
     Text, _option(WORK, "walk, orbit, turntable, animation, or a file. Default: walk", metavar="NAME|FILE")
 ]
@@ -105,6 +106,7 @@ def run(
     unit: Unit = None,
     repair: Repair = None,
     decimate: Decimate = None,
+    opaque: Opaque = None,
     path: PathName = None,
     head_motion: Motion = None,
     frames: Frames = None,

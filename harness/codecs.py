@@ -25,6 +25,7 @@ MULTIPLE = 4
 
 # One keyframe at the start and no other; BT.709, limited range, written into the stream so that any decoder knows.
 X264 = "keyint=infinite:scenecut=0:colorprim=bt709:transfer=bt709:colormatrix=bt709:range=tv:chromaloc=1"
+X264_GREY = "keyint=infinite:scenecut=0:range=pc"
 
 
 class CodecError(ValueError):
@@ -50,6 +51,12 @@ class Picture:
     def rgb(self) -> np.ndarray:
         """Without alpha, contiguous."""
         return np.ascontiguousarray(self.pixels[..., :3])
+
+    @cached_property
+    def grey(self) -> np.ndarray:
+        """Red alone, uint8 (H, W), contiguous, both sides padded to MULTIPLE by repeating the last row and column."""
+        extra = [(0, _padded(self.height) - self.height), (0, _padded(self.width) - self.width)]
+        return np.pad(self.pixels[..., 0], extra, "edge")
 
     @cached_property
     def yuv(self) -> np.ndarray:
@@ -83,14 +90,24 @@ class VideoStream:
     """One encoder and, if `decode`, the client's decoder behind it.
 
     codec: 'h264' (x264 veryfast, zerolatency, one thread, constant rate factor `crf` from 0, best, to 51), 'jpeg'
-        (every frame on its own, `quality` 1..100) or 'none' (3 bytes per texel, without loss).
+        (every frame on its own, `quality` 1..100) or 'none' (3 bytes per texel, 1 if grey, without
+        loss).
+    grey: pictures have one value per texel (red is taken), which is coded in full range as luma, without chroma.
     width, height: of every frame, up to 8192. H.264 needs sides that are multiples of 4: others are padded.
     The bytes of a frame depend only on the frames since the start or the last `reset`, so an interrupted run gets the
     same bytes by encoding its earlier frames again. Raises CodecError for what a codec cannot take.
     """
 
     def __init__(
-        self, codec: str, crf: int | None, width: int, height: int, *, decode: bool = False, quality: int = JPEG_QUALITY
+        self,
+        codec: str,
+        crf: int | None,
+        width: int,
+        height: int,
+        *,
+        decode: bool = False,
+        quality: int = JPEG_QUALITY,
+        grey: bool = False,
     ) -> None:
         if codec not in CODECS:
             raise CodecError(f"There is no codec {codec!r}: give one of {', '.join(CODECS)}.")
@@ -103,7 +120,7 @@ class VideoStream:
         if codec == "jpeg" and not 1 <= quality <= 100:
             raise CodecError(f"The JPEG quality is {quality}: give a whole number from 1 to 100.")
         self.codec, self.crf, self.quality = codec, crf, quality
-        self.width, self.height = width, height
+        self.width, self.height, self.grey = width, height, grey
         self.wants_decoded = decode
         self.reset()
 
@@ -118,8 +135,9 @@ class VideoStream:
 
     def _open(self) -> _Coder:
         if self.codec == "h264":
-            return _H264(self.crf, _padded(self.width), _padded(self.height), self.wants_decoded)
-        return _Jpeg(self.quality) if self.codec == "jpeg" else _Plain()
+            size = (_padded(self.width), _padded(self.height))
+            return _H264(self.crf, *size, self.wants_decoded, self.grey)
+        return _Jpeg(self.quality, self.grey) if self.codec == "jpeg" else _Plain(self.grey)
 
     def encode(self, rgb: np.ndarray | Picture) -> EncodedFrame:
         """Encode the next frame, uint8 (height, width, 3 or 4), sRGB; decode it as the client would if asked to."""
@@ -143,13 +161,13 @@ def encode_all(streams: Sequence[VideoStream], rgb: np.ndarray) -> list[EncodedF
     """
     picture = Picture(rgb)
     shared = 0.0
-    if any(stream.codec == "h264" for stream in streams):
+    if any(stream.codec == "h264" and not stream.grey for stream in streams):
         _ = picture.yuv
         shared = picture.conversion_ms
     with ThreadPoolExecutor(ENCODERS_AT_A_TIME) as pool:
         frames = list(pool.map(lambda stream: stream.encode(picture), streams))
     return [
-        EncodedFrame(f.bytes, f.decoded, f.encode_ms + shared * (s.codec == "h264"), f.decode_ms)
+        EncodedFrame(f.bytes, f.decoded, f.encode_ms + shared * (s.codec == "h264" and not s.grey), f.decode_ms)
         for s, f in zip(streams, frames, strict=True)
     ]
 
@@ -206,18 +224,26 @@ def yuv_to_rgb(frame: Any) -> np.ndarray:
     )
 
 
+def as_grey(values: np.ndarray) -> np.ndarray:
+    """uint8 (H, W, 3) of one value per texel, (H, W)."""
+    return np.repeat(values[..., None], 3, axis=2)
+
+
 class _H264:
     """x264 through PyAV, and FFmpeg's decoder behind it; `width` and `height` are multiples of 4."""
 
-    def __init__(self, crf: int, width: int, height: int, decode: bool) -> None:
+    def __init__(self, crf: int, width: int, height: int, decode: bool, grey: bool) -> None:
         av, form = _av()
+        self.grey, self.range = grey, form.ColorRange.JPEG if grey else form.ColorRange.MPEG
         self.encoder = av.CodecContext.create("libx264", "w")
-        self.encoder.width, self.encoder.height, self.encoder.pix_fmt = width, height, "yuv420p"
+        self.encoder.width, self.encoder.height = width, height
+        self.encoder.pix_fmt = "gray" if grey else "yuv420p"
         self.encoder.time_base, self.encoder.framerate = Fraction(1, RATE), Fraction(RATE)
         # More threads change the bitstream.
         self.encoder.thread_count = 1
-        self.encoder.color_range = form.ColorRange.MPEG
-        self.encoder.options = {"preset": "veryfast", "tune": "zerolatency", "crf": str(crf), "x264-params": X264}
+        self.encoder.color_range = self.range
+        params = X264_GREY if grey else X264
+        self.encoder.options = {"preset": "veryfast", "tune": "zerolatency", "crf": str(crf), "x264-params": params}
         self.encoder.open()
         self.decoder = av.CodecContext.create("h264", "r") if decode else None
         if self.decoder is not None:
@@ -226,9 +252,10 @@ class _H264:
 
     def encode(self, picture: Picture) -> bytes:
         av, form = _av()
-        frame = av.VideoFrame.from_numpy_buffer(picture.yuv, "yuv420p")
+        pixels = (picture.grey, "gray") if self.grey else (picture.yuv, "yuv420p")
+        frame = av.VideoFrame.from_numpy_buffer(*pixels)
         frame.pts, frame.time_base = self.count, Fraction(1, RATE)
-        frame.colorspace, frame.color_range = form.Colorspace.ITU709, form.ColorRange.MPEG
+        frame.colorspace, frame.color_range = form.Colorspace.ITU709, self.range
         self.count += 1
         packets = self.encoder.encode(frame)
         if len(packets) != 1:
@@ -240,25 +267,28 @@ class _H264:
         frames = self.decoder.decode(av.Packet(data))
         if len(frames) != 1:
             raise CodecError(f"The H.264 decoder gave {len(frames)} frames for one packet: this build delays frames.")
+        if self.grey:
+            return as_grey(frames[0].to_ndarray()[: frames[0].height, : frames[0].width])
         return yuv_to_rgb(frames[0])
 
 
 class _Jpeg:
     """Baseline JPEG with 4:2:0 chroma through OpenImageIO, whose Python writes to files only."""
 
-    def __init__(self, quality: int) -> None:
-        self.quality = quality
+    def __init__(self, quality: int, grey: bool) -> None:
+        self.quality, self.grey = quality, grey
 
     def encode(self, picture: Picture) -> bytes:
         import OpenImageIO
 
-        spec = OpenImageIO.ImageSpec(picture.width, picture.height, 3, "uint8")
+        pixels = np.ascontiguousarray(picture.pixels[..., :1]) if self.grey else picture.rgb
+        spec = OpenImageIO.ImageSpec(picture.width, picture.height, pixels.shape[2], "uint8")
         spec.attribute("Compression", f"jpeg:{self.quality}")
         spec.attribute("jpeg:subsampling", "4:2:0")
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "frame.jpg"
             output = OpenImageIO.ImageOutput.create(str(file))
-            if output is None or not (output.open(str(file), spec) and output.write_image(picture.rgb)):
+            if output is None or not (output.open(str(file), spec) and output.write_image(pixels)):
                 size = f"{picture.width}x{picture.height}"
                 raise CodecError(f"OpenImageIO cannot write a JPEG of {size}: {OpenImageIO.geterror()}")
             output.close()
@@ -275,17 +305,20 @@ class _Jpeg:
                 raise CodecError(f"OpenImageIO cannot read back its own JPEG: {OpenImageIO.geterror()}")
             pixels = source.read_image(format="uint8")
             source.close()
-            return pixels
+            return as_grey(pixels[..., 0]) if self.grey else pixels
 
 
 class _Plain:
-    """No codec: 3 bytes per texel."""
+    """No codec: 3 bytes per texel, 1 if grey."""
+
+    def __init__(self, grey: bool) -> None:
+        self.grey = grey
 
     def encode(self, picture: Picture) -> bytes:
-        return picture.rgb.tobytes()
+        return picture.pixels[..., 0].tobytes() if self.grey else picture.rgb.tobytes()
 
     def decode(self, data: bytes, picture: Picture) -> np.ndarray:
-        return picture.rgb
+        return as_grey(picture.pixels[..., 0]) if self.grey else picture.rgb
 
 
 def pack_lz4(blobs: Mapping[str, bytes]) -> dict[str, bytes]:

@@ -48,6 +48,7 @@ def dump_frame(
     visibility: np.ndarray,
     novel: View,
     details: Mapping[str, np.ndarray] | None = None,
+    alpha: np.ndarray | None = None,
 ) -> Path:
     """Write `folder/METHOD-HASH/frame_0000.npz` and its pictures, and return the path of the former.
 
@@ -56,9 +57,10 @@ def dump_frame(
     client: uint8 (h, w, 3), drawn from the payload without video coding. reference: uint8 (h, w, 3).
     visibility: int32 (h, w), triangle of the novel view, -1 where empty. novel: the novel view.
     details: the method's own arrays, under their names.
+    alpha: the plane of opacities, uint8 (H, W, 3 or 4), grey, before encoding; None where there is none.
 
-    The file holds these, `owner` int32 (H, W) with -1 where no triangle owns a texel, `bary` float32 (H, W, 2), and
-    `view` and `projection` float64 (4, 4).
+    The file holds these (`alpha` as (H, W)), `owner` int32 (H, W) with -1 where no triangle owns a texel, `bary`
+    float32 (H, W, 2), and `view` and `projection` float64 (4, 4).
     """
     arrays = {
         "client": _picture(client),
@@ -72,6 +74,8 @@ def dump_frame(
         size = (atlas.shape[1], atlas.shape[0])
         arrays |= {"atlas": np.asarray(atlas, np.uint8)}
         arrays |= {"owner": owner_plane(owners, *size), "bary": bary_plane(owners, *size)}
+    if alpha is not None:
+        arrays["alpha"] = np.asarray(alpha, np.uint8)[..., 0]
     target = folder / folder_name(method, variant)
     target.mkdir(parents=True, exist_ok=True)
     path = target / f"frame_{index:04d}.npz"
@@ -79,6 +83,8 @@ def dump_frame(
     for name in ("atlas", "client", "reference"):
         if name in arrays:
             write_png(target / f"frame_{index:04d}_{name}.png", arrays[name][..., :3])
+    if alpha is not None:
+        write_png(target / f"frame_{index:04d}_alpha.png", alpha[..., :3])
     return path
 
 

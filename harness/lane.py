@@ -22,7 +22,7 @@ from harness.plugins import variant_string
 from harness.settings import Settings
 from kernels.fill.fill import Filler
 from kernels.metrics.stretch import stretch
-from packers.interface import Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
+from packers.interface import ALPHA, Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
 
 Key = tuple[str, int | None]  # codec and CRF
 QUALITIES = ("flip", "dssim", "iwssim", "psnr", "delta_e")
@@ -48,13 +48,13 @@ class Packed:
 
 @dataclass
 class Sent:
-    """What went over the wire: planes as packed, each (codec, CRF)'s encoded planes, and compressed bytes.
+    """What went over the wire: planes as packed, each (codec, CRF)'s encoded planes by name, and compressed bytes.
 
     lists_bytes: of a method without planes, which are then its video; raw_bytes: before compression.
     """
 
     planes: dict[str, np.ndarray]
-    encoded: dict[Key, list[EncodedFrame]]
+    encoded: dict[Key, dict[str, EncodedFrame]]
     lists_bytes: int
     raw_bytes: int
     metadata_bytes: int
@@ -64,18 +64,22 @@ class Sent:
 
     def row(self, key: Key) -> dict[str, Any]:
         """The size and coding columns of one row."""
-        planes = sum(plane.shape[0] * plane.shape[1] * 3 for plane in self.planes.values())
-        frames = self.encoded.get(key, [])
-        video = self.lists_bytes + (sum(frame.bytes for frame in frames) if frames else planes)
+        texels = {name: plane.shape[0] * plane.shape[1] for name, plane in self.planes.items()}
+        planes = 3 * sum(count for name, count in texels.items() if name != ALPHA)
+        coded = self.encoded.get(key, {})
+        frames = list(coded.values())
+        video = self.lists_bytes + (sum(coded[n].bytes for n in coded if n != ALPHA) if frames else planes)
+        alpha = coded[ALPHA].bytes if ALPHA in coded else texels.get(ALPHA)
         raw = self.raw_bytes + planes
         decoded = [frame for frame in frames if frame.decoded is not None]
         return {
             "encode_ms": self.pack_ms + sum(frame.encode_ms for frame in frames),
             "decode_ms": self.unpack_ms + sum(f.decode_ms for f in decoded) if decoded or not frames else None,
             "bytes_video": video,
+            "bytes_alpha": alpha,
             "bytes_metadata": self.metadata_bytes,
             "bytes_geometry": self.geometry_bytes,
-            "bytes_total": video + self.metadata_bytes + self.geometry_bytes,
+            "bytes_total": video + (alpha or 0) + self.metadata_bytes + self.geometry_bytes,
             "compression_ratio": video / raw if raw else None,
         }
 
@@ -91,6 +95,7 @@ class Measured:
     pictures: dict[str, np.ndarray]
     lossless: np.ndarray
     plane: np.ndarray | None
+    alpha: np.ndarray | None
     owners: Owners | None
     details: dict[str, np.ndarray]
 
@@ -217,12 +222,13 @@ class Lane:
         coded = self.keys()[1:]
         if name not in self.streams:
             self.streams[name] = [
-                VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key) for codec, crf in coded
+                VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key, grey=name == ALPHA)
+                for codec, crf in coded
             ]
             self.fillers[name] = Filler(self.scene.device, width, height)
         frames = encode_all(self.streams[name], self.fillers[name].fill(plane).get())
         for key, frame in zip(coded, frames, strict=True):
-            sent.encoded.setdefault(key, []).append(frame)
+            sent.encoded.setdefault(key, {})[name] = frame
         return frames[coded.index(self.display_key)].decoded
 
     def remember(self, payload: Payload, owners: Owners | None, sent: Sent) -> dict[str, float | None]:
@@ -288,6 +294,7 @@ class Lane:
             self._pictures(payload, plane, drawn) if pictured else {},
             drawn.lossless,
             plane,
+            sent.planes.get(ALPHA),
             owners,
             payload.details,
         )

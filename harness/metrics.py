@@ -47,6 +47,7 @@ METRICS: tuple[Metric, ...] = (
     Metric("holes_px", "share", "lower", "novel-view pixels the client leaves empty and the reference does not"),
     Metric("compression_ratio", "share", "lower", "video bytes / (3 bytes * atlas texels)"),
     Metric("bytes_video", "bytes", "lower", "video packets of the frame"),
+    Metric("bytes_alpha", "bytes", "lower", "packets of the opacity plane, where there is one"),
     Metric("bytes_metadata", "bytes", "lower", "metadata of the frame after LZ4"),
     Metric("bytes_geometry", "bytes", "lower", "potentially visible triangles of the frame after LZ4"),
     Metric("bytes_total", "bytes", "lower", "everything sent for the frame"),

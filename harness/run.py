@@ -268,6 +268,7 @@ class Run:
                 lane.variant,
                 index,
                 atlas=measured.plane,
+                alpha=measured.alpha,
                 owners=measured.owners,
                 client=measured.lossless,
                 reference=novel.rgb,

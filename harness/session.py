@@ -19,6 +19,7 @@ from packers.interface import ServerScene
 from scenes.head_motion import HeadMotion
 from scenes.load import list_scenes, load_scene
 from scenes.model import Scene
+from scenes.opaque import opaque_version
 from scenes.paths import CameraPath, make_path
 
 if TYPE_CHECKING:
@@ -87,6 +88,8 @@ def open_scene(settings: Settings) -> Scene:
         seed=settings.seed,
         cache=cache_folder("scenes"),
     )
+    if settings.opaque:
+        scene = opaque_version(scene)
     if scene.place or settings.unit is not None or scene.metres_per_unit != 1:
         return scene
     low, high = scene.bounds

@@ -23,6 +23,7 @@ class Settings:
     """One run. Lengths are metres, angles degrees, times milliseconds unless said otherwise.
 
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
+    opaque: whether see-through materials are made opaque.
     pvs_density: pixels of the PVS views per client pixel, along each axis. timeout: seconds for one pack.
     """
 
@@ -32,6 +33,7 @@ class Settings:
     detail: int | None = None
     repair: bool = False
     decimate: float | None = None
+    opaque: bool = False
     path: str = "walk"
     head_motion: str | None = None
     frames: int = 12

@@ -9,20 +9,29 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from kernels.atlas.lookup import look_up
+from kernels.atlas.opacity import fragment_opacity
+from kernels.fragments.blend import blend_layers
+from kernels.fragments.layered import LayeredRasteriser, numbered
 from kernels.raster.rasteriser import Rasteriser
 from kernels.raster.resolve import resolve
 from kernels.triangles import Triangles
 from packers.geometry import GeometryDecoder, GeometryEncoder
-from packers.interface import Client, Decoded, Image, ServerScene, View
+from packers.interface import ALPHA, Client, Decoded, Image, ServerScene, View
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from kernels.fragments.build import Fragments
     from kernels.samples import Samples
+    from kernels.texture.mask import AlphaMask
 
 
 class LookupClient(Client):
     """Draws the received triangles with lookups in the received atlas.
+
+    Blended ones become lists of fragments, in the pixels where they are in front. Each fragment's colour is looked up
+    at its own surface point, its opacity comes from its material or from the alpha plane, and the lists are blended
+    over the opaque picture. A set without blended triangles runs none of this.
 
     A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read`, colours pixels in
     `look_up` and answers `locate`. From the scene it uses what a client is shipped with: the device, the sky behind
@@ -42,8 +51,9 @@ class LookupClient(Client):
         """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
 
     @abstractmethod
-    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
-        """Colour the pixels of `samples` (see kernels.atlas.lookup), whose triangles count through `geometry.pvs`."""
+    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
+        """Colour the pixels of `samples` from `plane` (see kernels.atlas.lookup); their triangles count through
+        `geometry.pvs`. The samples are left as they are."""
 
     def receive(self, payload: Decoded) -> None:
         """Take a frame's triangles, metadata and atlas."""
@@ -54,10 +64,11 @@ class LookupClient(Client):
             indices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
             self.triangles = Triangles.upload(self.device, positions, indices, self.geometry.current("flags"))
             mask = self.mask.of_triangles(self.device, self.geometry.pvs) if self.mask else None
-            self.rasteriser = Rasteriser(self.device, self.triangles, mask)
+            self.rasteriser, self.layered = self._rasteriser(mask)
             self.ids = self.device.upload(self.geometry.pvs)
-        (plane,) = payload.planes.values()
-        self.plane = self.device.upload(np.dstack([plane, np.full(plane.shape[:2], 255, np.uint8)]))
+        planes = {name: self._upload(plane) for name, plane in payload.planes.items()}
+        self.alpha = planes.pop(ALPHA, None)
+        (self.plane,) = planes.values()
         self.read(payload.blobs)
 
     def rows(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -69,17 +80,48 @@ class LookupClient(Client):
         row = self._row_of[np.minimum(triangles, len(self._row_of) - 1)]
         return np.maximum(row, 0), row >= 0
 
+    def _upload(self, plane: np.ndarray) -> Array:
+        return self.device.upload(np.dstack([plane, np.full(plane.shape[:2], 255, np.uint8)]))
+
+    def _rasteriser(self, mask: AlphaMask | None) -> tuple[Rasteriser | None, LayeredRasteriser | None]:
+        """What draws the current set: one for opaque triangles only, or one for both."""
+        if not (self.triangles.host_flags & Triangles.BLENDED).any():
+            return Rasteriser(self.device, self.triangles, mask), None
+        self.opacities = self.device.upload(self.geometry.current_opacities().astype(np.int32))
+        return None, LayeredRasteriser(self.device, self.triangles, mask)
+
     def draw(self, view: View) -> Image:
         """The view: sky, and over it every pixel of a triangle that has a place."""
         device, camera = self.device, (view.view, view.projection)
-        visibility = self.rasteriser.draw(*camera, view.width, view.height, stage="client/raster")
+        size = (view.width, view.height)
+        if self.layered:
+            visibility, fragments = self.layered.draw(*camera, *size, stage="client")
+        else:
+            visibility, fragments = self.rasteriser.draw(*camera, *size, stage="client/raster"), None
         samples = resolve(device, self.triangles, visibility, *camera, stage="client/resolve")
         rgb = device.empty((view.height, view.width, 4), np.uint8)
         self.sky(*camera, rgb, stage="client/sky")
         drawn = device.empty((view.height, view.width), np.int32)
         device.fill(drawn, -1, "client/lookup")
-        self.look_up(samples, rgb, drawn)
+        self.look_up(samples, self.plane, rgb, drawn)
+        if fragments and fragments.count:
+            self._blend(fragments, rgb, drawn)
         return Image(rgb, drawn)
+
+    def _blend(self, fragments: Fragments, rgb: Array, drawn: Array) -> None:
+        """Blend the fragments over the opaque picture; `drawn` becomes the nearest one that is visible."""
+        device, count = self.device, fragments.count
+        samples = numbered(device, fragments, "client/layers").samples
+        colours, owners = device.recycled((1, count, 4), np.uint8), device.recycled((1, count), np.int32)
+        device.fill(owners, -1, "client/lookup")
+        self.look_up(samples, self.plane, colours, owners)
+        alphas = None
+        if self.alpha is not None:
+            alphas = device.recycled((1, count, 4), np.uint8)
+            self.look_up(samples, self.alpha, alphas, owners)
+        covered = (samples.triangle, owners, self.opacities, alphas)
+        opacity = fragment_opacity(device, count, *covered, "client/opacity")
+        blend_layers(device, fragments, colours, opacity, owners, rgb, drawn, "client/blend")
 
 
 class AtlasClient(LookupClient):
@@ -103,9 +145,9 @@ class AtlasClient(LookupClient):
         at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place. Or float32
         (n, 3, 3): column times w, row times w, and w, where w is divided out after interpolation."""
 
-    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
+    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
         """Colour the pixels of `samples` by their triangles' corners."""
-        look_up(self.device, samples, self.corner_texels(), self.ids, self.plane, rgb, drawn, "client/lookup")
+        look_up(self.device, samples, self.corner_texels(), self.ids, plane, rgb, drawn, "client/lookup")
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
@@ -134,4 +176,4 @@ def geometry_encoder(scene: ServerScene, attributes: Mapping[str, np.ndarray]) -
     """The encoder whose messages an AtlasClient with the same attributes understands."""
     triangles, host = scene.triangles, scene.host
     arrays = (triangles.host_positions, triangles.host_indices, triangles.host_flags, host.uvs, host.material_ids)
-    return GeometryEncoder(*arrays, attributes)
+    return GeometryEncoder(*arrays, attributes, scene.layers.opacity.constants if scene.layers else None)

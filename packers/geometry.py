@@ -9,8 +9,13 @@ which the harness's LZ4 packs better (FACTS of floats: 35% against 64% as they a
     float32 (m,9) corner positions of those never sent before, in the same order
     uint8 (m)     their flags, as in kernels.triangles.Triangles
     float32 (k,6) texture coordinates of the corners of those with an alpha mask
-    int16 (k)     their materials
+    int16 (j)     materials of those that are masked or blended
     ...           what the method adds per triangle: one array of m for each of its attributes
+    uint16        only if any of them is blended: number of materials of these that the client has not had yet
+    int16 (i)     these materials
+    uint16 (i)    their opacities, 0..255, or 256 where the alpha plane of the atlas has them
+
+So a scene without blended triangles sends nothing for them.
 """
 
 from __future__ import annotations
@@ -36,11 +41,15 @@ def unshuffle(data: bytes, dtype: Any, count: int, offset: int = 0) -> np.ndarra
     return np.ascontiguousarray(planes.T).reshape(-1).view(dtype)
 
 
+SPECIAL = Triangles.MASKED | Triangles.BLENDED  # triangles whose material the client must know
+
+
 class GeometryEncoder:
     """The server's side: what each client has been sent.
 
     positions float32 (V, 3), indices int32 (T, 3), flags uint8 (T), uvs float32 (V, 2), materials (T): the scene's.
     attributes: arrays (T) that the method adds, in the order in which the decoder names them.
+    opacities: uint16 (M), of the materials (see kernels.fragments.opacity); None for a scene without blended ones.
     """
 
     def __init__(
@@ -51,7 +60,10 @@ class GeometryEncoder:
         uvs: np.ndarray,
         materials: np.ndarray,
         attributes: Mapping[str, np.ndarray],
+        opacities: np.ndarray | None = None,
     ) -> None:
+        self.opacities = np.empty(0, np.uint16) if opacities is None else opacities
+        self.stated = np.zeros(len(self.opacities), bool)
         self.positions, self.indices, self.flags, self.uvs = positions, indices, flags, uvs
         self.materials, self.attributes = materials, attributes
         self.sent = np.zeros(len(indices), bool)
@@ -62,6 +74,7 @@ class GeometryEncoder:
         changed = np.setxor1d(self.current, pvs, assume_unique=True)
         new = changed[~self.sent[changed]]
         masked = new[(self.flags[new] & Triangles.MASKED) > 0]
+        special = new[(self.flags[new] & SPECIAL) > 0]
         self.sent[new] = True
         self.current = pvs.copy()
         parts = [
@@ -70,9 +83,20 @@ class GeometryEncoder:
             shuffle(self.positions[self.indices[new]]),
             self.flags[new].tobytes(),
             shuffle(self.uvs[self.indices[masked]].astype(np.float32)),
-            shuffle(self.materials[masked].astype(np.int16)),
+            shuffle(self.materials[special].astype(np.int16)),
         ]
-        return b"".join(parts + [shuffle(values[new]) for values in self.attributes.values()])
+        parts += [shuffle(values[new]) for values in self.attributes.values()]
+        return b"".join(parts + self._opacities_of(new[(self.flags[new] & Triangles.BLENDED) > 0]))
+
+    def _opacities_of(self, blended: np.ndarray) -> list[bytes]:
+        """What says how much the materials of new blended triangles cover; nothing if there are none."""
+        if not len(blended):
+            return []
+        materials = np.unique(self.materials[blended])
+        fresh = materials[~self.stated[materials]]
+        self.stated[fresh] = True
+        values = (np.array([len(fresh)], "<u2"), fresh.astype("<i2"), self.opacities[fresh].astype("<u2"))
+        return [part.tobytes() for part in values]
 
 
 class GeometryDecoder:
@@ -86,6 +110,7 @@ class GeometryDecoder:
         self.dtypes |= {"materials": (np.int16, 1)} | {name: (dtype, 1) for name, dtype in attributes.items()}
         self.attributes = attributes
         self.columns = {name: np.empty((0, width), dtype) for name, (dtype, width) in self.dtypes.items()}
+        self.opacities: dict[int, int] = {}  # of materials
         self.row_of = np.empty(0, np.int32)
         self.pvs = np.empty(0, np.int32)
 
@@ -107,18 +132,33 @@ class GeometryDecoder:
 
     def _append(self, data: bytes, offset: int, count: int) -> None:
         """Read the columns of `count` new triangles."""
-        masked = np.arange(count)
+        chosen = {"uvs": Triangles.MASKED, "materials": SPECIAL}
+        flags = np.zeros(count, np.uint8)
         for name, (dtype, width) in self.dtypes.items():
-            rows = len(masked) if name in ("uvs", "materials") else count
-            values = unshuffle(data, dtype, rows * width, offset).reshape(rows, width)
+            rows = np.flatnonzero(flags & chosen[name]) if name in chosen else np.arange(count)
+            values = unshuffle(data, dtype, len(rows) * width, offset).reshape(len(rows), width)
             offset += values.nbytes
             added = np.zeros((count, width), dtype)
-            added[masked if name in ("uvs", "materials") else slice(None)] = values
+            added[rows] = values
             if name == "flags":
-                masked = np.flatnonzero(values[:, 0] & Triangles.MASKED)
+                flags = values[:, 0]
             self.columns[name] = np.concatenate([self.columns[name], added])
+        if (flags & Triangles.BLENDED).any():
+            fresh = int(np.frombuffer(data, "<u2", 1, offset)[0])
+            materials = np.frombuffer(data, "<i2", fresh, offset + 2).tolist()
+            opacities = np.frombuffer(data, "<u2", fresh, offset + 2 + 2 * fresh).tolist()
+            self.opacities.update(zip(materials, opacities, strict=True))
 
     def current(self, name: str) -> np.ndarray:
         """A column of the triangles in the current set, in the order of their ids: (n, width) or (n)."""
         values = self.columns[name][self.row_of[self.pvs]]
         return values[:, 0] if values.shape[1] == 1 else values
+
+    def current_opacities(self) -> np.ndarray:
+        """uint16 (n): how much each triangle of the current set covers, 0..255; 256 where the alpha plane says it."""
+        table = np.full(max(self.opacities, default=0) + 1, 255, np.uint16)
+        table[list(self.opacities)] = list(self.opacities.values())
+        opacities = np.full(len(self.pvs), 255, np.uint16)
+        blended = (self.current("flags") & Triangles.BLENDED) > 0
+        opacities[blended] = table[self.current("materials")[blended]]
+        return opacities

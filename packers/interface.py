@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from scenes.model import Scene
 
 
+ALPHA = "alpha"  # the name of a plane that holds opacities
+
+
 @dataclass(frozen=True)
 class Paper:
     """Where a method was published."""
@@ -131,13 +134,29 @@ class Frame:
     atlas_height: int
     seed: int = 0
 
+    def shade(self, samples: Samples) -> dict[str, Array]:
+        """The frame's planes: every sample's colour at its texel of "atlas", not multiplied by its opacity, and in
+        scenes where opacity varies over triangles, the opacity in a second plane, ALPHA."""
+        device, scene = self.scene.device, self.scene
+        shape = (self.atlas_height, self.atlas_width, 4)
+        planes = {"atlas": device.recycled(shape, np.uint8)}
+        if scene.layers and scene.layers.opacity.varies:
+            planes[ALPHA] = device.recycled(shape, np.uint8)
+        for plane in planes.values():
+            device.fill(plane.view(np.uint32), 0, "gather/clear")
+        scene.shader.shade(samples, eye=self.server.eye, target=planes["atlas"], stage="gather/shade")
+        if ALPHA in planes:
+            scene.layers.opacity.write(samples, planes[ALPHA], "gather/alpha")
+        return planes
+
 
 @dataclass
 class Payload:
     """Everything sent for one frame, and what the report wants to know about it.
 
     planes: for the video encoder: name to uint8 (H, W, 4) device arrays, sRGB; alpha 255 where a texel was written this
-        frame, 0 elsewhere. A method without an atlas has none.
+        frame, 0 elsewhere; see Frame.shade. The plane ALPHA, of the same size, is grey, encoded as luma, and its bytes
+        are counted apart. A method without an atlas has none.
     blobs: metadata the client needs each frame: name to bytes, compressed by the harness with LZ4.
     geometry: the potentially visible triangles as the client needs them (see packers.geometry), LZ4 likewise.
     lists: what a method without an atlas sends in place of planes: name to bytes, LZ4 likewise, but counted with the

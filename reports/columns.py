@@ -76,9 +76,17 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     _time("decode_ms", "host time of decoding planes, metadata and geometry"),
     _time("wall_ms", "host time of packing the frame, from start to end, without encoding and metrics"),
     Column("bytes_video", "bytes", "encoded planes, or fragment lists after LZ4", "size", int, "lower"),
+    Column(
+        "bytes_alpha",
+        "bytes",
+        "encoded plane of opacities; empty where no material needs one, and for lists",
+        "size",
+        int,
+        "lower",
+    ),
     Column("bytes_metadata", "bytes", "metadata after LZ4", "size", int, "lower"),
     Column("bytes_geometry", "bytes", "geometry of the potentially visible set after LZ4", "size", int, "lower"),
-    Column("bytes_total", "bytes", "bytes_video + bytes_metadata + bytes_geometry", "size", int, "lower"),
+    Column("bytes_total", "bytes", "bytes_video + bytes_alpha + bytes_metadata + bytes_geometry", "size", int, "lower"),
     Column(
         "compression_ratio",
         "",

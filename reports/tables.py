@@ -46,6 +46,7 @@ QUALITY = (
 )
 SIZE = (
     Shown("bytes_video", "video", "kB", 1e-3),
+    Shown("bytes_alpha", "opacity", "kB", 1e-3),
     Shown("bytes_metadata", "metadata", "kB", 1e-3),
     Shown("bytes_geometry", "geometry", "kB", 1e-3),
     Shown("bytes_total", "total", "kB", 1e-3),

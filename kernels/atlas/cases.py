@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.atlas.lookup import look_up, look_up_twin
+from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
 from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.fragments.opacity import VARIES
 from kernels.samples import Samples
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from kernels.device import Device
 
 SIDE, TRIANGLES = 2048, 5000
@@ -43,5 +47,24 @@ def lookup(device: Device, kind: str, size: int) -> Trial:
         placed = np.isfinite(expected[:, 0])
         colours = Result(rgb.get()[0, placed, :3], expected[placed])
         return [colours, Result(drawn.get()[0], np.where(placed, triangle, 0))]
+
+    return Trial({"n": size}, run, results)
+
+
+@case({"opacity.fragment_opacity": Cost("n", "20*n")}, 1 << 19, 1 << 16)
+def opacity(device: Device, kind: str, size: int) -> Trial:
+    """A quarter of the triangles have theirs in the alpha plane. Adversarial: all of them, and half have no place."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    triangle = np.sort(rng.integers(0, TRIANGLES, size)).astype(np.int32)
+    drawn = rng.integers(-1 if hard else 0, 1, size).astype(np.int32)
+    constants = np.where(rng.random(TRIANGLES) < (1 if hard else 0.25), VARIES, 128).astype(np.int32)
+    alphas = rng.integers(0, 256, (size, 4), np.uint8)
+    arrays = [device.upload(array) for array in (triangle, drawn, constants, alphas)]
+
+    def run() -> Array:
+        return fragment_opacity(device, size, *arrays, "opacity")
+
+    def results() -> list[Result]:
+        return [Result(run().get(), fragment_opacity_twin(triangle, drawn, constants, alphas[:, 0]))]
 
     return Trial({"n": size}, run, results)

@@ -68,19 +68,27 @@ def building(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": run().count, "t": triangles.count, "pixels": view.width * view.height}, run, results)
 
 
-@case({"opacity.fragment_opacity": Cost("n", "(16 + 12 + 8 + 48 + 16 + 16 + 4)*n", "50*n")}, 480, 96)
+OPACITY = {
+    "opacity.fragment_opacity": Cost("n", "(16 + 12 + 8 + 48 + 16 + 16 + 4)*n", "50*n"),
+    "opacity.write_opacity": Cost("n", "12*n"),
+}
+
+
+@case(OPACITY, 480, 96)
 def opacity(device: Device, kind: str, size: int) -> Trial:
     triangles, fragments = fragments_of(device, kind, size)
     glass, _ = glass_opacity(device, seeded(kind), triangles)
-    samples, n = fragments.samples, fragments.count
+    samples, n = numbered(device, fragments, "numbers").samples, fragments.count
+    plane = device.zeros((1, max(n, 1), 4), np.uint8)
 
     def results() -> list[Result]:
-        found = glass.of(samples, "opacity").get()[:n]
+        glass.write(samples, plane, "opacity")
+        found = plane.get()[0, :n, 0].astype(np.int32)
         bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1).astype(np.float64)
         footprint = samples.footprint.get()[:n].astype(np.float64)
         return [Result(found, opacity_twin(glass, samples.triangle.get()[:n], bary, footprint))]
 
-    return Trial({"n": n}, lambda: glass.of(samples, "opacity"), results)
+    return Trial({"n": n}, lambda: glass.write(samples, plane, "opacity"), results)
 
 
 def most_layers(kind: str) -> int:

@@ -51,3 +51,12 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
         opacity[first + lane] = (int)(share * 255.0f + 0.5f);
     }
 }
+
+// The samples' opacities as grey texels, alpha 255.
+__kernel void write_opacity(const int count, __global const int *texel, __global const int *opacity,
+                            __global uint *target)
+{
+    const int i = get_global_id(0);
+    if (i < count)
+        target[texel[i]] = (uint)opacity[i] * 0x010101u | 0xff000000u;
+}

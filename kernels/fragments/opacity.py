@@ -16,9 +16,10 @@ if TYPE_CHECKING:
     from kernels.device import Device
     from kernels.samples import Samples
     from kernels.shade.shader import Shader
-    from kernels.texture.buffers import TextureBuffers
+    from kernels.texture.buffers import TextureBuffers, TextureImage
     from kernels.triangles import Triangles
 
+VARIES = 256  # in place of a material's opacity: it is not the same all over its triangles
 LET_THROUGH = 0.9  # of the light that a material transmits; the rest keeps clear glass visible
 
 
@@ -32,16 +33,48 @@ class BlendedMaterial(Protocol):
 
 
 class BlendedScene(Protocol):
-    """What opacity reads of a scene: uvs float32 (V, 2), colours float32 (V, 4)."""
+    """What opacity reads of a scene: uvs float32 (V, 2), colours float32 (V, 4), indices int32 (T, 3), material_ids
+    int32 (T)."""
 
     uvs: np.ndarray
     colours: np.ndarray
+    indices: np.ndarray
+    material_ids: np.ndarray
     materials: Sequence[BlendedMaterial]
+    textures: Sequence[TextureImage]
 
 
 def blends(material: BlendedMaterial) -> bool:
     """Whether what is behind a material shows through."""
     return material.alpha_mode == "blend" or material.transmission > 0
+
+
+def constant_opacities(scene: BlendedScene) -> np.ndarray:
+    """uint16 (M): the opacity of each material, 0..255; VARIES where it has a texture or vertex colours whose alpha is
+    not the same everywhere. 255 for materials that no triangle has, and for those that do not blend."""
+    constants = np.full(len(scene.materials), 255, np.uint16)
+    for number in np.unique(scene.material_ids):
+        material = scene.materials[number]
+        if not blends(material):
+            continue
+        alphas = [scene.colours[scene.indices[scene.material_ids == number], 3]]
+        if material.alpha_mode == "blend" and material.base_texture >= 0:
+            alphas.append(scene.textures[material.base_texture].texels[..., 3] / np.float32(255))
+        if any(alpha.min() != alpha.max() for alpha in alphas):
+            constants[number] = VARIES
+            continue
+        share = _surface_row(material)[0] * _surface_row(material)[3]
+        for alpha in alphas:
+            share *= np.float32(alpha.flat[0])
+        constants[number] = np.uint16(np.clip(share, 0, 1) * np.float32(255) + np.float32(0.5))
+    return constants
+
+
+def _surface_row(material: BlendedMaterial) -> np.ndarray:
+    """A row of `Opacity.surfaces`."""
+    has_alpha = material.alpha_mode == "blend"
+    alpha, texture = (material.base_colour[3], material.base_texture + 1) if has_alpha else (1, 0)
+    return np.array([alpha, texture, blends(material), 1 - LET_THROUGH * material.transmission], np.float32)
 
 
 @dataclass(frozen=True)
@@ -50,6 +83,7 @@ class Opacity:
 
     surfaces: float32 (M, 4), alpha, texture (0: none), whether it blends, share of light kept from passing through.
     corners: float32 (V, 4), u, v and vertex alpha.
+    constants: uint16 (M), on the host, as from `constant_opacities`.
     """
 
     device: Device
@@ -58,27 +92,22 @@ class Opacity:
     textures: TextureBuffers
     surfaces: Array
     corners: Array
+    constants: np.ndarray
+
+    @property
+    def varies(self) -> bool:
+        """Whether some triangle's opacity is not the same all over it."""
+        return bool((self.constants == VARIES).any())
 
     @classmethod
     def of_scene(cls, triangles: Triangles, shader: Shader, scene: BlendedScene) -> Opacity:
         """Upload what materials and vertices say; the shader lends textures and the triangles' materials."""
         materials, device = scene.materials, shader.device
-        surfaces = np.array(
-            [
-                (
-                    m.base_colour[3] if m.alpha_mode == "blend" else 1,
-                    m.base_texture + 1 if m.alpha_mode == "blend" else 0,
-                    blends(m),
-                    1 - LET_THROUGH * m.transmission,
-                )
-                for m in materials
-            ],
-            np.float32,
-        )
+        surfaces = np.array([_surface_row(material) for material in materials], np.float32)
         alphas = np.stack([scene.colours[:, 3], np.zeros(len(scene.uvs))], axis=1)
         corners = np.concatenate([scene.uvs, alphas], axis=1).astype(np.float32)
         uploaded = (device.upload(array) for array in (surfaces, corners))
-        return cls(device, triangles.indices, shader.faces, shader.textures, *uploaded)
+        return cls(device, triangles.indices, shader.faces, shader.textures, *uploaded, constant_opacities(scene))
 
     def of(self, samples: Samples, stage: str) -> Array:
         """int32 (n), 0 (invisible) to 255 (hides what is behind): alpha times texture alpha times vertex alpha for
@@ -90,6 +119,11 @@ class Opacity:
         kernel = self.device.build("fragments/opacity.cl").fragment_opacity
         self.device.launch(stage, kernel, -(-samples.count // 8), samples.count, *inputs, *tables, *textures)
         return opacity
+
+    def write(self, samples: Samples, target: Array, stage: str) -> None:
+        """Write the opacity of every sample at its texel of `target`, uint8 (H, W, 4), into red, green and blue."""
+        kernel = self.device.build("fragments/opacity.cl").write_opacity
+        self.device.launch(stage, kernel, samples.count, samples.count, samples.texel, self.of(samples, stage), target)
 
 
 def opacity_twin(opacity: Opacity, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray) -> np.ndarray:

@@ -50,9 +50,12 @@ def random_lists(device, rng, width=24, height=16, most=6, words=2):
 class Glass:
     """A scene's materials and vertices, as Opacity reads them."""
 
-    def __init__(self, rng, vertices):
+    def __init__(self, rng, triangles, textures):
+        vertices = len(triangles.host_positions)
+        self.indices, self.textures = triangles.host_indices, textures
         self.uvs = rng.normal(0, 2, (vertices, 2)).astype(np.float32)
         self.colours = rng.uniform(0.3, 1, (vertices, 4)).astype(np.float32)
+        self.material_ids = rng.integers(0, 5, triangles.count).astype(np.int32)
         self.materials = [
             material(),
             material(base_colour=(1, 1, 1, 0.6), base_texture=0, alpha_mode="blend"),
@@ -64,11 +67,10 @@ class Glass:
 
 def glass_opacity(device, rng, triangles):
     """What covers what in a scene of glass triangles, and the triangles' materials."""
-    glass = Glass(rng, len(triangles.host_positions))
     texels = rng.integers(0, 256, (32, 48, 4)).astype(np.uint8)
-    image = SimpleNamespace(texels=texels, srgb=True, wrap_s="mirror", wrap_t="clamp")
-    textures = TextureBuffers.upload(device, [image])
-    ids = rng.integers(0, 5, triangles.count).astype(np.int32)
+    images = [SimpleNamespace(texels=texels, srgb=True, wrap_s="mirror", wrap_t="clamp")]
+    textures, glass = TextureBuffers.upload(device, images), Glass(rng, triangles, images)
+    ids = glass.material_ids
     normals = np.tile(np.array([0, 1, 0], np.float32), (len(glass.uvs), 1))
     surface = Surface(normals, glass.uvs, ids, glass.materials)
     shader = Shader(device, triangles, surface, Lighting([], SKY), textures)

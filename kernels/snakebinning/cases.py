@@ -328,8 +328,7 @@ def splitting(device: Device, kind: str, size: int) -> Trial:
 
     def run() -> Samples:
         samples = Samples.upload(device, triangle, *bary.T, bary[:, 0], triangle)
-        split_samples(device, samples, 2, *uploaded, "split")
-        return samples
+        return split_samples(device, samples, 2, *uploaded, "split")
 
     def results() -> list[Result]:
         samples, (expected, places) = run(), split_samples_twin(triangle, bary, pieces, maps)

@@ -3,16 +3,18 @@
 // pieces: by triangle of the client, first and number of its pieces. maps: six floats per piece, which take the parent's
 // barycentrics 1 and 2 to the piece's: a + b b1 + c b2 for 1, then for 2. Pieces count on from `triangles`.
 __kernel void split_samples(int count, int triangles, __global const int2 *pieces, __global const float *maps,
-                            __global int *triangle, __global float *bary1, __global float *bary2) {
+                            __global const int *triangle, __global const float *bary1, __global const float *bary2,
+                            __global int *to_triangle, __global float *to_bary1, __global float *to_bary2) {
     const int i = get_global_id(0);
     if (i >= count) return;
     const int2 own = pieces[triangle[i]];
     const float b1 = bary1[i], b2 = bary2[i];
+    to_triangle[i] = triangle[i], to_bary1[i] = b1, to_bary2[i] = b2;
     float best = -INFINITY;
     for (int k = own.x; k < own.x + own.y; k++) {
         __global const float *map = maps + 6 * k;
         const float w1 = map[0] + map[1] * b1 + map[2] * b2, w2 = map[3] + map[4] * b1 + map[5] * b2;
         const float least = fmin(fmin(w1, w2), 1.0f - w1 - w2);
-        if (least > best) best = least, triangle[i] = triangles + k, bary1[i] = w1, bary2[i] = w2;
+        if (least > best) best = least, to_triangle[i] = triangles + k, to_bary1[i] = w1, to_bary2[i] = w2;
     }
 }

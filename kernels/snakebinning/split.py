@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,22 +23,24 @@ def piece_maps(bary: np.ndarray) -> np.ndarray:
     return inverse[:, :, 1:].transpose(0, 2, 1).reshape(-1, 6)
 
 
-def split_samples(device: Device, samples: Samples, triangles: int, pieces: Array, maps: Array, stage: str) -> None:
-    """Replace triangles of `samples` that are sliced by their pieces, and the barycentrics likewise, in place.
+def split_samples(device: Device, samples: Samples, triangles: int, pieces: Array, maps: Array, stage: str) -> Samples:
+    """The samples with their pieces in place of triangles that are sliced, and the barycentrics likewise.
 
     pieces: int32 (triangles, 2), first piece of each and how many. maps: float32 (k, 6), see piece_maps. Piece k
     becomes triangle `triangles` + k. A sample belongs to the piece in which its smallest weight is largest, of equals
     the first.
     """
+    split = replace(Samples.allocate(device, samples.count), footprint=samples.footprint, texel=samples.texel)
     kernel = device.build("snakebinning/split.cl").split_samples
-    arrays = (samples.triangle, samples.bary1, samples.bary2)
-    device.launch(stage, kernel, samples.count, samples.count, triangles, pieces, maps, *arrays)
+    arrays = [(s.triangle, s.bary1, s.bary2) for s in (samples, split)]
+    device.launch(stage, kernel, samples.count, samples.count, triangles, pieces, maps, *arrays[0], *arrays[1])
+    return split
 
 
 def split_samples_twin(
     triangle: np.ndarray, bary: np.ndarray, pieces: np.ndarray, maps: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same for triangles (n) and barycentrics (n, 2), float64; new ones are returned."""
+    """The same for triangles (n) and barycentrics (n, 2), float64."""
     triangle, bary = triangle.copy(), bary.astype(np.float64)
     first, count = pieces[triangle].T
     sliced = np.flatnonzero(count)

@@ -20,8 +20,6 @@ from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
 
 if TYPE_CHECKING:
-    from pyopencl.array import Array
-
     from kernels.samples import Samples
 
 FEWEST_SUPERBLOCKS = 128  # of an atlas, when their side is chosen for it: the paper's settings give 128 to 256
@@ -98,19 +96,14 @@ class ShadingAtlasStreaming(Packer):
         words = self.allocator.read(patches, count)
         listed = (patches, masks, count, self.allocator.words)
         samples = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        atlas = device.empty((frame.atlas_height, frame.atlas_width, 4), np.uint8)
-        device.fill(atlas.view(np.uint32), 0, "gather/clear")
-        frame.scene.shader.shade(samples, eye=server.eye, target=atlas, stage="gather/shade")
-        return self._payload(frame, patches.get()[:count], words, samples, atlas, bias)
+        return self._payload(frame, patches.get()[:count], words, samples, bias)
 
     def _search_bias(self, needed: np.ndarray) -> int:
         """The smallest bias, in eighths, whose request fits; the largest if none does."""
         fits = np.flatnonzero(needed <= int(self.fit * self.allocator.grid.total))
         return int(fits[0]) if len(fits) else len(needed) - 1
 
-    def _payload(
-        self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, atlas: Array, bias: int
-    ) -> Payload:
+    def _payload(self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, bias: int) -> Payload:
         locations = encode_words(words, self.sent[patches])
         self.sent[patches] = words
         lost = patches[words == 0]
@@ -131,7 +124,7 @@ class ShadingAtlasStreaming(Packer):
             "location_bytes": len(locations),
         }
         return Payload(
-            planes={"atlas": atlas},
+            planes=frame.shade(samples),
             blobs={"locations": locations},
             geometry=self.geometry.encode(frame.pvs),
             sample_count=samples.count,

@@ -85,12 +85,12 @@ class SnakeBinningClient(AtlasClient):
         """The corners of each triangle in its slot, homogeneous."""
         return locate_corners(self.device, *self.uploaded, len(self.geometry.pvs) + len(self.maps), "client/decode")
 
-    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
+    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
         """Colour the pixels of `samples`; those of sliced triangles by the piece they lie in."""
         if len(self.maps):
             pieces, maps = self.device.upload(self.pieces), self.device.upload(self.maps.astype(np.float32))
-            split_samples(self.device, samples, len(self.pieces), pieces, maps, "client/split")
-        look_up(self.device, samples, self.corner_texels(), self.piece_ids, self.plane, rgb, drawn, "client/lookup")
+            samples = split_samples(self.device, samples, len(self.pieces), pieces, maps, "client/split")
+        look_up(self.device, samples, self.corner_texels(), self.piece_ids, plane, rgb, drawn, "client/lookup")
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
         """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""

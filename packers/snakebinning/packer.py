@@ -81,12 +81,10 @@ class SnakeBinning(Packer):
         records, cuts = list_records(device, *self.items, self.places, self.footprints, self.blocks.strips)
         known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, self.pieces)
         samples = emit_samples(device, *self.items, *known, frame.atlas_width, self.full_footprint, self.enlarge)
-        atlas = device.recycled((frame.atlas_height, frame.atlas_width, 4), np.uint8)
-        device.fill(atlas.view(np.uint32), 0, "gather/clear")
-        frame.scene.shader.shade(samples, eye=frame.server.eye, target=atlas, stage="gather/shade")
+        planes = frame.shade(samples)
         if self.average_clear:
-            clear_strips(device, self.blocks, atlas)
-        return self._payload(frame, records, cuts, samples, atlas)
+            clear_strips(device, self.blocks, planes["atlas"])
+        return self._payload(frame, records, cuts, samples, planes)
 
     def _begin(self, frame: Frame) -> None:
         """Set up for an atlas of this size."""
@@ -230,7 +228,9 @@ class SnakeBinning(Packer):
             place_triangles(device, self.frame, *self.items, *known)
         return fits
 
-    def _payload(self, frame: Frame, listed: np.ndarray, cuts: np.ndarray, samples: Samples, atlas: Array) -> Payload:
+    def _payload(
+        self, frame: Frame, listed: np.ndarray, cuts: np.ndarray, samples: Samples, planes: dict[str, Array]
+    ) -> Payload:
         """listed: records of the items."""
         slices, shown = self.slices, self.shown_pieces
         whole = len(listed) - len(shown)
@@ -255,7 +255,7 @@ class SnakeBinning(Packer):
         missing = np.concatenate([frame.pvs[~is_sliced & (records[:, 0] == 0)], lost])
         of_piece = (slices.parents[shown][sent], slices.bary[shown][sent][:, :, 1:], of_pieces[sent])
         return Payload(
-            planes={"atlas": atlas},
+            planes=planes,
             blobs={"places": places, "pieces": encode_pieces(*of_piece)},
             geometry=self.geometry.encode(frame.pvs),
             sample_count=samples.count,

@@ -44,9 +44,9 @@ class TessellatedClient(LookupClient):
         self.inverse = invert_depths(self.device, depths, self.uploaded[0], rows, self.records.scale, STAGE)
         self._inverse = None
 
-    def look_up(self, samples: Samples, rgb: Array, drawn: Array) -> None:
+    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
         """Colour the pixels of `samples`."""
-        known = (self.inverse, *self.uploaded, self.ids, self.plane)
+        known = (self.inverse, *self.uploaded, self.ids, plane)
         look_up(self.device, samples, *known, rgb, drawn, "client/lookup")
 
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:

@@ -105,15 +105,12 @@ class TessellatedShadingStreaming(Packer):
         )
         placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
         samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps)
-        atlas = device.recycled((frame.atlas_height, frame.atlas_width, 4), np.uint8)
-        device.fill(atlas.view(np.uint32), 0, "gather/clear")
-        frame.scene.shader.shade(samples, eye=server.eye, target=atlas, stage="gather/shade")
         blobs = encode(placement, self.bins)
         statistics = describe(placement)
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
         statistics["metadata_bytes"] = sum(len(blob) for blob in blobs.values())
         return Payload(
-            planes={"atlas": atlas},
+            planes=frame.shade(samples),
             blobs=blobs,
             geometry=self.geometry.encode(frame.pvs),
             sample_count=samples.count,

@@ -38,6 +38,23 @@ def test_colours_survive_h264(crf):
     assert abs(error.mean()) < 1
 
 
+@pytest.mark.parametrize(("codec", "most"), [("h264", 4), ("jpeg", 20), ("none", 0)])
+def test_a_grey_plane_survives_in_full_range(codec, most):
+    """Of a size that needs padding; only red counts, and no chroma is sent."""
+    rng = np.random.default_rng(1)
+    values = np.repeat(np.linspace(0, 255, 121).astype(np.uint8)[None], 70, axis=0)
+    values[30:50], values[50:] = 255, 0
+    image = np.dstack([values, rng.integers(0, 256, (70, 121, 3)).astype(np.uint8)])
+    stream = VideoStream(codec, 5 if codec == "h264" else None, 121, 70, decode=True, grey=True)
+    frames = [stream.encode(image) for _ in range(2)]
+    for frame in frames:
+        assert frame.decoded.shape == (70, 121, 3)
+        assert np.abs(frame.decoded.astype(int) - values[..., None]).max() <= most
+        assert (frame.decoded[34:46] == 255).all()
+        assert (frame.decoded[58:] == 0).all()
+    assert frames[0].bytes == 70 * 121 if codec == "none" else frames[0].bytes < 3000
+
+
 def test_the_conversion_is_bt709_in_limited_range():
     rng = np.random.default_rng(0)
     image = rng.integers(0, 256, (32, 48, 3)).astype(np.uint8)

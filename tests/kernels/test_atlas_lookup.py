@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 from kernels.atlas.lookup import look_up, look_up_twin
+from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
+from kernels.fragments.opacity import VARIES
 from kernels.samples import Samples
 
 
@@ -55,3 +57,17 @@ def test_texel_centres_give_the_texels_themselves(device):
     ids = device.upload(np.arange(64, dtype=np.int32))
     look_up(device, samples, device.upload(corners), ids, device.upload(plane), rgb, drawn, "client/test")
     np.testing.assert_array_equal(rgb.get().reshape(64, 4)[::-1, :3], plane.reshape(64, 4)[:, :3])
+
+
+@pytest.mark.parametrize("has_plane", [False, True])
+def test_opacity_of_fragments_equals_its_twin(device, has_plane):
+    rng = np.random.default_rng(3)
+    triangle, drawn = rng.integers(0, 40, 1003).astype(np.int32), rng.integers(-1, 5, 1003).astype(np.int32)
+    constants = rng.choice([0, 100, 255, VARIES], 40).astype(np.int32)
+    alphas = rng.integers(0, 256, (1003, 4), np.uint8)
+    plane = device.upload(alphas) if has_plane else None
+    inputs = (device.upload(triangle), device.upload(drawn), device.upload(constants), plane)
+    found = fragment_opacity(device, 1003, *inputs, "opacity").get()
+    expected = fragment_opacity_twin(triangle, drawn, constants, alphas[:, 0] if has_plane else None)
+    np.testing.assert_array_equal(found, expected)
+    assert len(np.unique(found)) > (100 if has_plane else 2)

@@ -1,13 +1,14 @@
 """The kernels of per-pixel linked lists against their twins, on ordinary and on adversarial input."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from kernels.fragments.blend import blend_lists, blend_twin
 from kernels.fragments.build import Builder, build_twin
-from kernels.fragments.opacity import opacity_twin
+from kernels.fragments.opacity import VARIES, constant_opacities, opacity_twin
 from kernels.inputs.fragments import glass_opacity, random_lists
 from kernels.inputs.soups import look_at, perspective, random_soup, soup
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments, limit_twin
@@ -218,6 +219,33 @@ def test_opacity_equals_its_twin(device):
     assert off.mean() < 0.002
     assert (found[np.isin(ids[triangle], (0, 4))] == 255).all()
     assert len(np.unique(found)) > 50
+    plane = device.zeros((1, len(samples.texel), 4), np.uint8)
+    opacity.write(replace(samples, texel=device.upload(np.arange(n, dtype=np.int32))), plane, "opacity")
+    np.testing.assert_array_equal(plane.get()[0, :n], np.stack([found, found, found, 0 * found + 255], axis=1))
+
+
+def test_opacities_that_are_the_same_everywhere_are_known_without_a_plane():
+    from scenes.model import Material, Texture
+
+    even, uneven = np.full((4, 4, 4), 51, np.uint8), np.arange(64, dtype=np.uint8).reshape(4, 4, 4)
+    scene = SimpleNamespace()
+    scene.textures = [Texture("even", even), Texture("uneven", uneven)]
+    blend = {"base_colour": (1, 1, 1, 0.5), "alpha_mode": "blend"}
+    scene.materials = [
+        Material(base_colour=(1, 1, 1, 0.5)),
+        Material(**blend),
+        Material(**blend, base_texture=0),
+        Material(**blend, base_texture=1),
+        Material(base_texture=1, transmission=1.0),
+        Material(**blend, transmission=0.5),
+        Material(**blend),
+        Material(**blend, base_texture=1),  # which no triangle has
+    ]
+    scene.material_ids, scene.indices = np.arange(7), np.arange(21).reshape(7, 3)
+    scene.colours = np.ones((21, 4), np.float32)
+    scene.colours[18:, 3] = (0.5, 0.6, 0.7)
+    exact = [255, 127.5, 25.5, VARIES, 25.5, 70.125, VARIES, 255]
+    np.testing.assert_allclose(constant_opacities(scene), exact, atol=0.51)
 
 
 def test_rows_hold_normals_and_positions(device):

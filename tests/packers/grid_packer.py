@@ -31,10 +31,8 @@ class Grid(Packer):
         texel = ((y + row) * width + x + column).reshape(-1)
         owner, footprint = (np.repeat(k, len(row)) for k in (pvs, edge / side))
         samples = Samples.upload(device, owner, bary1, bary2, footprint, texel)
-        atlas = device.zeros((height, width, 4), np.uint8)
-        frame.scene.shader.shade(samples, eye=frame.server.eye, target=atlas, stage="gather/shade")
         return Payload(
-            planes={"atlas": atlas},
+            planes=frame.shade(samples),
             blobs={},
             geometry=self.geometry.encode(frame.pvs),
             sample_count=samples.count,

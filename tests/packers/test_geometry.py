@@ -21,9 +21,10 @@ def test_the_client_has_every_set_in_full(seed, count):
     rng = np.random.default_rng(seed)
     positions, uvs = rng.normal(size=(3 * count, 3)).astype(np.float32), rng.random((3 * count, 2), np.float32)
     indices = rng.integers(0, 3 * count, (count, 3)).astype(np.int32)
-    flags, materials = rng.integers(0, 4, count).astype(np.uint8), rng.integers(0, 300, count)
+    flags, materials = rng.integers(0, 8, count).astype(np.uint8), rng.integers(0, 300, count)
+    opacities = rng.integers(0, 257, 300).astype(np.uint16)
     patch = rng.integers(0, 1 << 20, count).astype(np.int32)
-    encoder = GeometryEncoder(positions, indices, flags, uvs, materials, {"patch": patch})
+    encoder = GeometryEncoder(positions, indices, flags, uvs, materials, {"patch": patch}, opacities)
     decoder = GeometryDecoder({"patch": np.int32})
     sent = 0
     for share in (0.3, 0.3, 0, 1, 0.7, 1):
@@ -37,8 +38,25 @@ def test_the_client_has_every_set_in_full(seed, count):
         np.testing.assert_array_equal(decoder.current("patch"), patch[pvs])
         masked = (flags[pvs] & Triangles.MASKED) > 0
         np.testing.assert_array_equal(decoder.current("uvs")[masked], uvs[indices[pvs[masked]]].reshape(-1, 6))
-        np.testing.assert_array_equal(decoder.current("materials")[masked], materials[pvs[masked]])
-    assert sent <= count * (36 + 1 + 26 + 4) + 6 * (4 + 4 * count)
+        special, blended = (
+            (flags[pvs] & bits) > 0 for bits in (Triangles.MASKED | Triangles.BLENDED, Triangles.BLENDED)
+        )
+        np.testing.assert_array_equal(decoder.current("materials")[special], materials[pvs[special]])
+        expected = np.where(blended, opacities[materials[pvs]], 255)
+        np.testing.assert_array_equal(decoder.current_opacities(), expected)
+    assert sent <= count * (36 + 1 + 26 + 4 + 4) + 6 * (4 + 4 * count + 2)
+
+
+def test_without_blended_triangles_nothing_is_sent_for_them():
+    rng = np.random.default_rng(0)
+    positions, indices = rng.normal(size=(30, 3)).astype(np.float32), np.arange(30, dtype=np.int32).reshape(10, 3)
+    flags, uvs = rng.integers(0, 4, 10).astype(np.uint8), rng.random((30, 2), np.float32)
+    messages = [
+        GeometryEncoder(positions, indices, flags, uvs, np.zeros(10, int), {}, opacities).encode(np.arange(10))
+        for opacities in (None, np.full(1, 100, np.uint16))
+    ]
+    assert messages[0] == messages[1]
+    assert len(messages[0]) == 4 + 40 + 360 + 10 + 26 * np.count_nonzero(flags & Triangles.MASKED)
 
 
 def test_an_unchanged_set_costs_a_count():
