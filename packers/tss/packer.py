@@ -87,6 +87,7 @@ class TessellatedShadingStreaming(Packer):
         self.bin_tables = self.bins.upload(scene.device)
         self.cells = CellTable.upload(scene.device)
         self.geometry = geometry_encoder(scene, {})
+        self.step = 0  # of the last frame's scale
 
     def pack(self, frame: Frame) -> Payload:
         """Places for the triangles of the frame's set, and their shading."""
@@ -128,21 +129,28 @@ class TessellatedShadingStreaming(Packer):
         return {"strategies": drawn}
 
     def _arrange(self, frame: Frame, camera: Array) -> Arranged:
-        """Primitives, bins and their positions at the largest scale that fits; at the smallest one if none does."""
-        tried: dict[int, Arranged] = {}
-        whole = self._list(frame, camera, 0)
-        uncut = whole.count == whole.rows  # then no smaller scale cuts any triangle either
+        """Primitives, bins and their positions at the largest scale that fits; at the smallest one if none does.
+
+        The search begins at the last frame's scale, which is mostly the same: then two layouts are enough.
+        """
+        fitting: Arranged | None = None
+        uncut: tuple[int, Primitives] | None = None  # a step without cut triangles, as are all larger ones
 
         def excess(step: int) -> float:
-            tried.clear()
-            primitives = whole if uncut or step == 0 else self._list(frame, camera, step)
-            arranged = tried[step] = self._arrange_at(frame, primitives, step)
-            return float(np.log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
+            nonlocal fitting, uncut
+            primitives = uncut[1] if uncut and step >= uncut[0] else self._list(frame, camera, step)
+            if primitives.count == primitives.rows and not (uncut and step >= uncut[0]):
+                uncut = (step, primitives)
+            arranged = self._arrange_at(frame, primitives, step)
+            over = float(np.log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
+            if over <= 0 or step == LAST:
+                fitting = arranged
+            return over
 
-        best = smallest_that_fits(excess, LAST)
-        if best not in tried:
-            excess(best)
-        return tried[best]
+        self.step = smallest_that_fits(excess, LAST, self.step)
+        if fitting is None:
+            excess(LAST)
+        return fitting
 
     def _list(self, frame: Frame, camera: Array, step: int) -> Primitives:
         listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale_at(step), self.threshold)
@@ -199,30 +207,31 @@ def scale_at(step: int) -> float:
     return 2.0 ** (-step / STEPS)
 
 
-def smallest_that_fits(excess: Callable[[int], float], last: int) -> int:
+def smallest_that_fits(excess: Callable[[int], float], last: int, guess: int = 0) -> int:
     """The smallest step from 0 to `last` whose excess is not above 0, or `last`; larger steps have less excess.
 
-    Excess is the logarithm of needed over given area, which falls by about 2 per doubling of the scale: a secant finds
-    where it is 0 in few trials, with a bisection every third time, so that it always does.
+    Excess is the logarithm of needed over given area, which falls by about 2 per doubling of the scale: from the guess
+    on this says where to look, then a secant finds where it is 0 in few trials, with a bisection every third time, so
+    that it always does. The last step tried that fits is the one returned, but for `last`, which may be untried.
     """
-    low, over = 0, excess(0)
-    if over <= 0:
-        return 0
-    high, under, trials = last, -np.inf, 0
+    low, over, high, under = -1, np.inf, last, -np.inf
+    step, trials = min(guess, last - 1), 0
     while high - low > 1:
-        trials += 1
-        share = over / (over - under) if np.isfinite(over) and np.isfinite(under) else 0.5
-        step = low + int(np.ceil(share * (high - low)))
-        if np.isfinite(over) and not np.isfinite(under):
-            step = low + 1 + int(over * STEPS / 2)
-        elif trials % 3 == 0:
-            step = (low + high) // 2
-        step = min(max(step, low + 1), high - 1)
         found = excess(step)
         if found > 0:
             low, over = step, found
         else:
             high, under = step, found
+        trials += 1
+        if np.isfinite(over) and np.isfinite(under):
+            step = low + int(np.ceil(over / (over - under) * (high - low)))
+        elif np.isfinite(over):
+            step = low + 1 + int(over * STEPS / 2)
+        elif np.isfinite(under):
+            step = high - 1 - int(-under * STEPS / 2)
+        if trials % 3 == 0 or not (np.isfinite(over) or np.isfinite(under)):
+            step = (low + high) // 2
+        step = min(max(step, low + 1), high - 1)
     return high
 
 

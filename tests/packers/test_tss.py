@@ -176,14 +176,35 @@ def test_unknown_values_are_refused(values):
         TessellatedShadingStreaming(**values)
 
 
-@given(first=st.integers(0, 256), slope=st.floats(0.3, 4), narrow=st.integers(0, 256))
-def test_the_largest_scale_that_fits_is_found(first, slope, narrow):
-    """Whatever the excess is like, also where the atlas is too narrow for any."""
+@given(first=st.integers(0, 256), slope=st.floats(0.3, 4), narrow=st.integers(0, 256), guess=st.integers(0, 256))
+def test_the_largest_scale_that_fits_is_found(first, slope, narrow, guess):
+    """Whatever the excess is like, also where the atlas is too narrow for any, and wherever the search begins."""
     tried = []
 
     def excess(step: int) -> float:
         tried.append(step)
         return np.inf if step < min(narrow, first) else (first - step) ** 2 * np.sign(first - step) / 64 * slope
 
-    assert smallest_that_fits(excess, 256) == first
+    assert smallest_that_fits(excess, 256, guess) == first
     assert len(tried) < 30
+
+
+@given(first=st.integers(1, 255), slope=st.floats(0.5, 1.9))
+def test_an_unchanged_scale_takes_two_trials(first, slope):
+    tried = []
+
+    def excess(step: int) -> float:
+        tried.append(step)
+        return (first - step - 0.5) * 2 / 16 * slope
+
+    assert smallest_that_fits(excess, 256, first) == first
+    assert tried == [first, first - 1]
+
+
+def test_the_scale_does_not_depend_on_earlier_frames(scene):
+    stream = Stream(scene)
+    sets = [frame_of(scene, 200, 200).pvs[::k] for k in (1, 40, 2, 1)]
+    scales = [stream.send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
+    alone = [Stream(scene).send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
+    assert scales == alone
+    assert len(set(scales)) > 1
