@@ -215,6 +215,36 @@ def test_triangle_placed_twice():
     assert (violation.rule, violation.triangles) == ("once", (4,))
 
 
+@pytest.mark.parametrize(("off", "rules"), [(0.32, set()), (0.35, {"surface"})])
+def test_samples_may_be_a_third_of_a_texel_off_and_no_more(off: float, rules: set[str]):
+    packed = pack_cells()
+    packed.change(bary=packed.owners.bary + np.float32([off / (CELL - 1), 0]))
+    assert packed.rules() == rules
+
+
+@pytest.mark.parametrize(("gap", "rules"), [(0, set()), (1, {"once"})])
+def test_lines_along_a_cut_may_be_copies_but_one_line_further_they_are_a_second_place(gap: int, rules: set[str]):
+    """More than a third of a triangle's samples lie over a texel from where they are looked up."""
+    side = 4
+    packed = pack_cells(count=16, cell=side)
+    free = np.isin(packed.owners.triangle, [1, 4])  # the cells above and left of triangle 5
+    packed.drop(free)
+    packed.frame.pvs = np.setdiff1d(packed.frame.pvs, [1, 4]).astype(np.int32)
+    own = np.flatnonzero(packed.owners.triangle == 5)
+    bary = packed.owners.bary[own]
+    width = side * ACROSS
+    line, column = (own[(np.abs(bary[:, i] - 1 / 3) < 0.1) & (bary.sum(axis=1) < 1.1)] for i in (1, 0))
+    # The triangle's second line goes above its first one, and its second column left of its first one.
+    copies = np.concatenate([packed.owners.texel[line] - (2 + gap) * width, packed.owners.texel[column] - (2 + gap)])
+    packed.plane.reshape(-1, 4)[copies] = 255
+    packed.change(
+        texel=np.concatenate([packed.owners.texel, copies]),
+        triangle=np.concatenate([packed.owners.triangle, np.full(len(copies), 5, np.int32)]),
+        bary=np.concatenate([packed.owners.bary, packed.owners.bary[np.concatenate([line, column])]]),
+    )
+    assert packed.rules() == rules
+
+
 def test_samples_and_lookups_outside_the_atlas():
     packed = pack_cells()
     packed.client.corners[0] -= 1.0

@@ -124,6 +124,11 @@ def test_a_client_that_looks_elsewhere(sent: Sent, shift: tuple[float, float]):
     assert sent.rules(client=Shifted(sent.client, shift)) >= {"surface", "written"}
 
 
+@pytest.mark.parametrize("shift", [(0.36, 0), (0, -0.36)])
+def test_a_client_that_is_just_further_off_than_the_cells_of_an_l(sent: Sent, shift: tuple[float, float]):
+    assert "surface" in sent.rules(client=Shifted(sent.client, shift))
+
+
 def test_a_triangle_that_nobody_has(sent: Sent):
     lost = int(sent.frame.pvs[7])
     (violation,) = sent.violations(client=Shifted(sent.client, lost=lost))
