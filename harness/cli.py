@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness import cli_robustness
+from harness import cli_kernels, cli_robustness
 
 if TYPE_CHECKING:
     from harness.settings import Settings
@@ -272,6 +272,7 @@ def doctor() -> None:
 
 app.command()(cli_robustness.check)
 app.command()(cli_robustness.stress)
+app.command()(cli_kernels.kernels)
 
 
 def main() -> None:

@@ -260,6 +260,38 @@ STRESS_COLUMNS: tuple[Column, ...] = (
 )
 
 
+def _kernel_error(name: str, unit: str, meaning: str) -> Column:
+    return Column(name, unit, f"{meaning}; over all real numbers of the stage", "quality", float, "lower")
+
+
+KERNEL_COLUMNS: tuple[Column, ...] = (
+    Column("kernel", "", "folder/file.function below kernels/", "key", str),
+    Column("case", "", "the stage it was measured and checked in", "key", str),
+    Column("input", "", "typical, or adversarial: what the stage finds hardest", "key", str),
+    Column("variant", "", "how freely it was allowed to round: precise, default or relaxed", "key", str),
+    Column("items", "items", "what the kernel processed in one run", "count", float),
+    Column("items_formula", "", "how items are counted", "setting", str),
+    Column("ms", "ms", "median device time of one run", "time", float, "lower"),
+    Column("items_per_s", "1/s", "items over ms", "time", float, "higher"),
+    Column("bytes", "bytes", "that it must read and write at least, each once", "size", float),
+    Column("bytes_formula", "", "how bytes are counted", "setting", str),
+    Column("copy_share", "0..1", "bytes per second over the device's when copying", "time", float, "higher"),
+    Column("flops", "", "additions and multiplications; empty where they are not its work", "count", float),
+    Column("flops_formula", "", "how they are counted", "setting", str),
+    Column("arithmetic_share", "0..1", "flops per second over the device's", "time", float, "higher"),
+    Column("values", "", "real numbers compared with the twin", "count", int),
+    _kernel_error("max_error", "", "largest difference from the float64 twin"),
+    _kernel_error("mean_error", "", "mean difference"),
+    _kernel_error("p999_error", "", "99.9 percentile of the difference"),
+    _kernel_error("max_ulp", "ULP", "largest difference in units of the last place of float32"),
+    _kernel_error("mean_ulp", "ULP", "mean difference in such units"),
+    _kernel_error("p999_ulp", "ULP", "99.9 percentile in such units"),
+    Column("broken", "", "values that are finite in only one of kernel and twin", "quality", int, "lower"),
+    Column("whole_values", "", "whole numbers compared with the twin", "count", int),
+    Column("misassigned", "", "of these, how many differ from the twin, rounded", "quality", int, "lower"),
+)  # fmt: skip
+
+
 def summary_columns() -> tuple[Column, ...]:
     """Columns of summary.csv: the key without the frame, settings, counts of frames, and three for each measure."""
     carried = tuple(column for column in FRAME_COLUMNS if column.kind in ("key", "setting") and column.name != "frame")
@@ -334,6 +366,12 @@ def document() -> str:
             "of summary.csv, so it needs 6 of them. Medians and intervals of all else are over the frames: the same on "
             "every machine.",
             SWEEP_COLUMNS,
+        ),
+        (
+            "kernels.csv",
+            "One row per kernel, input and build variant of `bench kernels`. Times are of the kernel, errors of the "
+            "stage it belongs to. A kernel that one of the inputs does not need has no time there.",
+            KERNEL_COLUMNS,
         ),
     )
     parts = [

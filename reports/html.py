@@ -17,7 +17,7 @@ from reports.store import Store, flat
 from reports.tables import NONE, headline_tables, number, ranges, table
 
 NOTES = ("environment", "device", "warning", "skipped", "scene", "prepare_ms")
-PARTS = ("page.css", "charts.js", "viewer.js")
+PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
 
 Row = dict[str, Any]
 
