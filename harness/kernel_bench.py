@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from rich.progress import Progress
 
 Row = dict[str, Any]
-ULP_OF = np.float32
 
 
 @dataclass(frozen=True)
@@ -66,12 +65,14 @@ def _names_of(kernel: str) -> set[str]:
 
 def errors_of(results: list[Result]) -> Row:
     """The error columns of a stage: real numbers by their distance, whole ones by whether they differ."""
-    real, whole = [], []
+    real: list[tuple[np.ndarray, ...]] = []
+    whole: list[np.ndarray] = []
     for result in results:
         if result.found.shape != result.expected.shape:  # another number of them is that many wrong
             whole.append(np.ones(max(result.found.size, result.expected.size), bool))
         elif result.found.dtype.kind == "f":
-            real.append((result.found.astype(np.float64).ravel(), np.asarray(result.expected, np.float64).ravel()))
+            expected = np.asarray(result.expected, np.float64).ravel()
+            real.append((result.found.astype(np.float64).ravel(), expected, last_places(expected)))
         else:
             whole.append(result.found.ravel() != np.rint(np.asarray(result.expected, np.float64)).ravel())
     row = dict.fromkeys(("max_error", "mean_error", "p999_error", "max_ulp", "mean_ulp", "p999_ulp", "broken"))
@@ -79,20 +80,27 @@ def errors_of(results: list[Result]) -> Row:
     if whole:
         row |= {"whole_values": sum(map(len, whole)), "misassigned": int(sum(part.sum() for part in whole))}
     if real:
-        found, expected = (np.concatenate(parts) for parts in zip(*real, strict=True))
-        row |= {"values": len(found)} | _distances(found, expected)
+        found, expected, places = (np.concatenate(parts) for parts in zip(*real, strict=True))
+        row |= {"values": len(found)} | _distances(found, expected, places)
     return row
 
 
-def _distances(found: np.ndarray, expected: np.ndarray) -> Row:
+def last_places(values: np.ndarray) -> np.ndarray:
+    """Units of the last place of float32, float64 (n): of each value, but of at least 2^-10 of the largest, because
+    what cancels to nothing has no digits of its own."""
+    size = np.abs(values)
+    largest = size[np.isfinite(size)].max(initial=0.0)
+    size = np.clip(size, 2.0**-10 * largest, 2.0**127)
+    return np.spacing(np.nan_to_num(size).astype(np.float32)).astype(np.float64)
+
+
+def _distances(found: np.ndarray, expected: np.ndarray, places: np.ndarray) -> Row:
     finite = np.isfinite(found) & np.isfinite(expected)
     broken = int((np.isfinite(found) != np.isfinite(expected)).sum())
     if not finite.any():
         return {"broken": broken}
     error = np.abs(found - expected)[finite]
-    with np.errstate(over="ignore"):
-        nearest = np.abs(expected[finite]).astype(ULP_OF)
-    ulp = error / np.spacing(np.minimum(nearest, np.finfo(ULP_OF).max)).astype(np.float64)
+    ulp = error / places[finite]
     row: Row = {"broken": broken}
     for name, values in (("error", error), ("ulp", ulp)):
         row |= {
@@ -175,18 +183,7 @@ def bench_kernels(wanted: Wanted, out: Path) -> None:
         raise InputError(f"{out} cannot be made ({error.strerror}): give another --out.") from error
     devices = {variant: Device.open(wanted.device, variant) for variant in VARIANTS if variant in wanted.variants}
     reference = devices.get("default") or next(iter(devices.values()))
-    roofline, rows = measure(reference), []
-    with _progress() as progress:
-        task = progress.add_task("", total=len(cases) * len(INPUTS))
-        for case in cases:
-            for kind in INPUTS:
-                progress.update(task, description=f"{case.name}, {kind}")
-                rows += measure_case(case, kind, devices, wanted.repeat)
-                progress.advance(task)
-            # A roof is the best ever seen: where others use the machine too, one moment's would be too low.
-            again = measure(reference)
-            roofline = Roofline(max(roofline.bandwidth, again.bandwidth), max(roofline.arithmetic, again.arithmetic))
-    add_shares(rows, roofline)
+    rows, roofline = _measure_all(cases, devices, reference, wanted.repeat)
     about = {
         "Device": reference.name,
         "Driver": reference.description["version"],
@@ -200,6 +197,25 @@ def bench_kernels(wanted: Wanted, out: Path) -> None:
     show_kernels(rows, roofline, page)
 
 
+def _measure_all(
+    cases: list[Case], devices: dict[str, Device], reference: Device, repeat: int
+) -> tuple[list[Row], Roofline]:
+    """All rows, and the roofline they are shares of, with progress."""
+    roofline, rows = measure(reference), []
+    with _progress() as progress:
+        task = progress.add_task("", total=len(cases) * len(INPUTS))
+        for case in cases:
+            for kind in INPUTS:
+                progress.update(task, description=f"{case.name}, {kind}")
+                rows += measure_case(case, kind, devices, repeat)
+                progress.advance(task)
+            # A roof is the best ever seen: where others use the machine too, one moment's would be too low.
+            again = measure(reference)
+            roofline = Roofline(max(roofline.bandwidth, again.bandwidth), max(roofline.arithmetic, again.arithmetic))
+    add_shares(rows, roofline)
+    return rows, roofline
+
+
 def _progress() -> Progress:
     from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
@@ -210,10 +226,10 @@ def _progress() -> Progress:
 def show_kernels(rows: list[Row], roofline: Roofline, page: Path) -> None:
     """Print one line per kernel, and what the variants cost and gain."""
     console = make_console()
-    table = make_table("kernels", "kernel", "M/s", "copy", "arith", "typical", "hard", "relaxed")
+    table = make_table("kernels", "kernel", "ms", "M/s", "copy", "arith", "typical", "hard", "relaxed")
     for column in table.columns[1:]:
         column.justify, column.no_wrap = "right", True
-    groups = by_variant(rows)
+    groups, file = by_variant(rows), ""
     for kernel in dict.fromkeys(row["kernel"] for row in rows):
         typical, hard = (groups.get((kernel, kind), {}) for kind in INPUTS)
         first = typical.get("default") or next(iter(typical.values()))
@@ -221,8 +237,12 @@ def show_kernels(rows: list[Row], roofline: Roofline, page: Path) -> None:
         fast = typical.get("relaxed")
         ratio = fast["ms"] / first["ms"] if fast and fast["ms"] and first["ms"] else None
         speed = (_percent(first["copy_share"]), _percent(first["arithmetic_share"]))
-        rate = "" if first["items_per_s"] is None else f"{first['items_per_s'] / 1e6:.3g}"
-        table.add_row(kernel, rate, *speed, _wrong(first), _wrong(other), "" if ratio is None else f"x{ratio:.2f}")
+        if file != (file := kernel.rpartition(".")[0]):
+            table.add_row(f"[bold]{file}[/]")
+        milliseconds = "" if first["ms"] is None else f"{first['ms']:.3g}"
+        rate = "" if first["items_per_s"] is None else f"{first['items_per_s'] / 1e6:,.4g}"
+        errors = (_wrong(first), _wrong(other), "" if ratio is None else f"x{ratio:.2f}")
+        table.add_row(f"  {kernel.rpartition('.')[2]}", milliseconds, rate, *speed, *errors)
     console.print(table)
     console.print(
         f"[dim]M/s: million items per second. copy, arith: share of {roofline.bandwidth / 1e9:.1f} GB/s copied and of "

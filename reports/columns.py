@@ -316,9 +316,9 @@ def _statistics(measure: Column) -> tuple[Column, ...]:
     )
 
 
-def document() -> str:
-    """The text of COLUMNS.md."""
-    tables = (
+def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
+    """Name, description and columns of the files of `bench run`."""
+    return (
         (
             "frames.csv",
             "One row per scene, path, method, variant, codec, CRF and frame, sorted by that key. An empty cell is a "
@@ -350,6 +350,12 @@ def document() -> str:
             "missing, for a method that declares to leave some unwritten).",
             STATISTIC_COLUMNS,
         ),
+    )
+
+
+def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
+    """The same of other commands."""
+    return (
         (
             "stress.csv",
             "One row per method, test and magnitude of `bench stress`. `refused`: loading said in a sentence why the "
@@ -370,17 +376,23 @@ def document() -> str:
         (
             "kernels.csv",
             "One row per kernel, input and build variant of `bench kernels`. Times are of the kernel, errors of the "
-            "stage it belongs to. A kernel that one of the inputs does not need has no time there.",
+            "stage it belongs to, and compare real numbers and whole ones apart. A kernel that one of the inputs does "
+            "not need has no time there. An ULP is that of the expected value, but of at least 2^-10 of the largest "
+            "value of its array: what cancels to nothing has no digits of its own.",
             KERNEL_COLUMNS,
         ),
     )
+
+
+def document() -> str:
+    """The text of COLUMNS.md."""
     parts = [
         "# Columns of the CSV files",
         "The files are UTF-8 with a header line, commas and line feeds; numbers have as many digits as it takes to "
         "read back the same value, and line breaks in texts are spaces. `better` says which direction is better, where "
         "one is.",
     ]
-    for name, about, columns in tables:
+    for name, about, columns in (*_of_runs(), *_of_commands()):
         parts += [f"## {name}", about, _table(columns)]
     return "\n\n".join(parts) + "\n"
 
