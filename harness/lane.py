@@ -257,7 +257,7 @@ class Lane:
         """Check and measure one packed and sent frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
         owners = self.packer.owners(payload)
-        located = validity.locate_all(self.lossless, novel.triangle, novel.bary)
+        located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
         gaps = validity.Gaps() if self.packer.leaves_unwritten else None
         found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)

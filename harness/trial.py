@@ -254,7 +254,7 @@ def _check_frame(stage: Stage, index: int, packer: Packer, payload: Payload, cli
         raise Wrong("invalid", f"Frame {index}: the statistics {', '.join(bad)} are not finite.")
     gaps = validity.Gaps() if packer.leaves_unwritten else None
     triangle, bary = stage.seen(index)
-    places = validity.locate_all(client, triangle, bary)
+    places = client.locate(triangle, bary)
     visible = None if places is None else (triangle, bary, places)
     found = validity.check(frame, payload, owners, client, visible, gaps=gaps)
     if found:

@@ -117,8 +117,8 @@ def check(
 
     client: has received this payload. owners: None for a method without an atlas, of which only the list of unplaced
         triangles is checked.
-    visible: int32 (n) triangles and float32 (n, 2) barycentrics that the novel view sees, and what `locate_all` says of
-        them; those of triangles without a place are passed over (they count as missing elsewhere).
+    visible: int32 (n) triangles and float32 (n, 2) barycentrics that the novel view sees, and what the client's
+        `locate` says of them; those of triangles without a place are passed over (they count as missing elsewhere).
     budget: None examines every triangle and every sample.
     gaps: given for a packer that declares to leave texels unwritten, whose share is counted here.
     """
@@ -130,36 +130,20 @@ def check(
         return found  # nothing else can be computed with wrong ids
     atlas = _Atlas(owners, plane.shape[1], plane.shape[0])
     found = [*atlas.violations(), *_check_planes(payload, atlas)]
-    anchors = locate_all(client, np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
+    anchors = client.locate(np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
     if anchors is None:
         return [*found, *_check_unplaced(frame, payload, np.isin(frame.pvs, owners.triangle))]
     table = _Table(frame, anchors.reshape(-1, len(ANCHORS), 2))
     found += _check_unplaced(frame, payload, table.placed)
-    lookups = _Lookups(frame, atlas, table, client, gaps)
+    lookups = _Lookups(frame, atlas, table, gaps)
     with ThreadPoolExecutor(WORKERS) as pool:
-        samples = [
-            pool.submit(_check_barycentrics, owners, table),
-            pool.submit(_check_once, frame, owners, atlas, client, budget),
-        ]
-        points = [pool.submit(lookups.examine, *some) for some in _points(frame, table, visible, budget)]
-        for task in samples:
-            found += task.result()
+        barycentrics = pool.submit(_check_barycentrics, owners, table)
+        points = [pool.submit(lookups.examine, *some) for some in _points(frame, table, client, visible, budget)]
+        once = _check_once(frame, owners, atlas, client, budget)
+        found += barycentrics.result() + once
         for task in points:
             task.result()
     return [*found, *lookups.violations()]
-
-
-def locate_all(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
-    """`client.locate` of n points, a chunk at a time, on two threads; None if the client has no atlas."""
-    parts = [slice(start, start + CHUNK) for start in range(0, len(triangles), CHUNK)]
-    if not parts:
-        return client.locate(triangles, bary)
-    first = client.locate(triangles[parts[0]], bary[parts[0]])  # alone: it may keep what all others use
-    if first is None:
-        return None
-    with ThreadPoolExecutor(WORKERS) as pool:
-        others = pool.map(lambda part: client.locate(triangles[part], bary[part]), parts[1:])
-        return np.concatenate([first, *others])
 
 
 def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
@@ -377,13 +361,13 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
     triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
     within = (bary.min(axis=1) >= -1e-4) & (bary.sum(axis=1) <= 1 + 1e-4)
     triangle, bary, texel = triangle[within], bary[within], texel[within]
-    located = _located(client, triangle, bary)
+    located = client.locate(triangle, bary)
     centre = np.stack([texel % atlas.width, texel // atlas.width], axis=1) + 0.5
     distance = np.abs(located - centre).max(axis=1)
     stray = distance > DISTANCE  # False where a triangle has no place
     for side in SIDES:
         strays = np.flatnonzero(stray)
-        beside = _located(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
+        beside = client.locate(triangle[strays], bary[strays] + side) if strays.size else centre[strays]
         stray[strays] = np.abs(beside - centre[strays]).max(axis=1) > DISTANCE
     stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
     if stray.any():
@@ -398,9 +382,9 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
 
 
 def _points(
-    frame: Frame, table: _Table, visible: Located | None, budget: int | None
-) -> Iterator[tuple[np.ndarray, np.ndarray, np.ndarray | None]]:
-    """Triangles, barycentrics and, where known, atlas positions of all lookups, a chunk at a time."""
+    frame: Frame, table: _Table, client: Client, visible: Located | None, budget: int | None
+) -> Iterator[Located]:
+    """All lookups, a chunk at a time."""
     rows = np.flatnonzero(table.placed)
     anchors = len(ANCHORS)
     turns = _turns(anchors * len(rows), budget)
@@ -409,7 +393,7 @@ def _points(
         part = chosen[start : start + CHUNK // anchors]
         yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
     for triangles, bary in _grids(frame, table, rows, budget):
-        yield triangles, bary, None
+        yield triangles, bary, client.locate(triangles, bary)
     if visible is None:
         return
     turns = _turns(len(visible[0]), budget)
@@ -455,8 +439,8 @@ def _pattern(steps: int) -> np.ndarray:
 class _Lookups:
     """The rules `inside`, `written` and `surface`, over any number of lookups."""
 
-    def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, client: Client, gaps: Gaps | None) -> None:
-        self._atlas, self._table, self._client, self._gaps = atlas, table, client, gaps
+    def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, gaps: Gaps | None) -> None:
+        self._atlas, self._table, self._gaps = atlas, table, gaps
         self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1], np.int32)[:, None]
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
         self._misplaced = np.zeros(len(frame.pvs), bool)
@@ -464,15 +448,14 @@ class _Lookups:
         self._unwritten: list[np.ndarray] = []  # texels
 
     @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
-    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray | None) -> None:
-        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2), if known.
+    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray) -> None:
+        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2).
 
         Several threads may do so: each only sets flags.
         """
         if not len(triangles):  # an empty set, or nothing of it in the novel view
             return
         atlas = self._atlas
-        located = self._client.locate(triangles, bary) if located is None else located
         rows = self._table.row[triangles]
         x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre
         y = np.clip(located[:, 1] + 0.5, 0, atlas.height + 0.999)
@@ -594,12 +577,6 @@ def _surface_points(corners: np.ndarray, bary: np.ndarray) -> np.ndarray:
     """corners (n, 3, 3) and barycentrics (n, 2) to points float64 (n, 3)."""
     b1, b2 = bary[:, 0, None].astype(np.float64), bary[:, 1, None].astype(np.float64)
     return corners[:, 0] + b1 * (corners[:, 1] - corners[:, 0]) + b2 * (corners[:, 2] - corners[:, 0])
-
-
-def _located(client: Client, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
-    """`client.locate` a chunk at a time."""
-    parts = (slice(start, start + CHUNK) for start in range(0, len(triangles), CHUNK))
-    return np.concatenate([np.empty((0, 2)), *(client.locate(triangles[part], bary[part]) for part in parts)])
 
 
 def _turns(count: int, budget: int | None) -> int:

@@ -8,12 +8,14 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from kernels.atlas.locate import locate
 from kernels.atlas.lookup import look_up
 from kernels.atlas.opacity import fragment_opacity
 from kernels.fragments.blend import blend_layers
 from kernels.fragments.layered import LayeredRasteriser, numbered
 from kernels.raster.rasteriser import Rasteriser
 from kernels.raster.resolve import resolve
+from kernels.samples import Samples
 from kernels.triangles import Triangles
 from packers.geometry import GeometryDecoder, GeometryEncoder
 from packers.interface import ALPHA, Client, Decoded, Image, ServerScene, View
@@ -22,7 +24,6 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.fragments.build import Fragments
-    from kernels.samples import Samples
     from kernels.texture.mask import AlphaMask
 
 
@@ -33,9 +34,9 @@ class LookupClient(Client):
     at its own surface point, its opacity comes from its material or from the alpha plane, and the lists are blended
     over the opaque picture. A set without blended triangles runs none of this.
 
-    A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read`, colours pixels in
-    `look_up` and answers `locate`. From the scene it uses what a client is shipped with: the device, the sky behind
-    everything and the alpha masks.
+    A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read` and says in `place`
+    where surface points lie in the atlas. From the scene it uses what a client is shipped with: the device, the sky
+    behind everything and the alpha masks.
     """
 
     attributes: ClassVar[Mapping[str, Any]] = {}
@@ -51,9 +52,10 @@ class LookupClient(Client):
         """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
 
     @abstractmethod
-    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
-        """Colour the pixels of `samples` from `plane` (see kernels.atlas.lookup); their triangles count through
-        `geometry.pvs`. The samples are left as they are."""
+    def place(self, samples: Samples) -> Array:
+        """float32 (2, room) on the device: column and row in the atlas of each sample's surface point, where texel
+        (0, 0) has its centre at (0, 0); NaN for one without a place. The samples' triangles count through
+        `geometry.pvs`."""
 
     def receive(self, payload: Decoded) -> None:
         """Take a frame's triangles, metadata and atlas."""
@@ -71,7 +73,18 @@ class LookupClient(Client):
         (self.plane,) = planes.values()
         self.read(payload.blobs)
 
-    def rows(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        """Atlas position of surface points (see Client.locate): what drawing uses."""
+        row, known = self._rows(triangles)
+        if not known.any():
+            return np.full((len(triangles), 2), np.nan)
+        unused = np.zeros(len(row), np.int32)
+        samples = Samples.upload(self.device, row, bary[:, 0], bary[:, 1], unused, unused)
+        place = self.place(samples).get()[:, : len(row)].T.astype(np.float64) + 0.5
+        place[~known] = np.nan
+        return place
+
+    def _rows(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Places of triangles (n) in `geometry.pvs`, int (n), 0 for one that is not there, and which are: bool (n)."""
         if self._row_of is None:
             pvs = self.geometry.pvs
@@ -103,7 +116,7 @@ class LookupClient(Client):
         self.sky(*camera, rgb, stage="client/sky")
         drawn = device.empty((view.height, view.width), np.int32)
         device.fill(drawn, -1, "client/lookup")
-        self.look_up(samples, self.plane, rgb, drawn)
+        look_up(device, samples, self.place(samples), self.ids, self.plane, rgb, drawn, "client/lookup")
         if fragments and fragments.count:
             self._blend(fragments, rgb, drawn)
         return Image(rgb, drawn)
@@ -114,11 +127,12 @@ class LookupClient(Client):
         samples = numbered(device, fragments, "client/layers").samples
         colours, owners = device.recycled((1, count, 4), np.uint8), device.recycled((1, count), np.int32)
         device.fill(owners, -1, "client/lookup")
-        self.look_up(samples, self.plane, colours, owners)
+        places = self.place(samples)
+        look_up(device, samples, places, self.ids, self.plane, colours, owners, "client/lookup")
         alphas = None
         if self.alpha is not None:
             alphas = device.recycled((1, count, 4), np.uint8)
-            self.look_up(samples, self.alpha, alphas, owners)
+            look_up(device, samples, places, self.ids, self.alpha, alphas, owners, "client/lookup")
         covered = (samples.triangle, owners, self.opacities, alphas)
         opacity = fragment_opacity(device, count, *covered, "client/opacity")
         blend_layers(device, fragments, colours, opacity, owners, rgb, drawn, "client/blend")
@@ -130,46 +144,15 @@ class AtlasClient(LookupClient):
     A subclass says in `corner_texels` where the corners of the current triangles lie.
     """
 
-    def __init__(self, scene: ServerScene) -> None:
-        super().__init__(scene)
-        self._texels: np.ndarray | None = None
-
-    def receive(self, payload: Decoded) -> None:
-        """Take a frame's triangles, metadata and atlas."""
-        super().receive(payload)
-        self._texels = None
-
     @abstractmethod
     def corner_texels(self) -> Array:
         """float32 (n, 3, 2) on the device: column and row of each triangle's corners, where texel (0, 0) has its centre
         at (0.5, 0.5); for the triangles of `self.geometry.pvs`, in that order. NaN for one without a place. Or float32
         (n, 3, 3): column times w, row times w, and w, where w is divided out after interpolation."""
 
-    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
-        """Colour the pixels of `samples` by their triangles' corners."""
-        look_up(self.device, samples, self.corner_texels(), self.ids, plane, rgb, drawn, "client/lookup")
-
-    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
-        row, known = self.rows(triangles)
-        if not known.any():
-            return np.full((len(triangles), 2), np.nan)
-        place = self.interpolate(row, bary)
-        place[~known] = np.nan
-        return place
-
-    def interpolate(self, row: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        """Atlas position, float64 (n, 2), at barycentrics (n, 2) between the corners in rows int (n) of
-        `corner_texels`."""
-        if self._texels is None:
-            self._texels = self.corner_texels().get().astype(np.float64)
-        corners, weights = self._texels[row], bary.astype(np.float64)
-        place = (
-            corners[:, 0]
-            + weights[:, :1] * (corners[:, 1] - corners[:, 0])
-            + weights[:, 1:] * (corners[:, 2] - corners[:, 0])
-        )
-        return place[:, :2] / place[:, 2:] if place.shape[1] == 3 else place
+    def place(self, samples: Samples) -> Array:
+        """Where the samples lie between their triangles' corners."""
+        return locate(self.device, samples, self.corner_texels(), "client/locate")
 
 
 def geometry_encoder(scene: ServerScene, attributes: Mapping[str, np.ndarray]) -> GeometryEncoder:

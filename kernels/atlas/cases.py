@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kernels.atlas.locate import locate, locate_twin
 from kernels.atlas.lookup import look_up, look_up_twin
 from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
 from kernels.case import Cost, Result, Trial, case, seeded
@@ -20,14 +21,12 @@ if TYPE_CHECKING:
 SIDE, TRIANGLES = 2048, 5000
 
 
-@case({"lookup.look_up": Cost("n", "16*n + 24*n + 16*n + 8*n", "21*n")}, 1 << 19, 1 << 16)
-def lookup(device: Device, kind: str, size: int) -> Trial:
-    """Adversarial: perspective-correct, with weights that almost vanish, at texel centres and without a place."""
+@case({"locate.locate": Cost("n", "12*n + 24*n + 8*n", "13*n")}, 1 << 19, 1 << 16)
+def location(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: perspective-correct, with weights that almost vanish, and without a place."""
     rng, hard = seeded(kind), kind == "adversarial"
-    plane = rng.integers(0, 256, (SIDE, SIDE, 4), dtype=np.uint8)
     corners = rng.uniform(0.5, SIDE - 0.5, (TRIANGLES, 1, 2)) + rng.normal(size=(TRIANGLES, 3, 2)) * 8
     if hard:
-        corners[::3] = np.round(corners[::3] - 0.5) + 0.5
         weight = 10.0 ** rng.uniform(-6, 0, (TRIANGLES, 3, 1))
         corners = np.concatenate([corners * weight, weight], axis=2)
         corners[::50] = np.nan
@@ -35,7 +34,32 @@ def lookup(device: Device, kind: str, size: int) -> Trial:
     triangle = np.sort(rng.integers(0, TRIANGLES, size))
     bary = rng.dirichlet(np.ones(3), size)[:, 1:].astype(np.float32)
     samples = Samples.upload(device, triangle, *bary.T, np.zeros(size), np.arange(size))
-    arrays = [device.upload(array) for array in (corners, np.arange(TRIANGLES, dtype=np.int32), plane)]
+    uploaded = device.upload(corners)
+
+    def run() -> Array:
+        return locate(device, samples, uploaded, "locate")
+
+    def results() -> list[Result]:
+        found, expected = run().get()[:, :size].T, locate_twin(corners, triangle, bary)
+        placed = np.isfinite(expected[:, 0])
+        return [Result(found[placed], expected[placed]), Result(np.isnan(found), np.isnan(expected))]
+
+    return Trial({"n": size}, run, results)
+
+
+@case({"lookup.look_up": Cost("n", "8*n + 16*n + 16*n + 8*n", "21*n")}, 1 << 19, 1 << 16)
+def lookup(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: at texel centres, beyond the edges and without a place."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    plane = rng.integers(0, 256, (SIDE, SIDE, 4), dtype=np.uint8)
+    places = rng.uniform(0, SIDE - 1, (2, size)).astype(np.float32)
+    if hard:
+        places[:, ::3] = np.round(places[:, ::3])
+        places[:, 1::7] += SIDE // 2
+        places[:, ::50] = np.nan
+    triangle = np.sort(rng.integers(0, TRIANGLES, size))
+    samples = Samples.upload(device, triangle, *np.zeros((3, size)), np.arange(size))
+    arrays = [device.upload(array) for array in (places, np.arange(TRIANGLES, dtype=np.int32), plane)]
     rgb, drawn = device.zeros((1, size, 4), np.uint8), device.zeros((1, size), np.int32)
 
     def run() -> None:
@@ -43,7 +67,7 @@ def lookup(device: Device, kind: str, size: int) -> Trial:
 
     def results() -> list[Result]:
         run()
-        expected = look_up_twin(corners, triangle, bary, plane)
+        expected = look_up_twin(places.T.astype(np.float64), plane)
         placed = np.isfinite(expected[:, 0])
         colours = Result(rgb.get()[0, placed, :3], expected[placed])
         return [colours, Result(drawn.get()[0], np.where(placed, triangle, 0))]

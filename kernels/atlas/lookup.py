@@ -15,39 +15,32 @@ if TYPE_CHECKING:
 
 
 def look_up(
-    device: Device, samples: Samples, corners: Array, ids: Array, plane: Array, rgb: Array, drawn: Array, stage: str
+    device: Device, samples: Samples, places: Array, ids: Array, plane: Array, rgb: Array, drawn: Array, stage: str
 ) -> None:
     """Colour the pixels of `samples`.
 
-    corners: float32 (n, 3, 2), column and row in the atlas of each triangle's corners, or float32 (n, 3, 3), column
-    times w, row times w, and w, for perspective-correct lookups; NaN for a triangle without a place, whose pixels are
-    left alone. ids: int32 (n), what `drawn` calls the triangles. plane: uint8 (H, W, 4).
+    places: float32 (2, room), column and row in the atlas of each sample's surface point, where texel (0, 0) has its
+    centre at (0, 0); NaN for one without a place, whose pixel is left alone. ids: int32 (n), what `drawn` calls the
+    triangles. plane: uint8 (H, W, 4).
     rgb: uint8 (h, w, 4), drawn: int32 (h, w); both written where there is a sample. Bytes are interpolated as they are
     (sRGB, not linear light), as texture units do without an sRGB format: the decoded video is such a texture.
     """
     if samples.count == 0:
         return
     height, width = plane.shape[:2]
-    arrays = (samples.triangle, samples.bary1, samples.bary2, samples.texel, corners, ids, plane)
-    kernel = device.build("atlas/lookup.cl", CORNER=corners.shape[-1]).look_up
-    device.launch(stage, kernel, -(-samples.count // 8), samples.count, *arrays, width, height, rgb, drawn)
+    arrays = (samples.triangle, samples.texel, places, ids, plane)
+    kernel = device.build("atlas/lookup.cl").look_up
+    items = -(-samples.count // 8)
+    device.launch(stage, kernel, items, samples.count, places.shape[1], *arrays, width, height, rgb, drawn)
 
 
-def look_up_twin(corners: np.ndarray, triangle: np.ndarray, bary: np.ndarray, plane: np.ndarray) -> np.ndarray:
-    """Colours float64 (n, 3), not rounded, of n lookups; NaN for triangles without a place.
-
-    triangle: int (n). bary: (n, 2), weights of corners 1 and 2.
-    """
-    weights = np.concatenate([1 - bary.sum(axis=1, keepdims=True), bary], axis=1)
-    position = np.einsum("nk,nkc->nc", weights, corners[triangle].astype(np.float64))
-    if corners.shape[-1] == 3:
-        position = position[:, :2] / position[:, 2:]
-    position -= 0.5
-    placed = np.isfinite(position).all(axis=1)
-    position[~placed] = 0
+def look_up_twin(places: np.ndarray, plane: np.ndarray) -> np.ndarray:
+    """Colours float64 (n, 3), not rounded, of n lookups at columns and rows (n, 2); NaN without a place."""
+    placed = np.isfinite(places).all(axis=1)
+    position = np.where(placed[:, None], places, 0)
     base = np.floor(position)
     fraction = position - base
-    colour = np.zeros((len(bary), 3))
+    colour = np.zeros((len(places), 3))
     for dx in (0, 1):
         for dy in (0, 1):
             weight = np.where([dx, dy], fraction, 1 - fraction).prod(axis=1)

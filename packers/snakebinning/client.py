@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.atlas.lookup import look_up
 from kernels.snakebinning.corners import locate_corners
-from kernels.snakebinning.split import piece_maps, split_samples, split_samples_twin
+from kernels.snakebinning.split import piece_maps, split_samples
 from packers.atlas_client import AtlasClient
 from packers.geometry import shuffle, unshuffle
 from packers.interface import ServerScene
@@ -77,7 +76,6 @@ class SnakeBinningClient(AtlasClient):
         self.pieces = np.zeros((len(pvs), 2), np.int32)
         found, first, count = np.unique(parents, return_index=True, return_counts=True)
         self.pieces[np.searchsorted(pvs, found)] = np.stack([first, count], axis=1)
-        self.piece_ids = self.device.upload(np.concatenate([pvs, parents]).astype(np.int32))
         drawn = np.stack([sides & 0xFFFF, sides >> 16, height, 0 * height], axis=1).astype(np.uint16)
         self.uploaded = [self.device.upload(values) for values in (place, drawn, word)]
 
@@ -85,18 +83,9 @@ class SnakeBinningClient(AtlasClient):
         """The corners of each triangle in its slot, homogeneous."""
         return locate_corners(self.device, *self.uploaded, len(self.geometry.pvs) + len(self.maps), "client/decode")
 
-    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
-        """Colour the pixels of `samples`; those of sliced triangles by the piece they lie in."""
+    def place(self, samples: Samples) -> Array:
+        """Where the samples lie in their slots; those of sliced triangles in the slot of the piece they lie in."""
         if len(self.maps):
             pieces, maps = self.device.upload(self.pieces), self.device.upload(self.maps.astype(np.float32))
             samples = split_samples(self.device, samples, len(self.pieces), pieces, maps, "client/split")
-        look_up(self.device, samples, self.corner_texels(), self.piece_ids, plane, rgb, drawn, "client/lookup")
-
-    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        """Atlas position of surface points (see Client.locate), in float64 from the corners that drawing uses."""
-        place = super().locate(triangles, bary)
-        if len(self.maps):
-            row, known = self.rows(triangles)
-            sliced = known & (self.pieces[row, 1] > 0)
-            place[sliced] = self.interpolate(*split_samples_twin(row[sliced], bary[sliced], self.pieces, self.maps))
-        return place
+        return super().place(samples)

@@ -9,7 +9,7 @@ import numpy as np
 
 from kernels.tss.bins import Bins
 from kernels.tss.footprint import measure_triangles
-from kernels.tss.lookup import locate_twin, look_up
+from kernels.tss.locate import locate
 from kernels.tss.perspective import invert_depths
 from packers.atlas_client import LookupClient
 from packers.interface import ServerScene
@@ -29,7 +29,6 @@ class TessellatedClient(LookupClient):
     def __init__(self, scene: ServerScene) -> None:
         super().__init__(scene)
         self.bins = Bins.make()
-        self._inverse: np.ndarray | None = None
 
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take where the frame's primitives lie, and the perspective that the server saw them in."""
@@ -42,21 +41,7 @@ class TessellatedClient(LookupClient):
         tables = (self.records.pieces, self.records.starts, self.records.records)
         self.uploaded = [upload(table) for table in tables]
         self.inverse = invert_depths(self.device, depths, self.uploaded[0], rows, self.records.scale, STAGE)
-        self._inverse = None
 
-    def look_up(self, samples: Samples, plane: Array, rgb: Array, drawn: Array) -> None:
-        """Colour the pixels of `samples`."""
-        known = (self.inverse, *self.uploaded, self.ids, plane)
-        look_up(self.device, samples, *known, rgb, drawn, "client/lookup")
-
-    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
-        """Atlas position of surface points (see Client.locate), in float64 from what drawing uses."""
-        row, known = self.rows(triangles)
-        if not known.any():
-            return np.full((len(triangles), 2), np.nan)
-        if self._inverse is None:
-            self._inverse = self.inverse.get()[:, :3]
-        records = self.records
-        place = locate_twin(bary, self._inverse[row], records.pieces[row], records.starts[row], records.records)
-        place[~known] = np.nan
-        return place
+    def place(self, samples: Samples) -> Array:
+        """Where the samples lie in their Ls and right triangles."""
+        return locate(self.device, samples, self.inverse, *self.uploaded, "client/locate")

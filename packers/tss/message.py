@@ -19,7 +19,7 @@ import numpy as np
 from kernels.tss.bins import Bins
 from kernels.tss.forms import OVERSAMPLED
 from kernels.tss.layout import REGION, place_items_twin
-from kernels.tss.lookup import UNPLACED
+from kernels.tss.locate import UNPLACED
 from kernels.tss.pattern import TOP
 from packers.geometry import shuffle, unshuffle
 
@@ -48,7 +48,7 @@ class Placement:
 @dataclass(frozen=True)
 class Records:
     """What the client knows of a frame: camera float32 (21), scale, pieces and starts int32 (rows), and records int32
-    (m, 4) as kernels.tss.lookup reads them."""
+    (m, 4) as kernels.tss.locate reads them."""
 
     camera: np.ndarray
     scale: float

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.validity import Gaps, Violation, check, locate_all
+from harness.validity import Gaps, Violation, check
 from packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
@@ -58,7 +58,7 @@ class Packed:
         return {violation.rule for violation in self.check(**options)}
 
     def check(self, seen: Any = None, budget: int | None = None, gaps: Gaps | None = None) -> list[Violation]:
-        visible = seen and (*seen, locate_all(self.client, *seen))
+        visible = seen and (*seen, self.client.locate(*seen))
         return check(self.frame, self.payload, self.owners, self.client, visible, budget=budget, gaps=gaps)
 
     @property

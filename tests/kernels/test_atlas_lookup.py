@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from kernels.atlas.locate import locate, locate_twin
 from kernels.atlas.lookup import look_up, look_up_twin
 from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
 from kernels.fragments.opacity import VARIES
@@ -34,11 +35,10 @@ def test_matches_its_twin(device, size, count):
     room = len(samples.triangle)
     rgb, drawn = device.zeros((1, room, 4), np.uint8), device.zeros((1, room), np.int32)
     ids = rng.permutation(20).astype(np.int32) + 100
-    look_up(
-        device, samples, device.upload(corners), device.upload(ids), device.upload(plane), rgb, drawn, "client/test"
-    )
+    places = locate(device, samples, device.upload(corners), "client/test")
+    look_up(device, samples, places, device.upload(ids), device.upload(plane), rgb, drawn, "client/test")
     found, drawn = rgb.get()[0][::-1][:count], drawn.get()[0][::-1][:count]
-    expected = look_up_twin(corners, triangle, bary, plane)
+    expected = look_up_twin(locate_twin(corners, triangle, bary), plane)
     placed = np.isfinite(expected[:, 0])
     assert placed.sum() + (triangle == 3).sum() == count
     # A whole number of texels away from a centre, float32 errs by 1e-5 texels of up to 255 steps each.
@@ -55,8 +55,22 @@ def test_texel_centres_give_the_texels_themselves(device):
     samples = samples_of(device, np.arange(64), np.zeros((64, 2), np.float32))
     rgb, drawn = device.zeros((8, 8, 4), np.uint8), device.zeros((8, 8), np.int32)
     ids = device.upload(np.arange(64, dtype=np.int32))
-    look_up(device, samples, device.upload(corners), ids, device.upload(plane), rgb, drawn, "client/test")
+    places = locate(device, samples, device.upload(corners), "client/test")
+    look_up(device, samples, places, ids, device.upload(plane), rgb, drawn, "client/test")
     np.testing.assert_array_equal(rgb.get().reshape(64, 4)[::-1, :3], plane.reshape(64, 4)[:, :3])
+
+
+@pytest.mark.parametrize("width", [2, 3])
+def test_places_are_those_of_their_twin(device, width):
+    rng = np.random.default_rng(width)
+    corners = rng.uniform(0.5, 2000, (20, 1, 2)) + rng.uniform(-8, 8, (20, 3, 2))
+    weight = rng.uniform(0.1, 1, (20, 3, 1))
+    corners = (corners if width == 2 else np.concatenate([corners * weight, weight], axis=2)).astype(np.float32)
+    corners[3] = np.nan
+    triangle, bary = rng.integers(0, 20, 1003), rng.dirichlet(np.ones(3), 1003)[:, 1:].astype(np.float32)
+    found = locate(device, samples_of(device, triangle, bary), device.upload(corners), "client/test").get()[:, :1003].T
+    np.testing.assert_allclose(found, locate_twin(corners, triangle, bary), atol=2e-3)  # float32 at 2000: 1.2e-4
+    np.testing.assert_array_equal(np.isnan(found[:, 0]), triangle == 3)
 
 
 @pytest.mark.parametrize("has_plane", [False, True])

@@ -1,4 +1,4 @@
-"""A client's lookups: from a point on a triangle to its position in the atlas."""
+"""From a point on a triangle to its position in the atlas."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kernels.samples import WIDTH, Samples
 from kernels.tss.layout import unpack_place
 from kernels.tss.pattern import locate_in_l_twin
 from kernels.tss.perspective import to_screen
@@ -14,42 +15,34 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
-    from kernels.samples import Samples
 
 UNPLACED = -4
 
 
-def look_up(
-    device: Device,
-    samples: Samples,
-    inverse: Array,
-    pieces: Array,
-    starts: Array,
-    records: Array,
-    ids: Array,
-    plane: Array,
-    rgb: Array,
-    drawn: Array,
-    stage: str,
-) -> None:
-    """Colour the pixels of `samples`.
+def locate(
+    device: Device, samples: Samples, inverse: Array, pieces: Array, starts: Array, records: Array, stage: str
+) -> Array:
+    """float32 (2, room): column and row of each sample's surface point, where texel (0, 0) has its centre at (0, 0);
+    NaN without a place.
 
     inverse: float32 (n, 4), as from `invert_depths`; pieces, starts: int32 (n), parts along an edge and first primitive
     of each triangle. records: int32 (m, 4), where each primitive lies: an L has its level (0: a single texel) and its
     place; right triangles have -1 - the corner where the longest edge begins, two places, and texels before | after the
-    foot << 10 | height << 20; UNPLACED primitives leave pixels alone. ids, plane, rgb, drawn: see kernels.atlas.lookup.
+    foot << 10 | height << 20; UNPLACED primitives have no place.
     """
-    height, width = plane.shape[:2]
-    arrays = (samples.triangle, samples.bary1, samples.bary2, samples.texel)
-    known = (inverse, pieces, starts, records, ids, plane)
-    kernel = device.build("tss/lookup.cl").look_up
-    device.launch(stage, kernel, -(-samples.count // 8), samples.count, *arrays, *known, width, height, rgb, drawn)
+    room = -(-samples.count // WIDTH) * WIDTH
+    places = device.recycled((2, room), np.float32)
+    if samples.count:
+        arrays = (samples.triangle, samples.bary1, samples.bary2, inverse, pieces, starts, records, places)
+        kernel = device.build("tss/locate.cl").locate
+        device.launch(stage, kernel, -(-samples.count // 8), samples.count, room, *arrays)
+    return places
 
 
 def locate_twin(
     bary: np.ndarray, inverse: np.ndarray, pieces: np.ndarray, starts: np.ndarray, records: np.ndarray
 ) -> np.ndarray:
-    """Column and row in the atlas, float64 (n, 2), where texel (0, 0) has its centre at 0.5; NaN without a place.
+    """The same, float64 (n, 2).
 
     bary: (n, 2). inverse (n, 3), pieces (n), starts (n): of each point's triangle. records: (m, 4), of all primitives.
     """
@@ -60,7 +53,7 @@ def locate_twin(
     in_half, second = _locate_in_half(local, record)
     offset = np.where(halves[:, None], in_half, in_l)
     column, row, sign = unpack_place(np.where(halves & second, record[:, 2], record[:, 1]))
-    place = np.stack([column, row], axis=1) + sign[:, None] * offset + 0.5
+    place = np.stack([column, row], axis=1) + sign[:, None] * offset
     return np.where(placed[:, None], place, np.nan)
 
 

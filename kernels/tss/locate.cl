@@ -1,7 +1,7 @@
-#include "atlas/bilinear.cl"
+#include "common/wide.cl"
 #include "tss/place.cl"
 
-// A client's picture from a TSS atlas, 8 pixels per step.
+// Where in a TSS atlas surface points lie, 8 per step.
 
 #define SLACK 0.0009765625f  // of a cell: rounding must not send a sample of the cut's line to its copy
 #define UNPLACED -4
@@ -46,14 +46,11 @@ INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, 
 
 // records: per primitive 4 integers. An L: level (0 for a single texel) and place. Right triangles: -1 - the corner where
 // the longest edge begins; places; texels along the base before and after the foot, << 10; height << 20. UNPLACED.
-__kernel void look_up(int count, __global const int *triangle, __global const float *bary1,
-                      __global const float *bary2, __global const int *texel, __global const float *inverse,
-                      __global const int *pieces, __global const int *starts, __global const int *records,
-                      __global const int *ids, __global const int *plane, int width, int height, __global uint *rgb,
-                      __global int *drawn) {
+__kernel void locate(int count, int room, __global const int *triangle, __global const float *bary1,
+                     __global const float *bary2, __global const float *inverse, __global const int *pieces,
+                     __global const int *starts, __global const int *records, __global float *places) {
     const int first = 8 * get_global_id(0);
     if (first >= count) return;
-    const int lanes = LESSER(8, count - first);
     float8 v0, v1, v2;
     int8 n, start, record[4];
     for (int k = 0; k < 8; k++) {
@@ -90,11 +87,6 @@ __kernel void look_up(int count, __global const int *triangle, __global const fl
     const int8 back = (word >> 30 & 1) != 0;
     x = convert_float8(word & 0x7FFF) + (back ? -x : x);
     y = convert_float8(word >> 15 & 0x7FFF) + (back ? -y : y);
-    const int8 colour = bilinear(plane, width, height, placed ? x : (float8)(0.0f), placed ? y : (float8)(0.0f));
-    for (int k = 0; k < lanes; k++)
-        if (((int *)&placed)[k]) {
-            const int pixel = texel[first + k];
-            rgb[pixel] = ((uint *)&colour)[k];
-            drawn[pixel] = ids[triangle[first + k]];
-        }
+    *(__global loose_float8 *)(places + first) = placed ? x : (float8)(NAN);
+    *(__global loose_float8 *)(places + room + first) = placed ? y : (float8)(NAN);
 }
