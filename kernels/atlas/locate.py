@@ -19,8 +19,8 @@ def locate(device: Device, samples: Samples, corners: Array, stage: str) -> Arra
     NaN for triangles without a place.
 
     corners: float32 (n, 3, 2), column and row in the atlas of each triangle's corners, where texel (0, 0) has its
-    centre at (0.5, 0.5), or float32 (n, 3, 3), column times w, row times w, and w, for perspective-correct lookups; NaN for a
-    triangle without a place.
+    centre at (0.5, 0.5), or float32 (n, 3, 3), column times w, row times w, and w, for perspective-correct lookups; NaN
+    for a triangle without a place.
     """
     room = -(-samples.count // WIDTH) * WIDTH
     places = device.recycled((2, room), np.float32)
