@@ -94,7 +94,11 @@ class LookupClient(Client):
         return np.maximum(row, 0), row >= 0
 
     def _upload(self, plane: np.ndarray) -> Array:
-        return self.device.upload(np.dstack([plane, np.full(plane.shape[:2], 255, np.uint8)]))
+        rgba = np.empty((*plane.shape[:2], 4), np.uint8)
+        for channel in range(3):  # one by one NumPy copies twice as fast as pixel by pixel
+            rgba[..., channel] = plane[..., channel]
+        rgba[..., 3] = 255
+        return self.device.upload(rgba)
 
     def _rasteriser(self, mask: AlphaMask | None) -> tuple[Rasteriser | None, LayeredRasteriser | None]:
         """What draws the current set: one for opaque triangles only, or one for both."""
