@@ -19,6 +19,7 @@ FILE = "sweep.json"
 GROUPS = ("structs/", "gather/")  # the stages that make up server_ms
 WORST_FIRST = ("failed", "timeout", "invalid", "overflow", "skipped", "ok")
 COSTS = {"server_ms": "time", "samples": "samples", "bytes_total": "bytes", "atlas_mb": "memory"}
+COLUMN_TYPES = {column.name: column.type for column in SWEEP_COLUMNS}
 ERRORS = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2")
 
 Row = dict[str, Any]
@@ -144,7 +145,7 @@ def _row(sweep: dict[str, Any], cell: dict[str, Any], coding: list, rows: list[R
     status, reason = _status(rows, sweep["frames"])
     fixed = {"method": cell["method"], "variant": cell["variant"], "codec": coding[0], "crf": coding[1]}
     row: Row = {column.name: None for column in SWEEP_COLUMNS}
-    row |= {name: cell["settings"][name] for name in SWEEP_SETTINGS} | fixed
+    row |= {name: _typed(name, cell["settings"][name]) for name in SWEEP_SETTINGS} | fixed
     row["scene"] = rows[0]["scene"] if rows else row["scene"]
     row |= {
         "varied": " ".join(f"{name}={value}" for name, value in cell["varied"].items()),
@@ -160,6 +161,11 @@ def _row(sweep: dict[str, Any], cell: dict[str, Any], coding: list, rows: list[R
             low, high = median_interval(sorted(values.values()))
             row |= {f"{name}_median": float(median(values.values())), f"{name}_low": low, f"{name}_high": high}
     return row, numbers
+
+
+def _typed(name: str, value: Any) -> Any:
+    """A setting as the type of its column: JSON holds whole numbers for floats."""
+    return value if value is None else COLUMN_TYPES[name](value)
 
 
 def _by_frame(rows: list[Row], name: str) -> dict[int, float]:

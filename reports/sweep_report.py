@@ -15,10 +15,9 @@ from reports.fronts import pareto_front
 from reports.html import caption, facts_list, fill_page, section
 from reports.store import Store, flat
 from reports.sweep import COSTS, ERRORS, Point, candidates, groups, read_points, read_sweep, write_sweep_csv
-from reports.sweep_words import COST_NAMES, NAMES, RULE, verdict
+from reports.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
 from reports.tables import NONE, number, table
 
-CODING_NAMES = {"displayed": "as displayed", "lossless": "without video coding"}
 LOG_FROM = 10.0  # largest over smallest cost, from which on the axis is logarithmic
 
 
@@ -186,7 +185,7 @@ def _layout(points: Sequence[Point], cost: str, error: str) -> dict[str, Any]:
 
 
 def _header(sweep: dict[str, Any], points: Sequence[Point], notes: dict[str, dict[str, str]]) -> str:
-    settings = sweep["settings"]
+    rows, settings = [point.row for point in points], sweep["settings"]
     scenes = list(dict.fromkeys(point.row["scene"] for point in points))
     counts = {status: 0 for status in ("ok", "overflow")}
     cells = {(p.condition, p.row["method"], p.row["variant"], p.row["varied"]): p.row["status"] for p in points}
@@ -196,11 +195,11 @@ def _header(sweep: dict[str, Any], points: Sequence[Point], notes: dict[str, dic
         "Cells": f"{len(cells)}: " + ", ".join(f"{count} {name}" for name, count in counts.items() if count),
         "Varied": "; ".join(sweep["vary"]) or "each parameter in turn",
         "Frames": str(sweep["frames"]),
-        "Client": f"{settings['width']} x {settings['height']} px, {settings['fov']:g}°",
-        "View cell": f"{settings['cell_radius']:g} m, {settings['cell_fov']:g}°",
-        "Latency": f"{settings['latency']:g} ms",
-        "Atlas": f"{settings['atlas_width']} x {settings['atlas_height']} texels",
-        "Coding": settings["codec"] + (f", CRF {settings['display_crf']}" if settings["codec"] == "h264" else ""),
+        "Client": _same(rows, "{width} x {height} px, {fov:g}°"),
+        "View cell": _same(rows, "{cell_radius:g} m, {cell_fov:g}°"),
+        "Latency": _same(rows, "{latency:g} ms"),
+        "Atlas": _same([row for row in rows if row["atlas_width"]], "{atlas_width} x {atlas_height} texels"),
+        "Coding": _same([row for row in rows if row["codec"] == "h264"], "H.264, CRF {crf}"),
         "Seed": str(settings["seed"]),
         "Triangles": notes["environment"].get("triangles", ""),
         "Device": notes["device"].get("name", ""),
@@ -210,6 +209,12 @@ def _header(sweep: dict[str, Any], points: Sequence[Point], notes: dict[str, dic
     }
     title = f"{escape(', '.join(scenes))} <span>swept along</span> {escape(settings['path'])}"
     return f"<h1>{title}</h1>{facts_list(facts)}"
+
+
+def _same(rows: Sequence[dict[str, Any]], text: str) -> str:
+    """`text` filled from the rows where it is the same for all, else a word that it was varied."""
+    filled = {text.format_map(row) for row in rows}
+    return filled.pop() if len(filled) == 1 else "varied" if filled else ""
 
 
 def _warnings(sweep: dict[str, Any], warnings: dict[str, str], points: Sequence[Point]) -> str:
@@ -266,7 +271,7 @@ def _fronts(points: Sequence[Point]) -> str:
         lines = [_line_of(p) for p in _sorted(own, name) if p.row[f"pareto_{name}"] in ("method", "all")]
         if lines:
             what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
-            head = ["method", "parameters", "server ms", "samples", "kB", "MB", "FLIP", "best of all"]
+            head = ["method", "parameters", "server ms", "samples", "kB", "MB", "FLIP", "on the front of all"]
             parts.append(caption(f"{what[0].upper()}{what[1:]}.") + table(head, lines, texts=2))
     if not parts:
         return ""
@@ -284,7 +289,7 @@ def _sorted(points: Sequence[Point], name: str) -> list[Point]:
 def _line_of(point: Point) -> list[str]:
     row = point.row
     time = _with_interval(row, "server_ms") if row["comparable"] == "yes" else ""
-    best = any(row[f"pareto_{name}"] == "all" for name in ("time", "samples"))
+    best = row["pareto_time" if row["comparable"] == "yes" else "pareto_samples"] == "all"
     return [
         row["method"],
         point.label,

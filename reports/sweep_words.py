@@ -11,6 +11,7 @@ NAMES = {
     "flip": "FLIP error", "dssim": "DSSIM", "iwssim": "IW-SSIM", "psnr": "PSNR", "delta_e": "CIEDE2000 difference",
     "stretch_l2": "stretch",
 }  # fmt: skip
+CODING_NAMES = {"displayed": "as displayed", "lossless": "without video coding"}
 BEST = {"iwssim": "highest", "psnr": "highest"}
 COST_NAMES = {
     "server_ms": ("server time", "ms", 1.0),

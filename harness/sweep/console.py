@@ -15,50 +15,61 @@ from harness.skips import skipped_stages
 from harness.sweep.grid import make_grid
 from kernels.device import Device
 from reports.sweep import candidates, groups
-from reports.sweep_words import verdict
+from reports.sweep_words import CODING_NAMES, COST_NAMES, verdict
 
 if TYPE_CHECKING:
+    from rich.console import Console
+
+    from harness.sweep.grid import Grid
     from harness.sweep.run import Wanted
     from reports.sweep import Point
 
 
 def show_grid(wanted: Wanted, out: Path | None) -> None:
-    """Print what `bench sweep` would do; opens the first scene, runs no kernel."""
+    """Print what `bench sweep` would do; opens every scene, runs no kernel."""
     check_folder(out)
     grid = make_grid(wanted.settings, wanted.vary)
-    settings = grid.cells[0].settings
-    scene = open_scene(settings)
-    path = open_path(settings, scene)
-    open_head_motion(settings)
-    device = Device.open(settings.device)
+    open_head_motion(wanted.settings)
+    device = Device.open(wanted.settings.device)
     console = make_console()
-    console.print(
-        f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} frames"
-    )
+    seconds = 10.0
+    for cells in grid.scenes():
+        settings = cells[0].settings
+        scene = open_scene(settings)
+        path = open_path(settings, scene)
+        console.print(
+            f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} frames"
+        )
+        for name, reason in {cell.packer.name: cell.packer.skip(scene) for cell in cells}.items():
+            if reason:
+                console.print(f"[dim]{name} is skipped:[/] {escape(reason)}")
+        console.print(f"[dim]needs no[/] {', '.join(skipped_stages(scene))}")
+        running = [cell for cell in cells if cell.packer.skip(scene) is None]
+        seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")
+    _show_axes(console, grid)
+    timing = f", then at most {duration(len(grid.cells) * wanted.rule.budget)} of timing" if wanted.timed else ""
+    at_once = f" with {wanted.workers} workers" if wanted.workers > 1 else ""
+    total = duration(seconds / wanted.workers)
+    console.print(f"about {total}{at_once}{timing}; results in {out or 'a new folder below runs/'}")
+
+
+def _show_axes(console: Console, grid: Grid) -> None:
+    """What is varied per method, and what was left out and why."""
     table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
     for name in dict.fromkeys(cell.packer.name for cell in grid.cells):
         own = [cell for cell in grid.cells if cell.packer.name == name]
-        values = {
-            axis: dict.fromkeys(c.varied[axis] for c in own if axis in c.varied) for c in own for axis in c.varied
-        }
-        varied = "; ".join(f"{axis} {', '.join(texts)}" for axis, texts in values.items())
-        reason = own[0].packer.skip(scene)
-        table.add_row(name, str(len(own)), escape(f"skipped: {reason}" if reason else varied or "as it is"))
+        axes: dict[str, dict[str, None]] = {}
+        for axis, text in (item for cell in own for item in cell.varied.items()):
+            axes.setdefault(axis, {})[text] = None
+        varied = "; ".join(f"{axis} {', '.join(texts)}" for axis, texts in axes.items())
+        table.add_row(name, str(len(own)), escape(varied or "as it is"))
     console.print(table)
     if grid.left_out:
         left = make_table("left out", "what", "why")
         for what, why in grid.left_out:
             left.add_row(escape(what), escape(why))
         console.print(left)
-    skips = skipped_stages(scene)
-    if skips:
-        console.print(f"[dim]skipped for this scene[/] {', '.join(skips)}")
-    seconds = sum(cell.settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in grid.cells)
-    timing = f", then at most {duration(len(grid.cells) * wanted.rule.budget)} of timing" if wanted.timed else ""
-    at_once = f" with {wanted.workers} workers" if wanted.workers > 1 else ""
-    total = duration(10 + seconds / wanted.workers)
-    console.print(f"about {total}{at_once}{timing}; results in {out or 'a new folder below runs/'}")
 
 
 def show_sweep(points: list[Point], folder: Path) -> None:
@@ -70,10 +81,9 @@ def show_sweep(points: list[Point], folder: Path) -> None:
         lines = [point for point in own if point.row[front] in ("method", "all")]
         if not lines:
             continue
-        what = ", ".join(filter(None, (condition, coding)))
-        table = make_table(
-            f"fronts of FLIP over {cost}, {what}", "method", "parameters", "server ms", "samples", "FLIP"
-        )
+        what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
+        title = f"Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {what}"
+        table = make_table(title, "method", "parameters", "server ms", "samples", "FLIP")
         for column in table.columns[2:]:
             column.justify, column.no_wrap = "right", True
         for point in sorted(lines, key=lambda point: (point.row["method"], point.row[f"{cost}_median"])):
@@ -91,7 +101,7 @@ def show_sweep(points: list[Point], folder: Path) -> None:
     console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
 
 
-def _show_troubles(console, points: list[Point]) -> None:
+def _show_troubles(console: Console, points: list[Point]) -> None:
     """How many cells are not ok, with the first reason of each status and method; why timing stopped."""
     cells = {(p.condition, p.row["method"], p.row["variant"], p.row["varied"]): p.row for p in points}.values()
     counts = Counter((row["method"], row["status"]) for row in cells if row["status"] != "ok")

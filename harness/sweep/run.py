@@ -15,7 +15,7 @@ from harness.console import make_console
 from harness.lane import Lane
 from harness.plan import FREE, check_folder, make_plan, source_digest
 from harness.run import Run, folder_for, locked, show_progress, stops_kept, write_notes
-from harness.session import Session, open_session
+from harness.session import Session, open_path, open_scene, open_session
 from harness.settings import Settings
 from harness.sweep.grid import SETTINGS, Cell, Grid, make_grid, shuffled
 from harness.sweep.timing import Timed, note_of
@@ -44,9 +44,10 @@ def sweep(wanted: Wanted, out: Path | None) -> bool:
     check_folder(out)
     grid = make_grid(wanted.settings, wanted.vary)
     console.print(f"[dim]Opening {grid.cells[0].settings.scene} ...[/]")
+    hashes = check_scenes(grid)
     sessions = Sessions()
     session = sessions.at(grid.cells[0].settings)
-    plan = make_sweep_plan(wanted, grid, session)
+    plan = make_sweep_plan(wanted, grid, hashes, session)
     folder = out or folder_for(plan, "sweep")
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
@@ -62,6 +63,19 @@ def sweep(wanted: Wanted, out: Path | None) -> bool:
         points = write_sweep(folder)
     show_sweep(points, folder)
     return all(point.row["status"] in ("ok", "skipped") for point in points)
+
+
+def check_scenes(grid: Grid) -> dict[str, str]:
+    """The content hash of each scene of the grid; what is wrong with one shows now, not after hours of the others.
+
+    Raises SceneError, PathError or SettingsError.
+    """
+    hashes = {}
+    for cells in grid.scenes():
+        scene = open_scene(cells[0].settings)
+        open_path(cells[0].settings, scene)
+        hashes[scene.name] = scene.content_hash
+    return hashes
 
 
 class Sessions:
@@ -139,7 +153,7 @@ class SweepRun:
         return self.folder / self.folders[cell.settings]
 
 
-def make_sweep_plan(wanted: Wanted, grid: Grid, session: Session) -> dict[str, Any]:
+def make_sweep_plan(wanted: Wanted, grid: Grid, hashes: dict[str, str], session: Session) -> dict[str, Any]:
     """Everything that the cells of one folder must have in common; how precisely they are timed may change."""
     settings = {key: value for key, value in wanted.settings.to_json().items() if key not in (*FREE, "crf", "repeat")}
     methods = {type(cell.packer): cell.packer.name for cell in grid.cells}
@@ -148,7 +162,7 @@ def make_sweep_plan(wanted: Wanted, grid: Grid, session: Session) -> dict[str, A
         "vary": list(wanted.vary),
         "cells": len(grid.cells),
         "methods": {name: source_digest(packer) for packer, name in methods.items()},
-        "scene_hash": session.scene.host.content_hash,
+        "scene_hash": hashes,
         "device": session.device.name,
         "kernels": kernels_digest(),
         "version": VERSION,
