@@ -118,13 +118,14 @@ def _marks(
     """A method's cells with their intervals; those with overflow as faint crosses."""
     symbol = {"symbol": "x-thin-open", "size": 9, "line": {"width": 2}} if overflow else {"symbol": "circle", "size": 8}
     name = f"{method}, overflow" if overflow else method
+    cost_name, unit, _ = COST_NAMES[cost]
     return {
         "type": "scatter", "mode": "markers", "name": name, "legendgroup": name if overflow else method,
         "x": _values(points, cost), "y": _values(points, error), "showlegend": True,
         "error_x": _whiskers(points, cost, colour), "error_y": _whiskers(points, error, colour),
         "marker": {"color": colour, **symbol}, "opacity": 0.7 if overflow else 0.9,
         "customdata": [_hover(point) for point in points],
-        "hovertemplate": f"<b>{method}</b><br>%{{customdata}}<br>%{{x:,.4~g}} {COST_NAMES[cost][1]}, "
+        "hovertemplate": f"<b>{method}</b><br>%{{customdata}}<br>{cost_name} %{{x:,.4~g}} {unit}, "
         f"{NAMES[error]} %{{y:.4~g}}<extra></extra>",
     }  # fmt: skip
 
@@ -161,15 +162,14 @@ def _hover(point: Point) -> str:
 
 def _layout(points: Sequence[Point], cost: str, error: str) -> dict[str, Any]:
     name, unit, _ = COST_NAMES[cost]
-    title = f"{name} per frame ({unit}) ↓".replace(
-        "samples per frame (thousand samples)", "samples per frame (thousands)"
-    )
+    title = f"{name} per frame ({unit}) ↓"
     values = _values(points, cost)
     better = BY_NAME[error].better
     y_unit = {"psnr": " (dB)", "stretch_l2": " (pixels per texel)"}.get(error, "")
     x_axis: dict[str, Any] = {"title": {"text": title}, "automargin": True, "zeroline": False}
     if min(values) > 0 and max(values) > LOG_FROM * min(values):
-        x_axis |= {"type": "log", "dtick": "D2"}
+        ticks = [digit * 10**power for power in range(-3, 10) for digit in (1, 2, 5)]
+        x_axis |= {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
     else:
         x_axis |= {"type": "linear", "rangemode": "tozero"}
     y_axis = {"title": {"text": f"{NAMES[error]}{y_unit} {arrow(better)}"}, "automargin": True, "zeroline": False}
@@ -236,16 +236,15 @@ def _plot(sweep: dict[str, Any], points: Sequence[Point]) -> str:
         _chooser("Picture", {name: CODING_NAMES[name] for name in codings}),
         _chooser("Work", {name: name or "as above" for name in conditions}, hidden=len(conditions) == 1),
     ]
-    timed = (
-        "Times are medians over repetitions, with their 95 % intervals; errors are medians over the frames, with "
-        "theirs where there are 6 frames or more. "
-    )
+    times = "Times are medians over repetitions, with their 95 % intervals; " if sweep["timed"] else ""
+    errors = "errors are medians over the frames, with theirs where there are 6 frames or more. "
+    medians = times + errors if times else errors.capitalize()
     return section(
         "front",
         "Error over run time" if sweep["timed"] else "Error over work",
         caption(
             f"Each point is a cell of the grid, each line a method's Pareto front: the best is at the lower left (for "
-            f"PSNR and IW-SSIM, at the upper left). {timed}Crosses had no room for all triangles: they are on no front."
+            f"PSNR and IW-SSIM, at the upper left). {medians}Crosses left triangles out: they are on no front."
         ),
         f'<p class="choosers">{"".join(choosers)}</p>',
         '<div class="chart" data-figure="sweep"></div>',

@@ -12,10 +12,10 @@ NAMES = {
     "stretch_l2": "stretch",
 }  # fmt: skip
 CODING_NAMES = {"displayed": "as displayed", "lossless": "without video coding"}
-BEST = {"iwssim": "highest", "psnr": "highest"}
+BEST = {"iwssim": "Highest", "psnr": "Highest"}
 COST_NAMES = {
     "server_ms": ("server time", "ms", 1.0),
-    "samples": ("samples", "thousand samples", 1e-3),
+    "samples": ("samples", "thousand", 1e-3),
     "bytes_total": ("bytes sent", "kB", 1e-3),
     "atlas_mb": ("atlas memory", "MB", 1.0),
 }  # cost to its name, the unit people read, and what it is multiplied with for that
@@ -41,23 +41,15 @@ def verdict(candidates: Sequence[Candidate], cost: str, error: str) -> str:
     ranges = ranges_won(candidates)
     if all(each.method is None for each in ranges):
         return "No clear winner: nowhere do the intervals separate."
-    phrases = [_phrase(each, cost, error) for each in ranges]
-    return "; ".join([phrases[0][0].upper() + phrases[0][1:], *phrases[1:]]) + "."
+    name, unit, scale = COST_NAMES[cost]
+    phrases = ", ".join(_phrase(each, scale) for each in ranges)
+    return f"{BEST.get(error, 'Lowest')} {NAMES[error]} by {name} ({unit}): {phrases}."
 
 
-def _phrase(each: Range, cost: str, error: str) -> str:
-    where = _where(each, cost)
-    if each.method is None:
-        return f"{where} no clear winner"
-    if each.alone:
-        return f"{where} only {each.method} has a cell"
-    return f"{where} {each.method} has the {BEST.get(error, 'lowest')} {NAMES[error]}"
-
-
-def _where(each: Range, cost: str) -> str:
-    _, unit, scale = COST_NAMES[cost]
+def _phrase(each: Range, scale: float) -> str:
+    who = f"{each.method} alone" if each.alone else each.method or "no clear winner"
     start = _number(each.start * scale)
-    return f"from {start} {unit} on" if each.end is None else f"from {start} to {_number(each.end * scale)} {unit}"
+    return f"{who} from {start} on" if each.end is None else f"{who} from {start} to {_number(each.end * scale)}"
 
 
 def _number(value: float) -> str:

@@ -33,12 +33,12 @@ def run_workers(wanted: Wanted, grid: Grid, folder: Path, progress: Progress) ->
         if left == before:
             raise InputError("The workers ended before any cell was finished: run without --workers to see why.")
         before = left
-        _work_through(wanted, left, folder, progress)
+        _work_through(wanted, list(left), folder, progress)
 
 
-def unfinished(grid: Grid, folder: Path, frames: int) -> list[int]:
-    """Numbers of the cells that lack frames, in the seeded order."""
-    folders, left = grid.folders(), []
+def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
+    """How many frames are done of the cells that lack some, by the cells' numbers, in the seeded order."""
+    folders, left = grid.folders(), {}
     numbers = {id(cell): number for number, cell in enumerate(grid.cells)}
     for cell in [cell for cells in grid.scenes() for cell in shuffled(cells, cells[0].settings.seed, 0)]:
         place = folder / folders[cell.settings]
@@ -47,7 +47,7 @@ def unfinished(grid: Grid, folder: Path, frames: int) -> list[int]:
             with Store(place) as store:
                 done = sum(key[:2] == cell.key for key in store.finished())
         if done < frames:
-            left.append(numbers[id(cell)])
+            left[numbers[id(cell)]] = done
     return left
 
 

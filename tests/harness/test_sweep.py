@@ -132,6 +132,16 @@ def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path)
     assert "one too many" in page
 
 
+def test_a_kernel_that_hangs_ends_its_worker_and_is_a_row(tmp_path: Path):
+    folder = tmp_path / "out"
+    small = ["--size", "160x90", "--frames", "2", "--atlas", "128x128", "--codec", "none", "--timeout", "1"]
+    done = bench(
+        "sweep", "--method", f"{BAD}:Spinning", *small, "--vary", "fit=0.5", "--workers", "2", "--out", str(folder)
+    )
+    assert done.returncode == 1, done.stderr
+    assert [(row["method"], row["status"]) for row in rows_of(folder)] == [("spinning", "timeout")]
+
+
 def test_a_dry_run_prints_the_grid_and_runs_nothing(tmp_path: Path):
     done = bench("sweep", *GRID, "--dry-run", "--out", str(tmp_path / "out"))
     assert done.returncode == 0, done.stderr

@@ -71,7 +71,7 @@ def test_a_rival_that_is_better_in_no_cell_does_not_hide_the_winner() -> None:
         ([cell("a", 10, 0.3)], "Only a has points here: there is nothing to compare."),
         (
             [cell("a", 10, 0.3, width=0), cell("b", 20, 0.2, width=0)],
-            "From 10 to 20 ms only a has a cell; from 20 ms on b has the lowest FLIP error.",
+            "Lowest FLIP error by server time (ms): a alone from 10 to 20, b from 20 on.",
         ),
         (
             [Candidate("a", None, 10, None, 0.3, {0: 0.3}), Candidate("b", None, 20, None, 0.2, {0: 0.2})],
@@ -88,5 +88,5 @@ def test_the_sentence(cells: list[Candidate], says: str) -> None:
 
 
 def test_a_higher_psnr_wins_in_words() -> None:
-    cells = [cell("a", 10, -30, width=0), cell("b", 10, -20, width=0)]
-    assert verdict(cells, "samples", "psnr") == "From 0.01 thousand samples on a has the highest PSNR."
+    cells = [cell("a", 1e4, -20, width=0), cell("b", 1e4, -30, width=0)]
+    assert verdict(cells, "samples", "psnr") == "Highest PSNR by samples (thousand): b from 10 on."
