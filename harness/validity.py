@@ -9,14 +9,16 @@ placed        Every potentially visible triangle has a place (the client locates
               with a reason; never both.
 barycentrics  Samples name an existing triangle, and their barycentrics are finite. Weight i is at least
               -(1 + MARGIN / h_i), where h_i is the height of the triangle over edge i in the atlas, in texels and at
-              least 1: no further outside than one height (the other half of a block) and MARGIN texels.
+              least 1: no further outside than one height (the other half of a block) and MARGIN texels; or the sample
+              is within 1 + MARGIN texels of where a point of its triangle is looked up.
 inside        Samples and lookups stay inside the atlas.
 single owner  No texel is listed twice.
 alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else was written.
 finite        No NaN and no infinity in a plane.
 once          Samples lie where their triangle is looked up. A triangle with more than STRAYS of its samples over
               DISTANCE texels away is placed a second time. Copies along a cut are none of these: they are looked up
-              from the cut's other side, or continue samples that lie where they are looked up (to EXACT texels).
+              from the cut's other side, or continue samples that lie where they are looked up, from either side, to
+              EXACT texels.
 written       Every texel that a lookup inside the triangle touches is written.
 surface       A lookup finds its own surface. Where all texels touched are the triangle's own, their interpolated
               barycentrics differ from the point looked up by at most LOCATION texels: of the affine map through the
@@ -137,10 +139,10 @@ def check(
     found += _check_unplaced(frame, payload, table.placed)
     lookups = _Lookups(frame, atlas, table, gaps)
     with ThreadPoolExecutor(WORKERS) as pool:
-        barycentrics = pool.submit(_check_barycentrics, owners, table)
+        barycentrics = pool.submit(_outside, owners, table)
         points = [pool.submit(lookups.examine, *some) for some in _points(frame, table, client, visible, budget)]
         once = _check_once(frame, owners, atlas, client, budget)
-        found += barycentrics.result() + once
+        found += _check_barycentrics(owners, barycentrics.result(), atlas, client) + once
         for task in points:
             task.result()
     return [*found, *lookups.violations()]
@@ -242,6 +244,10 @@ class _Atlas:
             found[kept] |= among[at + step] & (self.owner[at + step] == triangle[kept])
         return found
 
+    def centre(self, texel: np.ndarray) -> np.ndarray:
+        """Column and row of texels' centres, float64 (n, 2)."""
+        return np.stack([texel % self.width, texel // self.width], axis=1) + 0.5
+
     def _contains(self, texel: np.ndarray) -> np.ndarray:
         return (texel >= 0) & (texel < self.width * self.height)
 
@@ -339,7 +345,8 @@ class _Table:
         return np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
 
 
-def _check_barycentrics(owners: Owners, table: _Table) -> list[Violation]:
+def _outside(owners: Owners, table: _Table) -> np.ndarray:
+    """Samples whose barycentrics are not finite or lie too far outside their triangle, as one of one height."""
     b1, b2 = owners.bary[:, 0], owners.bary[:, 1]
     lowest = np.minimum(np.minimum(b1, b2), 1 - b1 - b2)
     bad = np.flatnonzero(~(lowest >= -1))  # NaN and infinities fail any comparison; -1 is allowed to all
@@ -349,10 +356,30 @@ def _check_barycentrics(owners: Owners, table: _Table) -> list[Violation]:
         heights = np.where((rows >= 0)[:, None], table.heights(rows), 1)
         allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
         bad = bad[~(allowed & np.isfinite(weights)).all(axis=1)]
+    return bad
+
+
+def _check_barycentrics(owners: Owners, outside: np.ndarray, atlas: _Atlas, client: Client) -> list[Violation]:
+    centre = atlas.centre(owners.texel[outside])
+    bad = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
     if not bad.size:
         return []
     sentence = f"{bad.size} samples have barycentrics that are not finite or lie too far outside their triangle."
     return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+
+
+def _close_by(triangle: np.ndarray, bary: np.ndarray, centre: np.ndarray, client: Client) -> np.ndarray:
+    """Whether samples with finite barycentrics (n, 2) are within 1 + MARGIN texels of their triangle: bool (n).
+
+    A triangle in parts has no one height in the atlas: a texel beside a small part of it may be far outside.
+    """
+    close = np.isfinite(bary).all(axis=1)
+    weights = np.maximum(np.column_stack([1 - bary[close].sum(axis=1), bary[close]]), 0)
+    inside = (weights / weights.sum(axis=1, keepdims=True))[:, 1:].astype(np.float32)
+    if inside.size:
+        places = client.locate(triangle[close], inside)
+        close[close] = np.abs(places - centre[close]).max(axis=1) <= 1 + MARGIN
+    return close
 
 
 def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
@@ -362,13 +389,14 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
     within = (bary.min(axis=1) >= -1e-4) & (bary.sum(axis=1) <= 1 + 1e-4)
     triangle, bary, texel = triangle[within], bary[within], texel[within]
     located = client.locate(triangle, bary)
-    centre = np.stack([texel % atlas.width, texel // atlas.width], axis=1) + 0.5
+    centre = atlas.centre(texel)
     distance = np.abs(located - centre).max(axis=1)
     stray = distance > DISTANCE  # False where a triangle has no place
     for side in SIDES:
         strays = np.flatnonzero(stray)
         beside = client.locate(triangle[strays], bary[strays] + side) if strays.size else centre[strays]
-        stray[strays] = np.abs(beside - centre[strays]).max(axis=1) > DISTANCE
+        distance[strays] = np.fmin(distance[strays], np.abs(beside - centre[strays]).max(axis=1))
+        stray[strays] = distance[strays] > DISTANCE
     stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
     if stray.any():
         count = np.bincount(triangle)

@@ -28,7 +28,7 @@ def split_samples(device: Device, samples: Samples, triangles: int, pieces: Arra
 
     pieces: int32 (triangles, 2), first piece of each and how many. maps: float32 (k, 6), see piece_maps. Piece k
     becomes triangle `triangles` + k. A sample belongs to the piece in which its smallest weight is largest, of equals
-    the first.
+    the first; its weights are kept inside the piece.
     """
     split = replace(Samples.allocate(device, samples.count), footprint=samples.footprint, texel=samples.texel)
     kernel = device.build("snakebinning/split.cl").split_samples
@@ -54,5 +54,7 @@ def split_samples_twin(
     least = np.minimum(own.min(axis=1), 1 - own.sum(axis=1))
     candidates = np.flatnonzero(least == np.repeat(np.maximum.reduceat(least, start), count))
     best = candidates[np.searchsorted(candidates, start)]
-    triangle[sliced], bary[sliced] = len(pieces) + piece[best], own[best]
+    inside = np.maximum(own[best], 0)
+    triangle[sliced] = len(pieces) + piece[best]
+    bary[sliced] = inside / np.maximum(inside.sum(axis=1), 1)[:, None]
     return triangle, bary
