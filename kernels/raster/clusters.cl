@@ -45,11 +45,13 @@ __kernel void build_clusters(const int triangles, const int clusters, __global c
     boxes[cluster] = (float8)(low, wrong, high, 0.0f);
 }
 
-// The pixel that a position in sub-pixels from the image's centre lies in, kept near the image.
-INLINE int pixel_at(const float position, const int size)
+#define ROOM 64 // sub-pixels: more than rounding moves a corner's projection inside an image
+
+// The last pixel whose centre is not beyond a position in sub-pixels from the image's centre, kept near the image.
+INLINE int pixel_before(const float position, const int size)
 {
-    const float pixel = position / SUBPIXELS + 0.5f * size, capped = LESSER(pixel, size + 2.0f);
-    return (int)GREATER(capped, -2.0f);
+    const float pixel = (position - SUBPIXELS / 2) / SUBPIXELS + 0.5f * size, capped = LESSER(pixel, size + 2.0f);
+    return (int)(GREATER(capped, -2.0f) + 3.0f) - 3;
 }
 
 // Whether a box lies wholly outside plane . (p - eye, 1) >= 0, with room for rounding.
@@ -70,9 +72,9 @@ INLINE int in_frustum(const float8 box, const float4 eye, const float16 rows, co
              beyond(w + y, centre, extent) | beyond(w - z, centre, extent) | beyond(z, centre, extent));
 }
 
-// Whether all that a box can cover lies behind what is drawn: `blocks` and `tiles` hold the farthest depth of each
-// 8 x 8 block and of each tile. A box that reaches in front of the near plane, or whose distance float32 may get wrong
-// by more than 1e-5, is taken for visible.
+// Whether a box covers no pixel's centre, or lies behind what is drawn at all that it can cover: `blocks` and `tiles`
+// hold the farthest depth of each 8 x 8 block and of each tile. A box that reaches in front of the near plane, or whose
+// distance float32 may get wrong by more than 1e-5, is taken for visible.
 INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const int width, const int height,
                   const int tiles_x, __global const float *blocks, __global const float *tiles)
 {
@@ -89,9 +91,11 @@ INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const 
     const float8 row = (((rows.s4 * x + rows.s5 * y) + rows.s6 * z) + rows.s7) * inverse;
     const float left = smallest_of(column), right = -smallest_of(-column);
     const float top = smallest_of(row), bottom = -smallest_of(-row);
-    const float nearest = -smallest_of(-depth * inverse) * (1.0f + 1e-5f); // room for rounding, as is one pixel below
-    const int x0 = pixel_at(left, width) - 1, x1 = pixel_at(right, width) + 1;
-    const int y0 = pixel_at(top, height) - 1, y1 = pixel_at(bottom, height) + 1;
+    const float nearest = -smallest_of(-depth * inverse) * (1.0f + 1e-5f); // room for rounding
+    const int x0 = pixel_before(left - ROOM, width) + 1, x1 = pixel_before(right + ROOM, width);
+    const int y0 = pixel_before(top - ROOM, height) + 1, y1 = pixel_before(bottom + ROOM, height);
+    if (x0 > x1 || y0 > y1)
+        return 1;
     const int fine = x1 - x0 < 16 * BLOCK && y1 - y0 < 16 * BLOCK;
     const int side = fine ? BLOCK : TILE, pitch = fine ? tiles_x * (TILE / BLOCK) : tiles_x;
     __global const float *farthest = fine ? blocks : tiles;
