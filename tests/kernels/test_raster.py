@@ -256,9 +256,9 @@ def test_the_second_pass_leaves_out_what_the_first_hides(device):
     assert rasteriser.in_frustum(np.eye(4), perspective())[1] == 11
 
 
-@pytest.mark.parametrize("reach, launches", [(0.2, 1), (0.45, 2)])
+@pytest.mark.parametrize(("reach", "launches"), [(0.2, 1), (0.45, 2)])
 def test_the_second_pass_leaves_out_what_lies_between_the_pixels(device, reach, launches):
-    """Clusters around the meeting point of four pixels, in front of a wall; those that reach 0.45 pixel may cover one."""
+    """Clusters around where four pixels meet, before a wall: those that reach 0.45 pixels may cover one."""
     wall = pixel_points([[-200, -10], [0, 4000], [900, -10]], *SIZE, distance=7.0)
     near = pixel_points(np.array([48, 32]) + np.random.default_rng(0).uniform(-reach, reach, (640, 3, 2)), *SIZE)
     triangles = soup(device, np.concatenate([[wall] * 64, near * 0.5]), Triangles.DOUBLE_SIDED)
