@@ -7,7 +7,6 @@ import re
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 from harness.console import InputError
@@ -112,7 +111,7 @@ class Grid:
         for cell in self.cells:
             if cell.settings not in found:
                 words = [f"{name}_{value}" for name, value in cell.varied.items() if name in SETTINGS]
-                slug = re.sub(r"[^A-Za-z0-9.]+", "_", "-".join([Path(cell.settings.scene).stem, *words]))[:60]
+                slug = re.sub(r"[^A-Za-z0-9.]+", "_", "-".join(words) or "defaults")[:60]
                 found[cell.settings] = f"cells/{len(found):03d}-{slug}"
         return found
 
