@@ -12,11 +12,11 @@ from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+from zlib import crc32
 
 from reports.columns import BY_NAME, FRAME_COLUMNS, FRAME_KEY, STATUSES, Column
 
 FILE = "results.sqlite"
-SCHEMA_VERSION = 1
 WAIT_SECONDS = 60  # for another process that writes to the same file
 SQL_TYPES = {str: "TEXT", int: "INTEGER", float: "REAL"}
 REQUIRED = (*(name for name in FRAME_KEY if name not in ("codec", "crf")), "status")
@@ -37,6 +37,8 @@ _TABLES = (
     f"CREATE TABLE repeats ({_FRAME}, repetition INTEGER NOT NULL, stage TEXT NOT NULL, ms REAL,"
     " PRIMARY KEY (method, variant, frame, repetition, stage))",
 )
+# Another one for every other layout of the tables, so that none is read as if it were this one.
+SCHEMA_VERSION = crc32("".join(_TABLES).encode()) >> 1
 _OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
 
 
@@ -184,8 +186,8 @@ class Store:
         if version not in (0, SCHEMA_VERSION):
             self._connection.close()
             raise StoreError(
-                f"{self.folder / FILE} has version {version}, and this program reads {SCHEMA_VERSION}: "
-                "use the version of the program that wrote it, or run again into a new folder."
+                f"{self.folder / FILE} was written by another version of this program, with other columns: "
+                "use that version, or run again into a new folder."
             )
 
     @contextmanager

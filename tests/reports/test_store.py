@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import signal
+import sqlite3
 import subprocess
 import sys
 from pathlib import Path
@@ -107,6 +108,27 @@ def test_another_plan_is_refused_naming_each_difference(tmp_path: Path) -> None:
             assert part in str(caught.value)
         assert "seed" not in str(caught.value)
         assert store.plan() == PLAN
+
+
+def test_a_store_with_other_columns_is_refused_in_words(tmp_path: Path) -> None:
+    make_store(tmp_path)
+    with sqlite3.connect(tmp_path / "results.sqlite") as connection:
+        connection.execute("PRAGMA user_version = 1")
+    with pytest.raises(StoreError, match="another version"):
+        Store(tmp_path)
+
+
+def test_another_repetition_takes_the_place_of_one_of_its_number_only(tmp_path: Path) -> None:
+    make_store(tmp_path)
+    with Store(tmp_path) as store:
+        before = store.repeats()
+        for ms in (7.0, 8.0):
+            store.add_repetition("sas", METHODS["sas"][0], 2, [(frame, "structs/all", ms) for frame in range(12)])
+        added = [row for row in store.repeats() if row not in before]
+        assert [(row["method"], row["repetition"], row["frame"], row["ms"]) for row in added] == [
+            ("sas", 2, frame, 8.0) for frame in range(12)
+        ]
+        assert len(store.repeats()) == len(before) + 12
 
 
 def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
