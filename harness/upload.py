@@ -27,8 +27,7 @@ def upload_scene(device: Device, scene: Scene) -> ServerScene:
     """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps; outside all timers."""
     triangles = upload_triangles(device, scene)
     mask = AlphaMask.upload(device, scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
-    masked = {m.base_texture for m in scene.materials if m.alpha_mode == "mask"}
-    textures = TextureBuffers.upload(device, scene.textures, masked)
+    textures = TextureBuffers.upload(device, scene.textures, hidden_below(scene))
     rasteriser = Rasteriser(device, triangles, mask)
     shadows = _shadow_maps(device, scene, triangles, mask)
     shader = Shader(device, triangles, surface_of(scene), lighting_of(scene), textures, shadows)
@@ -37,6 +36,18 @@ def upload_scene(device: Device, scene: Scene) -> ServerScene:
         opacity = Opacity.of_scene(triangles, shader, scene)
         layers = Layers(LayeredRasteriser(device, triangles, mask), opacity)
     return ServerScene(scene, device, triangles, rasteriser, shader, mask, layers)
+
+
+def hidden_below(scene: Scene) -> dict[int, float]:
+    """The alpha (0..1) below which no material shows a texture, by texture of masked and blended materials; 0 for one
+    that others show everywhere."""
+    lowest: dict[int, float] = {}
+    for m in scene.materials:
+        cutoff = {"mask": m.alpha_cutoff / max(m.base_colour[3], 1e-6), "blend": 0.5 / 255}.get(m.alpha_mode, 0.0)
+        for texture, alpha in ((m.base_texture, cutoff), (m.normal_texture, 0.0), (m.emissive_texture, 0.0)):
+            lowest[texture] = min(lowest.get(texture, alpha), alpha)
+    cut = {m.base_texture for m in scene.materials if m.alpha_mode != "opaque"}
+    return {texture: lowest[texture] for texture in cut if texture >= 0}
 
 
 def _shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None) -> ShadowMaps:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from kernels.device import DeviceError
-from kernels.texture.mipmap import linear_texels, mip_chain
+from kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -54,17 +54,22 @@ class TextureBuffers:
         return self.texels.get()
 
     @classmethod
-    def upload(cls, device: Device, textures: Sequence[TextureImage], masked: Collection[int] = ()) -> TextureBuffers:
+    def upload(
+        cls, device: Device, textures: Sequence[TextureImage], hidden: Mapping[int, float] | None = None
+    ) -> TextureBuffers:
         """Build the mip chains and copy them to the device.
 
-        masked: textures whose alpha cuts holes: there colours average over what is seen only, so that the colour
-        under the holes does not bleed out in the distance. Raises DeviceError if they do not fit one buffer.
+        hidden: for textures whose alpha makes parts of them invisible, the alpha (0..1) below which nothing is seen.
+        There colours are those of what is seen around, and averages weigh by alpha, so that what a file has in its
+        holes bleeds out neither at their edges, where an atlas or a codec blurs them, nor in the distance.
+        Raises DeviceError if they do not fit one buffer.
         """
+        hidden = hidden or {}
         table, levels, texels = [(0, 0, 0, 1)], [(0, 1, 1, 0)], [np.full((1, 4), FULL, np.uint16)]
         offset = 1
         for index, texture in enumerate(textures):
             first = len(levels)
-            for level in _levels(texture, index in masked):
+            for level in _levels(texture, hidden.get(index)):
                 height, width = level.shape[:2]
                 levels.append((offset, width, height, 0))
                 texels.append(level.reshape(-1, 4))
@@ -80,11 +85,12 @@ class TextureBuffers:
         return cls(*(device.upload(array) for array in (*host, np.concatenate(texels))), wraps, *host)
 
 
-def _levels(texture: TextureImage, masked: bool) -> list[np.ndarray]:
+def _levels(texture: TextureImage, hidden: float | None) -> list[np.ndarray]:
     """The mip chain in uint16, linear light."""
     linear = linear_texels(texture.texels, texture.srgb)
-    if not masked:
+    if hidden is None:
         return [_quantised(level) for level in mip_chain(linear)]
+    linear[..., :3] = fill_hidden(linear[..., :3], linear[..., 3] >= hidden)
     # A trace of weight for invisible texels keeps a colour where nothing is visible at all.
     weight = linear[..., 3:] + np.float32(1e-3)
     chain = mip_chain(np.concatenate([linear[..., :3] * weight, linear[..., 3:], weight], axis=-1))

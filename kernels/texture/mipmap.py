@@ -46,3 +46,20 @@ def _halved(level: np.ndarray, axis: int) -> np.ndarray:
         i = np.arange(half, dtype=level.dtype).reshape(-1, *[1] * (level.ndim - 1))
         out = ((half - i) * level[0:-1:2] + half * level[1::2] + (i + 1) * level[2::2]) / level.dtype.type(count)
     return np.moveaxis(out, 0, axis)
+
+
+def fill_hidden(level: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """The level (H, W, C) with the colour of what is seen nearby in place of what is not: that of the finest texel
+    of the mip chain that holds any of it. seen: bool (H, W); where nothing is, all stays as it is."""
+    if seen.all() or not seen.any():
+        return level
+    weight = seen[..., None].astype(np.float32)
+    *finer, coarsest = mip_chain(np.concatenate([level * weight, weight], axis=-1))
+    colour = coarsest[..., :-1] / coarsest[..., -1:]
+    for fine in reversed(finer):
+        rows, columns = (
+            np.minimum(np.arange(n) * m // n, m - 1) for n, m in zip(fine.shape[:2], colour.shape[:2], strict=True)
+        )
+        share = fine[..., -1:]
+        colour = np.where(share > 0, fine[..., :-1] / np.where(share > 0, share, 1), colour[rows][:, columns])
+    return np.where(seen[..., None], level, colour).astype(level.dtype)

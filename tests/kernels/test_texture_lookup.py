@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.texture.buffers import TextureBuffers
-from kernels.texture.mipmap import linear_texels, mip_chain, srgb_to_linear
+from kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain, srgb_to_linear
 from kernels.texture.sample import trilinear
 
 
@@ -45,11 +45,30 @@ def test_colours_under_holes_do_not_bleed_into_masked_textures(device):
     texels = np.zeros((8, 8, 4), np.uint8)
     texels[..., 0] = 255  # red where nothing is to be seen
     texels[:4, :, :] = (0, 255, 0, 255)
-    buffers = TextureBuffers.upload(device, [image(texels)], masked={0})
+    buffers = TextureBuffers.upload(device, [image(texels)], {0: 0.5})
     red, green, _, alpha = buffers.host_texels[buffers.host_levels[-1, 0]] / 65535
     assert red < 0.01
     assert green > 0.99
     assert alpha == pytest.approx(0.5, abs=1e-4)
+
+
+@pytest.mark.parametrize("size", [(8, 8), (7, 13), (1, 5)])
+def test_holes_have_the_colour_of_what_is_seen_around_them(size):
+    """Everything seen is green or blue, everything else red: nothing red is left, and what is seen stays as it is."""
+    rng = np.random.default_rng(size[0])
+    seen = rng.random(size) < 0.3
+    seen[0, 0] = True
+    colours = np.where(rng.random(size)[..., None] < 0.5, [0, 1, 0], [0, 0, 1])
+    filled = fill_hidden(np.where(seen[..., None], colours, [1, 0, 0]).astype(np.float32), seen)
+    np.testing.assert_array_equal(filled[seen], colours[seen])
+    np.testing.assert_allclose(filled.sum(axis=-1), 1, atol=1e-6)
+    assert not filled[..., 0].any()
+
+
+def test_nothing_is_filled_where_nothing_or_all_is_seen():
+    level = np.random.default_rng(0).random((4, 6, 3), np.float32)
+    for seen in (np.zeros((4, 6), bool), np.ones((4, 6), bool)):
+        np.testing.assert_array_equal(fill_hidden(level, seen), level)
 
 
 @pytest.mark.parametrize(
