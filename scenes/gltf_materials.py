@@ -62,7 +62,7 @@ class GltfMaterials:
         glow = self._texture(emissive, source, True) if any(factor) else -1
         if emissive and glow < 0:
             factor = (0.0, 0.0, 0.0)  # its texture says where it glows, so without it nothing does
-        transmission = extensions.get("KHR_materials_transmission", {}).get("transmissionFactor", 0.0)
+        transmission = self._transmission(extensions.get("KHR_materials_transmission", {}))
         if "occlusionTexture" in entry:
             self._raw.note("Occlusion textures, not used: {}.")
         if "KHR_materials_unlit" in extensions:
@@ -80,7 +80,7 @@ class GltfMaterials:
             alpha_mode={"MASK": "mask", "BLEND": "blend"}.get(entry.get("alphaMode"), "opaque"),
             alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),
             double_sided=bool(entry.get("doubleSided", False)),
-            transmission=float(transmission),
+            transmission=transmission,
         )
 
     def _surface(self, pbr: dict) -> tuple[float, float]:
@@ -93,6 +93,15 @@ class GltfMaterials:
             means = texels[..., 1:3].reshape(-1, 2).mean(axis=0) / 255
             roughness, metallic = roughness * float(means[0]), metallic * float(means[1])
         return roughness, metallic
+
+    def _transmission(self, glass: dict) -> float:
+        """The share of light let through; a texture of it is replaced by its mean."""
+        factor, info = float(glass.get("transmissionFactor", 0.0)), glass.get("transmissionTexture")
+        texels = self._image_of(info) if info and factor else None
+        if texels is not None:
+            self._raw.note("Textures of transmission, replaced by their mean: {}.")
+            factor *= float(texels[..., 0].mean()) / 255
+        return factor
 
     def _texture(self, info: dict | None, source: UvSource, srgb: bool) -> int:
         """Index of the texture that a material's slot refers to, or -1."""

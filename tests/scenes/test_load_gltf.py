@@ -98,7 +98,7 @@ def test_materials_wrap_modes_and_second_uv_set(tmp_path, png):
     glb.json["images"] = [{"bufferView": glb.view(png), "mimeType": "image/png"}]
     transform = {"KHR_texture_transform": {"scale": [2, 3], "offset": [0.5, 0]}}
     pbr = {"baseColorTexture": {"index": 0, "texCoord": 1, "extensions": transform}, "metallicFactor": 0.25}
-    glass = {"KHR_materials_transmission": {"transmissionFactor": 0.9}}
+    glass = {"KHR_materials_transmission": {"transmissionFactor": 0.9, "transmissionTexture": {"index": 0}}}
     entry = {"pbrMetallicRoughness": pbr, "alphaMode": "MASK", "alphaCutoff": 0.3, "doubleSided": True}
     glb.json["materials"] = [
         {**entry, "extensions": glass, "emissiveFactor": [0, 2, 0], "emissiveTexture": {"index": 0}}
@@ -108,7 +108,8 @@ def test_materials_wrap_modes_and_second_uv_set(tmp_path, png):
     scene = load_scene(glb.write(tmp_path / "a.glb"))
     material, texture = scene.materials[0], scene.textures[0]
     assert (material.alpha_mode, material.alpha_cutoff, material.double_sided) == ("mask", 0.3, True)
-    assert (material.metallic, material.transmission) == (0.25, 0.9)
+    assert (material.metallic, material.transmission) == (0.25, 0.45)  # half of the texture's red
+    assert any("Textures of transmission" in note for note in scene.notes)
     assert (texture.wrap_s, texture.wrap_t, texture.srgb) == ("clamp", "mirror", True)
     assert texture.texels.tolist() == [[[255, 0, 0, 255], [0, 0, 255, 128]]]
     assert scene.uvs == pytest.approx(SQUARE[:, :2] * (2, 3) + (0.5, 0))
