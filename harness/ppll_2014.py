@@ -66,6 +66,9 @@ def run_experiment(wanted: Experiment, out: Path) -> None:
     """Write frames.csv, layers.csv, table_a1.csv, table_a2.csv and report.html into `out`."""
     out.mkdir(parents=True, exist_ok=True)
     device, console = Device.open(wanted.device), make_console(stderr=True)
+    note = stand_ins()
+    if note:
+        console.print(note)
     frames: list[Row] = []
     layers: list[Row] = []
     for name in MODELS:
@@ -78,14 +81,30 @@ def run_experiment(wanted: Experiment, out: Path) -> None:
     tables = {"frames": frames, "layers": layers, "table_a1": sizes_table(frames), "table_a2": times_table(frames)}
     for table, rows in tables.items():
         replace_file(out / f"{table}.csv", as_csv(rows))
-    write_report(out, tables)
+    write_report(out, tables, note)
     console.print(f"{out}/report.html  " + "  ".join(f"{table}.csv" for table in tables))
 
 
+def model_file(name: str) -> Path:
+    """Where a model is looked for: in the folder of real scenes (BENCH_SCENES, or ../shared/scenes)."""
+    return Path(os.environ.get("BENCH_SCENES", "../shared/scenes")) / MODELS[name]
+
+
+def stand_ins() -> str:
+    """A sentence about the models that are not there; nothing if all are."""
+    missing = [name for name in MODELS if not model_file(name).is_file()]
+    if not missing:
+        return ""
+    names = ", ".join(missing)
+    return (
+        f"Shells stand in for {names}: the models are not in {model_file(missing[0]).parents[1]}, so published numbers "
+        "are of other surfaces (BENCH_SCENES names a folder that has them)."
+    )
+
+
 def half_transparent(name: str) -> Scene:
-    """A model from the folder of real scenes (BENCH_SCENES, or ../shared/scenes), else the shells, alpha 0.5."""
-    file = Path(os.environ.get("BENCH_SCENES", "../shared/scenes")) / MODELS[name]
-    seed = list(MODELS).index(name)
+    """A model, else the shells of another seed for each, alpha 0.5."""
+    file, seed = model_file(name), list(MODELS).index(name)
     scene = load_scene(str(file) if file.is_file() else "shells", seed=seed, cache=cache_folder("scenes"))
     look = {"alpha_mode": "blend", "double_sided": True}
     materials = [replace(m, base_colour=(*m.base_colour[:3], ALPHA), **look) for m in scene.materials]

@@ -28,7 +28,7 @@ VARIANTS = {
     "no slicing": "slicing=0",
     "shading rate 1": "shading_rate=1.0",
 }
-HEADINGS = ("", "samples", "fill", "coherence", "video bytes", "metadata bytes", "FLIP", "structs ms", "gather ms")
+HEADINGS = ("", "samples", "fill", "coherence", "video bytes", "metadata bytes", "FLIP")
 
 
 def main(arguments: list[str]) -> int:
@@ -76,8 +76,6 @@ def _cells(rows: list[dict[str, str]]) -> list[str]:
         f"{_median(coded, 'bytes_video'):,.0f}",
         f"{_median(plain, 'bytes_metadata'):,.0f}",
         f"{_median(plain, 'flip'):.4f}",
-        f"{_median(plain, 'structs_ms'):.1f}",
-        f"{_median(plain, 'gather_ms'):.1f}",
     ]
 
 

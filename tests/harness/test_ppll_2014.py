@@ -17,7 +17,7 @@ def tables(tmp_path_factory):
     folder = tmp_path_factory.mktemp("ppll-2014")
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("BENCH_SCENES", str(folder / "none"))
-        patch.setattr(ppll_2014, "MODELS", {"bunny": "bunny.ply"})
+        patch.setattr(ppll_2014, "MODELS", {"bunny": "bunny/bunny.ply"})
         patch.setattr(ppll_2014, "MOST_LAYERS", 8)
         run_experiment(Experiment(3, ((160, 120),)), folder)
     names = ("frames", "layers", "table_a1", "table_a2")
@@ -50,6 +50,15 @@ def test_more_layers_leave_fewer_bad_pixels(tables):
 def test_the_page_shows_tables_and_figures(tables):
     for title in ("Table A.1", "Table A.2", "Figure 6.1", "Figure 6.2", "Figure A.13", "Figures 6.3"):
         assert title in tables["html"]
+
+
+def test_the_page_says_what_stands_in_for_a_model(tables, tmp_path, monkeypatch):
+    assert "Shells stand in for bunny:" in tables["html"]
+    for file in ppll_2014.MODELS.values():
+        (tmp_path / file).parent.mkdir()
+        (tmp_path / file).touch()
+    monkeypatch.setenv("BENCH_SCENES", str(tmp_path))
+    assert ppll_2014.stand_ins() == ""
 
 
 def test_published_ratios_are_those_of_table_a1():

@@ -1,0 +1,48 @@
+"""Whether both ends of the bilateral method hold the same bits, frame after frame.
+
+python -m harness.exact_merge shells hall path/to/scene.ply
+"""
+
+from __future__ import annotations
+
+import sys
+from statistics import median
+
+from harness.session import open_session
+from harness.settings import Settings
+from packers.interface import Decoded
+from packers.ppll import PerPixelLinkedLists
+
+FRAMES, WIDTH, HEIGHT = 360, 160, 90
+
+
+def compare(scene: str, frames: int = FRAMES) -> tuple[int, list[float]]:
+    """Frames after which sender and display differ in any bit of their lists, and the share sent of each frame's."""
+    path = "walk" if scene in ("hall", "village") else "turntable"
+    session = open_session(Settings(("ppll",), scene, path=path, frames=frames, width=WIDTH, height=HEIGHT))
+    packer = PerPixelLinkedLists(mode="bilateral", merge="exact")
+    packer.prepare(session.scene)
+    display = packer.client(session.scene)
+    different, shares = 0, []
+    for index in range(frames):
+        payload = packer.pack(session.source.work(index % session.path.frames).frame)  # a turntable begins again
+        display.receive(Decoded({}, payload.blobs, payload.geometry, payload.lists))
+        ends = zip(display.nodes, packer.held, strict=True)
+        pairs = ((a, b) for ours, theirs in ends for a, b in zip(ours.host(), theirs.host(), strict=True))
+        different += any(a.tobytes() != b.tobytes() for a, b in pairs)
+        shares.append(1 - payload.statistics["share_saved"])
+    return different, shares
+
+
+def main(scenes: list[str]) -> int:
+    """Print a line per scene; returns 1 if any frame differs."""
+    worst = 0
+    for scene in scenes:
+        different, shares = compare(scene)
+        print(f"{scene}: {different} of {len(shares)} frames differ; {median(shares):.0%} of the fragments sent")
+        worst = max(worst, different)
+    return int(worst > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:] or ["shells", "hall"]))
