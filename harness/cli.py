@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness import cli_kernels, cli_robustness
+from harness import cli_claims, cli_kernels, cli_robustness
 
 if TYPE_CHECKING:
     from harness.settings import Settings
@@ -157,24 +157,11 @@ def _settings_of(options: dict[str, Any]) -> Settings:
     from harness import settings as s
 
     given = {name: value for name, value in options.items() if value not in (None, (), [])}
-    if "method" in given:
-        given["methods"] = tuple(given.pop("method"))
-    if "size" in given:
-        given["width"], given["height"] = s.parse_size(given.pop("size"), "--size")
-    if "atlas" in given:
-        given["atlas_width"], given["atlas_height"] = s.parse_size(given.pop("atlas"), "--atlas")
-    if "cell" in given:
-        cell = s.parse_cell(given.pop("cell"))
-        given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
-    if "crf" in given:
-        given["crf"] = s.parse_crfs(given["crf"])
-    if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
-        raise s.SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
     for not_a_setting in ("out", "dry_run", "config", "preset", *OF_SWEEP):
         given.pop(not_a_setting, None)
     config = options.get("config")
     base = s.read_settings(config).to_json() if config else {}
-    return s.Settings.from_json(base | given, str(config or "run"))
+    return s.settings_of(given, base, str(config or "run"))
 
 
 @app.command()
@@ -239,7 +226,7 @@ def list_everything() -> None:
 
 @app.command()
 def report(
-    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `bench run` or `bench sweep` wrote")],
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `bench run`, `sweep` or `claims` wrote")],
 ) -> None:
     """Rebuild the CSV files and the HTML report from the results store."""
     from harness.console import guarded, show_report
@@ -273,6 +260,7 @@ def doctor() -> None:
 app.command()(cli_robustness.check)
 app.command()(cli_robustness.stress)
 app.command()(cli_kernels.kernels)
+app.command()(cli_claims.claims)
 
 
 def main() -> None:

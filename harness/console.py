@@ -37,11 +37,12 @@ def guarded() -> Iterator[None]:
     from harness.settings import SettingsError
     from kernels.cache import CacheError
     from kernels.device import DeviceError
+    from reports.claims import ClaimsError
     from reports.store import StoreError
     from scenes.model import SceneError
     from scenes.paths import PathError
 
-    known = (InputError, SettingsError, CacheError, DeviceError, StoreError, SceneError, PathError)
+    known = (InputError, SettingsError, CacheError, DeviceError, StoreError, SceneError, PathError, ClaimsError)
     try:
         yield
     except known as error:
@@ -180,8 +181,12 @@ def _troubles(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) ->
 
 def show_report(folder: Path) -> None:
     """Rebuild the CSV files and the report of a results folder."""
-    from reports import csv_files, html, sweep, sweep_report
+    from reports import claims_report, csv_files, html, sweep, sweep_report
 
+    if claims_report.is_claims(folder):
+        claims_report.write_claims(folder)
+        make_console().print(f"Rebuilt {folder}/claims.csv and claims.html", soft_wrap=True)
+        return
     if not (folder / "results.sqlite").is_file():
         raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
     if sweep.is_sweep(folder):

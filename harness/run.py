@@ -45,9 +45,10 @@ PREPARE = 10  # packings' time that preparing may take: charts of millions of tr
 PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
 
 
-def run(settings: Settings, out: Path | None) -> bool:
+def run(settings: Settings, out: Path | None, resume: Path | None = None) -> bool:
     """Run everything the settings ask for into `out` (a new folder below runs/ if None, or the unfinished run of the
-    same plan there); returns whether every row is ok or skipped.
+    same plan there); returns whether every row is ok or skipped. resume: what `--out` of the running command names, if
+    that is not `out`.
 
     Raises InputError, SettingsError, SceneError, PathError, DeviceError or StoreError for what cannot be used.
     """
@@ -62,10 +63,12 @@ def run(settings: Settings, out: Path | None) -> bool:
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
         (folder / "run.json").write_text(json.dumps({"settings": settings.to_json(), "plan": plan}, indent=2) + "\n")
-        console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
-        with stops_kept(folder), show_progress() as progress:
+        again = resume or folder
+        console.print(f"Results go to [bold]{folder}[/]; the same command with --out {again} resumes.")
+        with stops_kept(again), show_progress() as progress:
             write_notes(store, session)
-            Run(session, lanes, store, folder).all_frames(progress)
+            start_again = partial(restart, "--out", str(again))
+            Run(session, lanes, store, folder, start_again=start_again).all_frames(progress)
         csv_files.write_all(folder)
         html.write_report(folder)
         show_summary(store, folder)

@@ -121,6 +121,28 @@ class Settings:
             raise SettingsError(f"{source} has a setting of the wrong type: {error}.") from error
 
 
+def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, source: str = "run") -> Settings:
+    """The settings that options of `bench run` mean, by their names without dashes, over those of `base`.
+
+    Raises SettingsError; `source` says there where `base` is from.
+    """
+    given = dict(options)
+    if "method" in given:
+        given["methods"] = tuple(given.pop("method"))
+    if "size" in given:
+        given["width"], given["height"] = parse_size(given.pop("size"), "--size")
+    if "atlas" in given:
+        given["atlas_width"], given["atlas_height"] = parse_size(given.pop("atlas"), "--atlas")
+    if "cell" in given:
+        cell = parse_cell(given.pop("cell"))
+        given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
+    if "crf" in given:
+        given["crf"] = parse_crfs(given["crf"])
+    if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
+        raise SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
+    return Settings.from_json((base or {}) | given, source)
+
+
 def read_settings(path: Path) -> Settings:
     """The settings saved in a run.json. Raises SettingsError if it cannot be read."""
     try:

@@ -259,6 +259,27 @@ STRESS_COLUMNS: tuple[Column, ...] = (
     ),
 )
 
+CLAIM_KINDS = ("ordering", "share", "ratio", "trend", "absolute")
+CLAIM_VERDICTS = ("confirmed", "not confirmed", "undecided", "not measured", "not measurable")
+CLAIM_COLUMNS: tuple[Column, ...] = (
+    Column("id", "", "the claim", "key", str),
+    Column("run", "", "where it was measured: names of runs, those compared joined by a slash", "key", str),
+    Column("paper", "", "short name of the paper", "setting", str),
+    Column("source", "", "table, figure or section of the paper", "setting", str),
+    Column("methods", "", "packers that it is about", "setting", str),
+    Column("kind", "", f"one of {', '.join(CLAIM_KINDS)}", "setting", str),
+    Column("claim", "", "what the paper says, in other words", "setting", str),
+    Column("published", "", "its numbers", "setting", str),
+    Column("measured", "", "median over the frames of the value that the rule is about", "count", float),
+    Column("low", "", "lower end of its 95 % interval", "count", float),
+    Column("high", "", "upper end of its 95 % interval", "count", float),
+    Column("frames", "frames", "values that the median is over", "count", int),
+    Column("rule", "", "what the value must be", "setting", str),
+    Column("verdict", "", f"one of {', '.join(CLAIM_VERDICTS)}", "status", str),
+    Column("reason", "", "why this verdict", "status", str),
+    Column("why", "", "why this run and this rule stand for the claim", "setting", str),
+)
+
 
 def _kernel_error(name: str, unit: str, meaning: str) -> Column:
     return Column(name, unit, f"{meaning}; over all real numbers of the stage", "quality", float, "lower")
@@ -380,6 +401,14 @@ def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "not need has no time there. An ULP is that of the expected value, but of at least 2^-10 of the largest "
             "value of its array: what cancels to nothing has no digits of its own.",
             KERNEL_COLUMNS,
+        ),
+        (
+            "claims.csv",
+            "Of `bench claims`: one row per claim and place where it was measured, in the order of the claims. The "
+            "interval is that of summary.csv over the claim's value in each frame (for a ratio, of both in the same "
+            "frame). Confirmed and not confirmed are intervals wholly inside and outside the rule; all others are "
+            "undecided. Not measured says why a run has no value, not measurable why no run here can have one.",
+            CLAIM_COLUMNS,
         ),
     )
 

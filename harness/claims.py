@@ -1,0 +1,311 @@
+"""`bench claims`: the runs that the papers' claims need, made or reused, and the table of what they say."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import shlex
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import typer
+from rich.markup import escape
+
+from harness.console import InputError, make_console, make_table
+from harness.plan import FREE, duration, expected_pace, source_digest
+from harness.plugins import variant_string
+from harness.run import RUNS, locked, run
+from harness.session import find_methods
+from harness.settings import Settings, SettingsError, read_settings, settings_of
+from kernels.cache import VERSION
+from kernels.device import Device, kernels_digest
+from reports.claims import DEFAULT_FILE, NOT_MEASURED, Claims, ClaimsError, Judged, chosen, read_claims
+from reports.claims_report import COPY, FILE, counts_text, is_claims, measured_text, write_claims
+from reports.csv_files import replace_file
+from reports.store import FILE as RESULTS
+from reports.store import Store
+from scenes.load import list_scenes
+from scenes.model import SceneError
+from scenes.paths import PathError
+
+COLOURS = {"confirmed": "green", "not confirmed": "red", "undecided": "yellow"}
+INTERRUPTED = 130
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What `bench claims` is asked for. file: claims other than those that come with the suite."""
+
+    ids: tuple[str, ...] = ()
+    quick: bool = False
+    reuse: tuple[Path, ...] = ()
+    file: Path | None = None
+    device: str | None = None
+
+
+@dataclass(frozen=True)
+class NamedRun:
+    """A run that claims need: its options as `bench run` takes them, and the ids of the claims."""
+
+    name: str
+    options: dict[str, Any]
+    claims: tuple[str, ...]
+
+    @property
+    def preset(self) -> str:
+        """The name of a paper's own experiment; empty for an ordinary run."""
+        return self.options.get("preset", "")
+
+    @property
+    def command(self) -> str:
+        """The command line that makes it."""
+        words = ["bench", "run"]
+        for name, value in self.options.items():
+            for each in value if isinstance(value, list) else [value]:
+                words += [f"--{name.replace('_', '-')}", *([] if each is True else [str(each)])]
+        return shlex.join(words)
+
+    def settings(self) -> Settings:
+        """Its options as settings, the scene's file where it is found. Raises SettingsError or SceneError."""
+        return settings_of({**self.options, "scene": _scene(self.options.get("scene", "hall"))})
+
+
+def _scene(name: str) -> str:
+    """A built-in scene or a file as it is; else the file of that name in the folder of real scenes."""
+    if name in list_scenes() or Path(name).is_file():
+        return name
+    folder = Path(os.environ.get("BENCH_SCENES", "../shared/scenes"))
+    if (folder / name).is_file():
+        return str(folder / name)
+    raise SceneError(f"The scene {name} is not in {folder}: let BENCH_SCENES name the folder that has it.")
+
+
+def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
+    """The claims asked for, and the runs that they take, in the file's order. Raises InputError."""
+    try:
+        claims = chosen(read_claims(wanted.file or DEFAULT_FILE), wanted.ids)
+    except ClaimsError as error:
+        raise InputError(str(error)) from error
+    found = []
+    for name, options in claims.runs.items():
+        ids = tuple(claim.id for claim in claims.claims if any(name in place for place in claim.runs))
+        specs = {op.method for claim in claims.claims if claim.id in ids for op in claim.operands() if op.method}
+        if ids:
+            device = {"device": wanted.device} if wanted.device else {}
+            quick = claims.quick if wanted.quick else {}
+            found.append(NamedRun(name, _shortened(options | device, quick, specs), ids))
+    return claims, found
+
+
+def _shortened(options: dict[str, Any], quick: dict[str, Any], specs: set[str]) -> dict[str, Any]:
+    """The options with only the methods that are asked about; quick options in place of those that they name."""
+    if "method" in options:
+        options = options | {"method": [spec for spec in options["method"] if spec in specs]}
+    return options | {name: value for name, value in quick.items() if name in options}
+
+
+def variants_of(claims: Claims) -> dict[str, tuple[str, str]]:
+    """Name and parameters of each method that the claims name. Raises InputError for an unknown one."""
+    specs = {operand.method: None for claim in claims.claims for operand in claim.operands() if operand.method}
+    return {spec: _variant(spec) for spec in specs}
+
+
+def _variant(spec: str) -> tuple[str, str]:
+    (packer,) = find_methods(Settings(methods=(spec,)))
+    return packer.name, variant_string(packer)
+
+
+def run_claims(wanted: Wanted, out: Path | None) -> bool:
+    """Make or reuse the runs into sub-folders of `out` (a new folder below runs/ if None), and write the table; whether
+    all was measured that can be. Finished runs are kept, and the same command with the same `out` goes on.
+
+    Raises InputError, StoreError or DeviceError for what cannot be used.
+    """
+    claims, runs = needs(wanted)
+    variants = variants_of(claims)
+    folder = out or RUNS / (datetime.now().strftime("%Y%m%d-%H%M%S") + "-claims")
+    check_folder(folder)
+    console = make_console(stderr=True)
+    with locked(folder):
+        work = Work(wanted, folder, runs, variants)
+        work.begin()
+        console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} goes on.")
+        stopped = False
+        for place, named in enumerate(runs):
+            if not work.waits(named):
+                continue
+            console.print(f"[dim]Run {place + 1} of {len(runs)}:[/] {named.name}  [dim]{escape(named.command)}[/]")
+            try:
+                work.one(named)
+            except (typer.Exit, KeyboardInterrupt):
+                stopped = True
+                break
+        results = write_claims(folder)
+    show_results(results, folder)
+    if stopped:
+        raise typer.Exit(INTERRUPTED)
+    return not any(result.verdict == NOT_MEASURED for result in results)
+
+
+class Work:
+    """The runs on their way: what is done, in `folder`/claims.json, from which the table can be made at any time.
+
+    An entry of a run holds its command, its folder (below `folder`, or a reused one), why it has no rows, and `made`,
+    what its results depend on.
+    """
+
+    def __init__(
+        self, wanted: Wanted, folder: Path, runs: list[NamedRun], variants: dict[str, tuple[str, str]]
+    ) -> None:
+        self.wanted, self.folder, self.runs, self.variants = wanted, folder, runs, variants
+        self.device = Device.open(wanted.device).name
+        self.state: dict[str, Any] = {}
+
+    def begin(self) -> None:
+        """Take over what an earlier call left, look at the folders to reuse, and write the first state."""
+        before = json.loads((self.folder / FILE).read_text())["runs"] if is_claims(self.folder) else {}
+        fitting = self._reusable()
+        text = (self.wanted.file or DEFAULT_FILE).read_text(encoding="utf-8")
+        replace_file(self.folder / COPY, text)
+        waiting = {"problem": "It has not been run yet: the same command goes on.", "reused": False, "made": None}
+        entries = {}
+        for named in self.runs:
+            entry = waiting | {"folder": named.name, "command": named.command}
+            old = before.get(named.name, {})
+            if named.name in fitting:
+                entry |= {"folder": str(fitting[named.name]), "problem": None, "reused": True}
+            elif old.get("made") == self._made(named) and not old["problem"]:
+                entry = old
+            entries[named.name] = entry
+        self.state = {
+            "ids": list(self.wanted.ids),
+            "quick": self.wanted.quick,
+            "device": self.device,
+            "date": datetime.now().astimezone().isoformat(timespec="minutes"),
+            "variants": self.variants,
+            "runs": entries,
+        }
+        self._save()
+
+    def _save(self) -> None:
+        replace_file(self.folder / FILE, json.dumps(self.state, indent=2) + "\n")
+
+    def _made(self, named: NamedRun) -> list[str]:
+        """What the results of a run depend on, beside its scene: options, device, kernels, methods."""
+        specs = tuple(named.options.get("method", ("ppll",)))
+        digests = [source_digest(type(packer)) for packer in find_methods(Settings(methods=specs))]
+        return [named.command, self.device, kernels_digest(), VERSION, *digests]
+
+    def waits(self, named: NamedRun) -> bool:
+        """Whether a run is neither made nor reused yet."""
+        return bool(self.state["runs"][named.name]["problem"])
+
+    def one(self, named: NamedRun) -> None:
+        """Make a run; what it cannot use becomes the reason why its claims are not measured."""
+        entry = self.state["runs"][named.name]
+        try:
+            self._make(named)
+            entry |= {"problem": None, "made": self._made(named)}
+        except (SceneError, PathError, SettingsError) as error:
+            entry["problem"] = str(error)
+        self._save()
+
+    def _make(self, named: NamedRun) -> None:
+        folder = self.folder / named.name
+        with contextlib.redirect_stdout(io.StringIO()):  # of each run only its rows matter
+            if named.preset:
+                from harness.ppll_2014 import experiment_of, run_experiment
+
+                run_experiment(experiment_of(named.preset, named.options), folder)
+                return
+            run(named.settings(), folder, self.folder)
+
+    def _reusable(self) -> dict[str, Path]:
+        """For each run that a folder of --reuse fits, that folder. Raises InputError for a folder that fits none."""
+        found: dict[str, Path] = {}
+        for given in self.wanted.reuse:
+            folders = sorted(file.parent for file in given.glob("*/run.json")) if is_claims(given) else [given]
+            fitting = {run.name: folder for folder in folders for run in self.runs if not _misfit(run, folder)}
+            if not fitting:
+                what = f"{self.runs[0].name} has {_misfit(self.runs[0], folders[0])}" if folders else "it has no runs"
+                raise InputError(f"{given} has the results of no run that these claims need ({what}).")
+            found |= {name: folder.resolve() for name, folder in fitting.items()}
+        return found
+
+
+def _misfit(named: NamedRun, folder: Path) -> str:
+    """Why the results in a folder are not those of a run; empty where they are."""
+    if named.preset or not (folder / RESULTS).is_file() or not (folder / "run.json").is_file():
+        return "no results of bench run"
+    try:
+        own, theirs = named.settings(), read_settings(folder / "run.json")
+    except SceneError as error:
+        return str(error)
+    ours, other = own.to_json(), theirs.to_json()
+    names = [name for name in ours if name not in (*FREE, "crf", "device", "scene") and ours[name] != other[name]]
+    if Path(own.scene).resolve() != Path(theirs.scene).resolve():
+        names.append("scene")
+    if not set(own.crfs) <= set(theirs.crfs):
+        names.append("crf")
+    if names:
+        return "other " + ", ".join(names)
+    keys = {(packer.name, variant_string(packer)) for packer in find_methods(own)}
+    with Store(folder) as store:
+        finished = store.finished()
+    lacking = sorted(method for method, variant in keys if (method, variant, own.frames - 1) not in finished)
+    return f"no finished {', '.join(lacking)}" if lacking else ""
+
+
+def check_folder(folder: Path) -> None:
+    """Raise InputError for a folder that holds something else already."""
+    if folder.is_file():
+        raise InputError(f"{folder} is a file: give a folder for --out.")
+    if folder.is_dir() and not is_claims(folder) and any(entry.name != ".lock" for entry in folder.iterdir()):
+        raise InputError(f"The folder {folder} holds other things than claims: give a new or empty one for --out.")
+
+
+def show_needs(wanted: Wanted, out: Path | None) -> None:
+    """Print the claims, and the runs that they take with their commands; runs nothing."""
+    if out:
+        check_folder(out)
+    claims, runs = needs(wanted)
+    variants_of(claims)
+    console = make_console()
+    table = make_table(f"{len(claims.claims)} claims", "id", "published", "runs")
+    for claim in claims.claims:
+        places = ", ".join("/".join(place) for place in claim.runs)
+        table.add_row(claim.id, escape(claim.published), places or "not measurable here")
+    console.print(table)
+    console.print()
+    seconds = 0.0
+    for named in runs:
+        about = ""
+        try:
+            if not named.preset:
+                settings = named.settings()
+                seconds += settings.frames * expected_pace(settings, "") * len(settings.methods)
+        except SceneError as error:
+            about = f"  [yellow]not measured[/]: {escape(str(error))}"
+        console.print(f"[bold]{named.name}[/]  {len(named.claims)} claims{about}")
+        console.print(f"  [dim]{escape(named.command)}[/]")
+    console.print(f"about {duration(seconds)} on a quiet machine, more for scenes of millions of triangles")
+
+
+def show_results(results: list[Judged], folder: Path) -> None:
+    """Print one line per claim and place, and how many of each verdict."""
+    console = make_console()
+    table = make_table("claims, measured here", "claim", "run", "published", "measured", "verdict")
+    for result in results:
+        colour = COLOURS.get(result.verdict, "dim")
+        verdict = f"[{colour}]{result.verdict}[/]"
+        table.add_row(result.claim.id, "/".join(result.place), escape(result.claim.published),
+                      measured_text(result), verdict)  # fmt: skip
+    console.print(table)
+    for reason in dict.fromkeys(result.reason for result in results if result.verdict == NOT_MEASURED):
+        console.print(f"[yellow]not measured[/] {escape(reason)}")
+    console.print(counts_text(results))
+    console.print(f"[bold]{folder}/claims.html[/]  claims.csv", soft_wrap=True)

@@ -1,0 +1,159 @@
+"""`bench claims` as a user meets it: whole, again, quick, reusing, failing, refused, stopped."""
+
+import csv
+import json
+import shutil
+from pathlib import Path
+
+import pytest
+
+from tests.harness.test_run import bench
+
+TINY = """
+[papers]
+book = "A book"
+[quick]
+frames = 2
+[runs.tiny]
+method = ["sas", "sas[fit=0.5]", "ppll"]
+scene = "hall"
+frames = 6
+size = "160x90"
+atlas = "128x128"
+crf = "25"
+[runs.elsewhere]
+method = ["sas"]
+scene = "no/such/scene.glb"
+frames = 6
+[[claims]]
+id = "more-samples"
+paper = "book"
+source = "table 1"
+methods = ["sas", "ppll"]
+kind = "ordering"
+claim = "Lists take more samples than an atlas."
+published = "more"
+why = "It is a test."
+runs = ["tiny"]
+measure = { value = "samples", method = "ppll", over = { method = "sas" } }
+rule = { above = 1 }
+[[claims]]
+id = "no-error"
+paper = "book"
+source = "table 2"
+methods = ["sas"]
+kind = "absolute"
+claim = "There is no error."
+published = "0"
+why = "It is a test."
+runs = ["tiny", "elsewhere"]
+measure = { value = "flip", method = "sas", crf = 25 }
+rule = { below = 0.0001 }
+"""
+
+
+def rows_of(folder: Path) -> list[list[str]]:
+    with open(folder / "claims.csv", newline="") as file:
+        return [[row[name] for name in ("id", "run", "verdict")] for row in csv.DictReader(file)]
+
+
+@pytest.fixture(scope="module")
+def claims(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    file = tmp_path_factory.mktemp("claims") / "tiny.toml"
+    file.write_text(TINY)
+    return file
+
+
+@pytest.fixture(scope="module")
+def whole(claims: Path) -> Path:
+    """The finished measurement of one claim."""
+    folder = claims.parent / "out"
+    done = bench("claims", "--file", str(claims), "--id", "more-samples", "--out", str(folder))
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    assert "1 confirmed" in done.stdout
+    return folder
+
+
+def test_a_claim_is_measured_once_and_its_page_needs_nothing_else(whole: Path, claims: Path):
+    assert rows_of(whole) == [["more-samples", "tiny", "confirmed"]]
+    page = (whole / "claims.html").read_text()
+    assert "Lists take more samples than an atlas." in page
+    assert "bench run --method sas --method ppll --scene hall" in page, "only the methods that the claim needs"
+    assert "http" not in page
+    before = (whole / "tiny" / "results.sqlite").stat().st_mtime_ns
+    (whole / "claims.csv").unlink()
+    done = bench("report", str(whole))
+    assert done.returncode == 0, done.stderr
+    again = bench("claims", "--file", str(claims), "--id", "more-samples", "--out", str(whole))
+    assert again.returncode == 0, again.stderr
+    assert "Run 1" not in again.stderr
+    assert rows_of(whole) == [["more-samples", "tiny", "confirmed"]]
+    assert (whole / "tiny" / "results.sqlite").stat().st_mtime_ns == before
+
+
+def test_runs_are_reused_and_a_run_that_cannot_be_made_is_a_row_with_its_reason(whole: Path, claims: Path):
+    folder = claims.parent / "reusing"
+    done = bench("claims", "--file", str(claims), "--reuse", str(whole / "tiny"), "--out", str(folder))
+    assert done.returncode == 1, done.stdout + done.stderr
+    assert rows_of(folder) == [
+        ["more-samples", "tiny", "confirmed"],
+        ["no-error", "tiny", "not confirmed"],
+        ["no-error", "elsewhere", "not measured"],
+    ]
+    assert "no/such/scene.glb" in (folder / "claims.csv").read_text()
+    assert not (folder / "tiny").exists()
+    state = json.loads((folder / "claims.json").read_text())
+    assert state["runs"]["tiny"]["reused"]
+    of_claims = claims.parent / "of_claims"
+    options = ["--id", "more-samples", "--reuse", str(whole), "--out", str(of_claims)]
+    assert bench("claims", "--file", str(claims), *options).returncode == 0
+
+
+def test_results_of_other_settings_are_not_reused(whole: Path, claims: Path):
+    other = claims.parent / "other"
+    changes = {"frames = 6\nsize": "frames = 7\nsize", 'size = "160x90"': 'size = "176x96"', '"hall"': '"village"'}
+    for old, new in changes.items():
+        (claims.parent / "changed.toml").write_text(TINY.replace(old, new, 1))
+        arguments = ["--file", str(claims.parent / "changed.toml"), "--id", "more-samples", "--out", str(other)]
+        done = bench("claims", *arguments, "--reuse", str(whole / "tiny"))
+        assert done.returncode == 2, done.stdout
+        assert "no run that these claims need" in done.stderr
+
+
+def test_a_dry_run_says_what_it_takes_and_runs_nothing(claims: Path):
+    folder = claims.parent / "dry"
+    done = bench("claims", "--file", str(claims), "--quick", "--dry-run", "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert max(map(len, done.stdout.splitlines())) <= 80
+    assert "--frames 2" in " ".join(done.stdout.split())
+    assert "no/such/scene.glb" in done.stdout
+    assert not folder.exists()
+
+
+def test_what_was_left_by_a_stop_is_kept_and_said(whole: Path, claims: Path):
+    """As a kill leaves it: frames are committed, but the run is not marked as made."""
+    folder = claims.parent / "stopped"
+    shutil.copytree(whole, folder)
+    state = json.loads((folder / "claims.json").read_text())
+    state["runs"]["tiny"] |= {"problem": "It has not been run yet: the same command goes on.", "made": None}
+    (folder / "claims.json").write_text(json.dumps(state))
+    assert bench("report", str(folder)).returncode == 0
+    assert rows_of(folder) == [["more-samples", "tiny", "not measured"]]
+    done = bench("claims", "--file", str(claims), "--id", "more-samples", "--out", str(folder))
+    assert done.returncode == 0, done.stderr
+    assert rows_of(folder) == [["more-samples", "tiny", "confirmed"]]
+    assert (folder / "tiny" / "frames.csv").read_text() == (whole / "tiny" / "frames.csv").read_text()
+
+
+def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):
+    for arguments in (
+        ["--id", "more-smaples"],
+        ["--out", str(whole / "tiny")],
+        ["--out", str(claims)],
+        ["--file", str(claims.parent / "absent.toml")],
+    ):
+        done = bench("claims", "--file", str(claims), *arguments)
+        assert done.returncode == 2, (arguments, done.stdout)
+        assert done.stderr.startswith("bench: ")
+        assert len(done.stderr.splitlines()) == 1
