@@ -390,8 +390,8 @@ def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "Of `bench sweep`: one row per cell of the grid and coding, in the order of the grid. A cell whose status "
             "is overflow has numbers but is on no front; one that failed or is invalid has none. The server time of a "
             "pass is the median over the frames; its median and interval are over the passes, and the interval is that "
-            "of summary.csv, so it needs 6 of them. Medians and intervals of all else are over the frames: the same on "
-            "every machine.",
+            "of summary.csv, so it needs 6 of them. Medians and intervals of all else are over the frames: the same in "
+            "every run.",
             SWEEP_COLUMNS,
         ),
         (

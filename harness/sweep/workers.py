@@ -85,7 +85,8 @@ def _worker(wanted: Wanted, folder: Path, todo: Any, done: Any) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
     share = str(max(1, (os.cpu_count() or 1) // wanted.workers))
-    os.environ.setdefault("POCL_CPU_MAX_CU_COUNT", share)
+    for name in ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"):  # of newer and of older PoCL
+        os.environ.setdefault(name, share)
     grid = make_grid(wanted.settings, wanted.vary)
     run = SweepRun(wanted, grid, folder, Sessions())
     run.start_again = lambda: os._exit(HUNG)

@@ -122,7 +122,7 @@ def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path)
     names = ("Failing", "Spinning", "Pointless")
     methods = [argument for name in names for argument in ("--method", f"{BAD}:{name}")]
     small = ["--size", "160x90", "--frames", "2", "--atlas", "128x128", "--vary", "fit=0.5", "--codec", "none"]
-    done = bench("sweep", *methods, "--method", "sas", *small, *QUICK, "--timeout", "2", "--out", str(folder))
+    done = bench("sweep", *methods, "--method", "sas", *small, "--workers", "2", "--timeout", "3", "--out", str(folder))
     assert done.returncode == 1, done.stderr
     rows = {row["method"]: row for row in rows_of(folder)}
     statuses = {name: row["status"] for name, row in rows.items()}
@@ -130,16 +130,6 @@ def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path)
     assert all(row["flip_median"] == row["server_ms_median"] == "" for row in rows.values() if row["status"] != "ok")
     page = (folder / "report.html").read_text()
     assert "one too many" in page
-
-
-def test_a_kernel_that_hangs_ends_its_worker_and_is_a_row(tmp_path: Path):
-    folder = tmp_path / "out"
-    small = ["--size", "160x90", "--frames", "2", "--atlas", "128x128", "--codec", "none", "--timeout", "1"]
-    done = bench(
-        "sweep", "--method", f"{BAD}:Spinning", *small, "--vary", "fit=0.5", "--workers", "2", "--out", str(folder)
-    )
-    assert done.returncode == 1, done.stderr
-    assert [(row["method"], row["status"]) for row in rows_of(folder)] == [("spinning", "timeout")]
 
 
 def test_a_dry_run_prints_the_grid_and_runs_nothing(tmp_path: Path):
