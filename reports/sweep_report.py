@@ -320,8 +320,7 @@ def _troubles(points: Sequence[Point]) -> str:
         if row["status"] != "ok":
             key = (row["method"], row["variant"], point.condition, point.label)
             frames = f"{row['frames'] - row['frames_ok']} of {row['frames']}"
-            what = ", ".join(filter(None, (point.condition, point.label)))
-            lines.setdefault(key, [row["method"], what, row["status"], frames, row["reason"] or ""])
+            lines.setdefault(key, [row["method"], point.label, row["status"], frames, row["reason"] or ""])
     stopped = {
         (p.row["method"], p.row["variant"], p.condition, p.label): p
         for p in points
@@ -345,9 +344,8 @@ def _cells(points: Sequence[Point]) -> str:
     lines = []
     for point in points:
         method, label, *values, _ = _line_of(point)
-        what = ", ".join(filter(None, (point.condition, label)))
         row = point.row
-        lines.append([method, what, CODING_NAMES[row["coding"]], row["status"], *values, row["stop"]])
+        lines.append([method, label, CODING_NAMES[row["coding"]], row["status"], *values, row["stop"]])
     summary = f"<summary>{len(lines)} rows; sweep.csv has all their columns</summary>"
     return section("cells", "All cells", f"<details>{summary}{table(head, lines, texts=4)}</details>")
 

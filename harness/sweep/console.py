@@ -82,8 +82,8 @@ def show_sweep(points: list[Point], folder: Path) -> None:
         if not lines:
             continue
         what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
-        title = f"Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {what}"
-        table = make_table(title, "method", "parameters", "server ms", "samples", "FLIP")
+        console.print(f"[bold]Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {escape(what)}[/]")
+        table = make_table("", "method", "parameters", "server ms", "samples", "FLIP")
         for column in table.columns[2:]:
             column.justify, column.no_wrap = "right", True
         for point in sorted(lines, key=lambda point: (point.row["method"], point.row[f"{cost}_median"])):
