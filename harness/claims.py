@@ -141,7 +141,11 @@ def run_claims(wanted: Wanted, out: Path | None) -> bool:
             console.print(f"[dim]Run {place + 1} of {len(runs)}:[/] {named.name}  [dim]{escape(named.command)}[/]")
             try:
                 work.one(named)
-            except (typer.Exit, KeyboardInterrupt):
+            except typer.Exit:  # stopped while frames were measured, and said so
+                stopped = True
+                break
+            except KeyboardInterrupt:
+                console.print(f"Stopped. Finished runs are kept: the same command with --out {folder} goes on.")
                 stopped = True
                 break
         results = write_claims(folder)

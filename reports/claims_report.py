@@ -1,4 +1,7 @@
-"""The results of `bench claims`: claims.csv and claims.html, from the runs that its folder names."""
+"""The results of `bench claims`: claims.csv and claims.html, from the runs that its folder names.
+
+`python -m reports.claims_report DIR` prints the table of CLAIMS.md.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,7 @@ from collections.abc import Sequence
 from functools import cache
 from html import escape
 from importlib.resources import files
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -35,8 +39,10 @@ COPY = "claims.toml"
 KINDS = {CONFIRMED: "yes", NOT_CONFIRMED: "no", UNDECIDED: "open", NOT_MEASURED: "none", NOT_MEASURABLE: "none"}
 STYLE = """
 .claims :is(td, th) { text-align: left; white-space: normal; }
-.claims td:nth-child(1) { min-width: 19rem; } .claims td:nth-child(4) { white-space: nowrap; }
-.claims td:nth-child(5) { white-space: nowrap; font-weight: 650; }
+.claims td:first-child { min-width: 16rem; font-weight: 400; } .claims td[rowspan] + td { min-width: 7rem; }
+.claims tbody + tbody { border-top: 1px solid var(--line); }
+.claims td.yes, .claims td.no, .claims td.open, .claims td.none { white-space: nowrap; font-weight: 650; }
+.claims td:has(+ .yes, + .no, + .open, + .none) { white-space: nowrap; }
 .yes { color: var(--best-ink); } .no { color: var(--bad); } .open, .none { color: var(--soft); }
 .claims code { font-size: .8rem; color: var(--soft); }
 .commands td { white-space: normal; overflow-wrap: anywhere; text-align: left; font-size: .82rem; }
@@ -121,13 +127,14 @@ def counts_text(results: Sequence[Judged]) -> str:
 
 
 def as_markdown(results: Sequence[Judged]) -> str:
-    """The table of reports/CLAIMS.md: one line per claim and place."""
-    lines = ["| claim | source | published | run | rule | measured | verdict |", "| --- " * 7 + "|"]
-    for result in results:
-        claim = result.claim
-        rule = claim.rule.text if claim.rule else ""
-        cells = [claim.claim, f"{claim.paper}, {claim.source}", claim.published, "/".join(result.place), rule]
-        cells += [measured_text(result), result.verdict if rule else f"{result.verdict}: {result.reason}"]
+    """The table of reports/CLAIMS.md: one line per claim, with all places where it was measured."""
+    lines = ["| claim | source | published | must be | measured here |", "| --- " * 5 + "|"]
+    for _, group in groupby(results, key=lambda result: result.claim.id):
+        own = list(group)
+        claim = own[0].claim
+        places = [f"{' / '.join(r.place)} {measured_text(r)} **{r.verdict}**" for r in own if r.place]
+        cells = [f"{claim.claim} `{claim.id}`", f"{claim.paper}, {claim.source}", claim.published]
+        cells += [claim.rule.text if claim.rule else "", "<br>".join(places) or f"{own[0].verdict}: {own[0].reason}"]
         lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
     return "\n".join(lines) + "\n"
 
@@ -138,7 +145,7 @@ def _page(claims: Claims, results: Sequence[Judged], state: dict[str, Any]) -> s
         "Claims": str(len(claims.claims)),
         "Runs": "quick ones" if state["quick"] else "as the file of claims says",
         "Device": state["device"],
-        "Date": state["date"],
+        "Date": state["date"].replace("T", " "),
     }
     papers = "".join(_paper(name, title, results) for name, title in claims.papers.items())
     style = files("reports").joinpath("page.css").read_text(encoding="utf-8")
@@ -148,32 +155,39 @@ def _page(claims: Claims, results: Sequence[Judged], state: dict[str, Any]) -> s
 
 
 def _paper(name: str, title: str, results: Sequence[Judged]) -> str:
-    lines = [_line(result) for result in results if result.claim.paper == name and result.claim.measure]
-    if not lines:
+    own = [result for result in results if result.claim.paper == name and result.claim.measure]
+    if not own:
         return ""
-    head = "".join(f"<th>{text}</th>" for text in ("claim", "published", "measured in", "value", "verdict", "why"))
+    head = "".join(f"<th>{text}</th>" for text in ("claim", "published", "run", "measured here", "verdict", "because"))
+    groups = [list(group) for _, group in groupby(own, key=lambda result: result.claim.id)]
     return section(
         name,
         title,
         caption(
-            "A value is the median over the frames with its 95 % interval; below it stands what it must be. It is "
-            "confirmed if the interval is wholly inside, not confirmed if wholly outside, and else undecided."
+            "What is measured is a median over the frames with its 95 % interval. A claim is confirmed if the interval "
+            "lies wholly in the range that stands below the published value, not confirmed if wholly outside of it, "
+            "and else undecided."
         ),
         f'<div class="scroll" tabindex="0"><table class="claims"><thead><tr>{head}</tr></thead>'
-        f"<tbody>{''.join(lines)}</tbody></table></div>",
+        f"{''.join(map(_body, groups))}</table></div>",
     )
 
 
-def _line(result: Judged) -> str:
-    claim = result.claim
+def _body(results: Sequence[Judged]) -> str:
+    """One claim, with a line for each place."""
+    claim, rows = results[0].claim, len(results)
     about = f"{claim.source}; {claim.kind}; {', '.join(claim.methods)}"
-    value = f"{escape(measured_text(result)) or NONE}<small>{escape(claim.rule.text)}</small>"
-    return (
-        f"<tr><td>{escape(claim.claim)}<small>{escape(about)}</small><code>{escape(claim.id)}</code></td>"
-        f"<td>{escape(claim.published)}</td><td>{escape(' / '.join(result.place))}</td><td>{value}</td>"
-        f'<td class="{KINDS[result.verdict]}">{result.verdict}</td>'
-        f"<td>{escape(result.reason)}<small>{escape(claim.why)}</small></td></tr>"
+    first = (
+        f'<td rowspan="{rows}">{escape(claim.claim)}<small>{escape(about)}</small><small>{escape(claim.why)}</small>'
+        f"<code>{escape(claim.id)}</code></td>"
+        f'<td rowspan="{rows}">{escape(claim.published)}<small>{escape(claim.rule.text)}</small></td>'
     )
+    lines = [
+        f"<td>{escape(' / '.join(result.place))}</td><td>{escape(measured_text(result)) or NONE}</td>"
+        f'<td class="{KINDS[result.verdict]}">{result.verdict}</td><td>{escape(result.reason)}</td>'
+        for result in results
+    ]
+    return "<tbody>" + "".join(f"<tr>{first * (not place)}{line}</tr>" for place, line in enumerate(lines)) + "</tbody>"
 
 
 def _out_of_reach(results: Sequence[Judged]) -> str:
@@ -197,3 +211,9 @@ def _runs(state: dict[str, Any]) -> str:
     ]
     text = table(["run", "command", "how"], lines, texts=3).replace('class="words', 'class="commands words')
     return section("runs", "Runs", caption("The commands that measure the claims."), text)
+
+
+if __name__ == "__main__":
+    import sys
+
+    print(as_markdown(write_claims(Path(sys.argv[1]))), end="")
