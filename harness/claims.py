@@ -7,7 +7,7 @@ import io
 import json
 import os
 import shlex
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -71,7 +71,8 @@ class NamedRun:
 
     def settings(self) -> Settings:
         """Its options as settings, the scene's file where it is found. Raises SettingsError or SceneError."""
-        return settings_of({**self.options, "scene": _scene(self.options.get("scene", "hall"))})
+        settings = settings_of(self.options, source=f"The run {self.name} of the claims")
+        return replace(settings, scene=_scene(settings.scene))
 
 
 def _scene(name: str) -> str:
@@ -98,7 +99,20 @@ def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
             device = {"device": wanted.device} if wanted.device else {}
             quick = claims.quick if wanted.quick else {}
             found.append(NamedRun(name, _shortened(options | device, quick, specs), ids))
+    for named in found:
+        _check(named)
     return claims, found
+
+
+def _check(named: NamedRun) -> None:
+    """Raise InputError or SettingsError for options that no run takes; a scene may be missing."""
+    if named.preset:
+        from harness.ppll_2014 import experiment_of
+
+        experiment_of(named.preset, named.options)
+        return
+    with contextlib.suppress(SceneError):
+        named.settings()
 
 
 def _shortened(options: dict[str, Any], quick: dict[str, Any], specs: set[str]) -> dict[str, Any]:
@@ -250,7 +264,10 @@ def _misfit(named: NamedRun, folder: Path) -> str:
     except SceneError as error:
         return str(error)
     ours, other = own.to_json(), theirs.to_json()
-    names = [name for name in ours if name not in (*FREE, "crf", "device", "scene") and ours[name] != other[name]]
+    apart = {*FREE, "crf", "device", "scene"}
+    if own.codec == "none":  # every run also shows its planes without loss
+        apart |= {"codec", "display_crf"}
+    names = [name for name in ours if name not in apart and ours[name] != other[name]]
     if Path(own.scene).resolve() != Path(theirs.scene).resolve():
         names.append("scene")
     if not set(own.crfs) <= set(theirs.crfs):

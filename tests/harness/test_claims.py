@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from harness.claims import Wanted, needs, variants_of
+from reports.claims import FEWEST
 from tests.harness.test_run import bench
 
 TINY = """
@@ -146,12 +148,26 @@ def test_what_was_left_by_a_stop_is_kept_and_said(whole: Path, claims: Path):
     assert (folder / "tiny" / "frames.csv").read_text() == (whole / "tiny" / "frames.csv").read_text()
 
 
+def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
+    for quick in (False, True):
+        claims, runs = needs(Wanted(quick=quick))
+        assert {run.name for run in runs} == set(claims.runs)
+        frames = [run.options["frames"] for run in runs]
+        assert min(frames) >= FEWEST, "enough for an interval"
+        variants = variants_of(claims)
+        assert len(set(variants.values())) == len(variants)
+    assert any("--crf 5,25,35" in run.command for run in runs)
+
+
 def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):
+    misspelt = claims.parent / "misspelt.toml"
+    misspelt.write_text(TINY.replace('size = "160x90"', 'seize = "160x90"'))
     for arguments in (
         ["--id", "more-smaples"],
         ["--out", str(whole / "tiny")],
         ["--out", str(claims)],
         ["--file", str(claims.parent / "absent.toml")],
+        ["--file", str(misspelt)],
     ):
         done = bench("claims", "--file", str(claims), *arguments)
         assert done.returncode == 2, (arguments, done.stdout)
