@@ -107,14 +107,23 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "stretch_linf",
         "px/texel",
         "lower",
-        "largest stretch of the atlas on screen; both are empty where no pixel can be measured",
+        "largest stretch of the atlas on screen; both are of the nearest triangle with any opacity in a pixel, and "
+        "empty where no pixel can be measured",
     ),
     _quality("coherence", "0..1", "higher", "share of owned texels with the same owner as in the frame before"),
     _quality("coherence_bytes", "0..1", "higher", "share of the atlas' bytes unchanged since the frame before"),
     _quality(
-        "missing_px", "0..1", "lower", "share of the novel view's pixels whose triangle is not in the visible set"
+        "missing_px",
+        "0..1",
+        "lower",
+        "share of the novel view's pixels whose triangle, the nearest with any opacity, is not in the visible set",
     ),
-    _quality("holes_px", "0..1", "lower", "share of the novel view's pixels empty on the client, not in the reference"),
+    _quality(
+        "holes_px",
+        "0..1",
+        "lower",
+        "share of the novel view's pixels where the client draws nothing, blended or not, and the reference does",
+    ),
     Column("peak_mb", "MB", "peak memory of the process (1 MB is 10^6 bytes)", "size", float, "lower"),
 )
 
