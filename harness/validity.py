@@ -10,7 +10,8 @@ placed        Every potentially visible triangle has a place (the client locates
 barycentrics  Samples name an existing triangle, and their barycentrics are finite. Weight i is at least
               -(1 + MARGIN / h_i), where h_i is the height of the triangle over edge i in the atlas, in texels and at
               least 1: no further outside than one height (the other half of a block) and MARGIN texels; or the sample
-              is within 1 + MARGIN texels of where a point of its triangle is looked up.
+              is within 1 + MARGIN texels of where it, and a corner, the centre or a near point of its triangle, are
+              looked up (a triangle in parts has no one height).
 inside        Samples and lookups stay inside the atlas.
 single owner  No texel is listed twice.
 alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else was written.
@@ -369,16 +370,21 @@ def _check_barycentrics(owners: Owners, outside: np.ndarray, atlas: _Atlas, clie
 
 
 def _close_by(triangle: np.ndarray, bary: np.ndarray, centre: np.ndarray, client: Client) -> np.ndarray:
-    """Whether samples with finite barycentrics (n, 2) are within 1 + MARGIN texels of their triangle: bool (n).
+    """Whether samples (n) lie within 1 + MARGIN texels of where they, and a point inside their triangle, are looked up.
 
     A triangle in parts has no one height in the atlas: a texel beside a small part of it may be far outside.
     """
     close = np.isfinite(bary).all(axis=1)
-    weights = np.maximum(np.column_stack([1 - bary[close].sum(axis=1), bary[close]]), 0)
-    inside = (weights / weights.sum(axis=1, keepdims=True))[:, 1:].astype(np.float32)
-    if inside.size:
-        places = client.locate(triangle[close], inside)
-        close[close] = np.abs(places - centre[close]).max(axis=1) <= 1 + MARGIN
+    if not close.any():
+        return close
+    own = bary[close].astype(np.float64)[:, None]
+    weights = np.maximum(np.concatenate([1 - own.sum(axis=2, keepdims=True), own], axis=2), 0)
+    clamped = (weights / weights.sum(axis=2, keepdims=True))[..., 1:]
+    points = np.concatenate([own, clamped, np.broadcast_to(ANCHORS, (len(own), *ANCHORS.shape))], axis=1)
+    count = points.shape[1]
+    places = client.locate(np.repeat(triangle[close], count), points.reshape(-1, 2).astype(np.float32))
+    near = np.abs(places.reshape(-1, count, 2) - centre[close][:, None]).max(axis=2) <= 1 + MARGIN
+    close[close] = near[:, 0] & near[:, 1:].any(axis=1)
     return close
 
 

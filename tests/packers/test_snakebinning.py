@@ -1,5 +1,7 @@
 """SnakeBinning on a small room: valid with every switch, coherent, deterministic, and it looks right."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -9,34 +11,14 @@ from harness.pvs import potentially_visible
 from harness.reference import ForwardRenderer
 from harness.validity import Gaps, check
 from harness.views import CellFrustum, Pose, client_view
-from packers.interface import Decoded, Frame, Payload, ServerScene, View
+from packers.interface import Frame, Payload, ServerScene, View
 from packers.snakebinning import SnakeBinning
 from packers.snakebinning.client import decode_records, encode_records
 from packers.snakebinning.packer import check_atlas, reference_views
-from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view, room, server_of
+from tests.packers import streams
+from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view
 
-
-@pytest.fixture(scope="module")
-def scene(device) -> ServerScene:
-    return server_of(device, room())
-
-
-class Stream:
-    """A packer and its client over some frames."""
-
-    def __init__(self, scene: ServerScene, **parameters) -> None:
-        self.packer = SnakeBinning(**parameters)
-        self.packer.prepare(scene)
-        self.client = self.packer.client(scene)
-
-    def send(self, frame: Frame) -> Payload:
-        payload = self.packer.pack(frame)
-        planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
-        self.client.receive(Decoded(planes, payload.blobs, payload.geometry))
-        return payload
-
-    def violations(self, frame: Frame, payload: Payload) -> list:
-        return check(frame, payload, self.packer.owners(payload), self.client)
+Stream = partial(streams.Stream, SnakeBinning)
 
 
 SWITCHES = [

@@ -1,39 +1,20 @@
 """Tessellated Shading Streaming on a small room: valid, deterministic, honest about its bytes, and it looks right."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from harness.reference import ForwardRenderer
-from harness.validity import check
-from packers.interface import Decoded, Frame, Payload, ServerScene
+from packers.interface import Payload
 from packers.tss import TessellatedShadingStreaming
 from packers.tss.packer import smallest_that_fits
-from tests.packers.rooms import frame_of, novel_view, room, server_of
+from tests.packers import streams
+from tests.packers.rooms import frame_of, novel_view
 
-
-@pytest.fixture(scope="module")
-def scene(device) -> ServerScene:
-    return server_of(device, room())
-
-
-class Stream:
-    """A packer and its client over some frames."""
-
-    def __init__(self, scene: ServerScene, **parameters) -> None:
-        self.packer = TessellatedShadingStreaming(**parameters)
-        self.packer.prepare(scene)
-        self.client = self.packer.client(scene)
-
-    def send(self, frame: Frame) -> Payload:
-        payload = self.packer.pack(frame)
-        planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
-        self.client.receive(Decoded(planes, payload.blobs, payload.geometry))
-        return payload
-
-    def violations(self, frame: Frame, payload: Payload) -> list:
-        return check(frame, payload, self.packer.owners(payload), self.client, budget=None)
+Stream = partial(streams.Stream, TessellatedShadingStreaming, budget=None)
 
 
 @pytest.mark.parametrize("strategy", ["combined", "lpacking", "oversampling"])

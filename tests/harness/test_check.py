@@ -1,0 +1,61 @@
+"""The conformance kit fails where a packer has a planted fault, in a sentence that names it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from harness import check
+from harness.check import CHECKS, Kit, guarded_run
+from harness.cli import app
+from tests.harness import faulty_packers as faulty
+
+FAULTY = Path(faulty.__file__)
+FEW = ("parameters", "picture", "empty set", "overflow")
+
+
+@pytest.fixture(scope="module")
+def stages() -> dict:
+    return {}
+
+
+@pytest.mark.parametrize(
+    ("packer", "name", "status", "words"),
+    [
+        (faulty.WrongTexel, "picture", "invalid", "1 texels differ by up to 128 levels from what the shading function"),
+        (faulty.UnwrittenTexel, "one triangle", "invalid", "touch 1 texels that were not written. First: triangles"),
+        (faulty.Unsteady, "picture", "unsteady", "packed with work-groups of 16: other bytes in the blob noise"),
+        (faulty.NotANumber, "picture", "invalid", "the statistics waste are not finite"),
+        (faulty.Elsewhere, "one triangle", "invalid", "First: triangles 0"),
+        (faulty.Crashing, "empty set", "failed", "IndexError in faulty_packers.py, line"),
+        (faulty.Silent, "overflow", "invalid", "have no place and are not listed"),
+        (faulty.Hanging, "screen-filling", "timeout", "did not finish in time"),
+    ],
+)
+def test_a_fault_is_found_and_named(device, stages, packer, name, status, words):
+    timeout = 0.5 if packer is faulty.Hanging else 60
+    found = guarded_run(CHECKS[name], Kit(device, packer(), stages), timeout, lambda: None)
+    assert found.status == status
+    assert words in found.sentence
+
+
+def test_the_command_says_what_is_wrong_and_shows_it(tmp_path, monkeypatch):
+    monkeypatch.setattr(check, "CHECKS", {name: CHECKS[name] for name in FEW})
+    monkeypatch.setattr(check, "EXAMPLES", 2)
+    monkeypatch.setattr(check, "BENCHMARK", 0.05)
+    result = CliRunner().invoke(app, ["check", f"{FAULTY}:Silent", "--out", str(tmp_path / "out")])
+    text = " ".join(result.stdout.split())
+    assert result.exit_code == 1
+    assert "FAIL overflow: Frame 0:" in text
+    assert "pass picture" in text
+    assert "pass benchmark" in text
+    assert {path.name for path in (tmp_path / "out").glob("*overflow*")} == {
+        f"silent_overflow_{name}.png" for name in ("client", "reference", "atlas")
+    }
+
+
+@pytest.mark.parametrize("packer", ["nobody", "missing.py:Mine", "sas[no=1]"])
+def test_packers_that_cannot_be_loaded_are_refused(packer):
+    assert CliRunner().invoke(app, ["check", packer]).exit_code == 2

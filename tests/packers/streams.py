@@ -1,0 +1,26 @@
+"""A packer with its client over some frames."""
+
+from __future__ import annotations
+
+from harness.trial import send
+from harness.validity import BUDGET, check
+from packers.interface import Frame, Packer, Payload, ServerScene
+
+
+class Stream:
+    """A packer of a class with some parameters, prepared for a scene, and its client; budget: see validity.check."""
+
+    def __init__(self, kind: type[Packer], scene: ServerScene, budget: int | None = BUDGET, **parameters) -> None:
+        self.packer, self.budget = kind(**parameters), budget
+        self.packer.prepare(scene)
+        self.client = self.packer.client(scene)
+
+    def send(self, frame: Frame) -> Payload:
+        """Pack a frame and hand it to the client."""
+        payload = self.packer.pack(frame)
+        send(self.client, payload)
+        return payload
+
+    def violations(self, frame: Frame, payload: Payload) -> list:
+        """What is not valid about the frame just sent."""
+        return check(frame, payload, self.packer.owners(payload), self.client, budget=self.budget)
