@@ -71,6 +71,13 @@ DisplayCrf = Annotated[Whole, _option(CODING, "The rate the client sees. Default
 DeviceName = Annotated[Text, _option(RUNNING, "Part of an OpenCL device's name", metavar="NAME")]
 Seed = Annotated[Whole, _option(RUNNING, "Of scene, head motion and methods. Default: 0", metavar="N")]
 Repeat = Annotated[Whole, _option(RUNNING, "Timings of every frame. Default: 1", metavar="N")]
+NoSkip = Annotated[
+    list[str] | None, _option(RUNNING, "Do what nothing needs all the same; repeatable, see --explain", metavar="NAME")
+]
+Metrics = Annotated[
+    Text, _option(CLIENT, "Of flip, dssim, iwssim, psnr, delta_e, stretch. Default: all", metavar="LIST")
+]
+Explain = Annotated[bool, _option(RUNNING, "Also measure what every skip saves, and print it", "--explain")]
 Timeout = Annotated[Number, _option(RUNNING, "For one packing. Default: 60", metavar="SECONDS")]
 Out = Annotated[Path | None, _option(RUNNING, "Folder of the results. Default: a new one in runs/", metavar="DIR")]
 Dump = Annotated[Switch, _option(RUNNING, "Also write every atlas, its owners and the pictures", "--dump")]
@@ -123,8 +130,11 @@ def run(
     seed: Seed = None,
     repeat: Repeat = None,
     timeout: Timeout = None,
+    metrics: Metrics = None,
+    no_skip: NoSkip = None,
     out: Out = None,
     dump: Dump = None,
+    explain: Explain = False,
     dry_run: DryRun = False,
     config: Config = None,
     preset: Preset = None,
@@ -149,7 +159,7 @@ def run(
             return
         from harness.run import run as run_all
 
-        raise typer.Exit(0 if run_all(wanted, out) else SOME_FAILED)
+        raise typer.Exit(0 if run_all(wanted, out, explained=explain) else SOME_FAILED)
 
 
 def _settings_of(options: dict[str, Any]) -> Settings:
@@ -157,7 +167,7 @@ def _settings_of(options: dict[str, Any]) -> Settings:
     from harness import settings as s
 
     given = {name: value for name, value in options.items() if value not in (None, (), [])}
-    for not_a_setting in ("out", "dry_run", "config", "preset", *OF_SWEEP):
+    for not_a_setting in ("out", "dry_run", "explain", "config", "preset", *OF_SWEEP):
         given.pop(not_a_setting, None)
     config = options.get("config")
     base = s.read_settings(config).to_json() if config else {}

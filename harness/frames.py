@@ -26,6 +26,7 @@ class Work:
 
     pvs_ms: device time of computing the PVS, None when it came from the cache.
     pvs_views: views drawn for it. confined: whether the client's pose had to be moved into the cell.
+    skipped: what was left out meanwhile.
     """
 
     frame: Frame
@@ -33,13 +34,19 @@ class Work:
     pvs_ms: float | None
     pvs_views: int
     confined: bool
+    skipped: frozenset[str] = frozenset()
 
 
 class FrameSource:
-    """Makes the work of any frame of a run, from the path alone, so that a resumed run gets the same work."""
+    """Makes the work of any frame of a run, from the path alone, so that a resumed run gets the same work.
 
-    def __init__(self, scene: ServerScene, path: CameraPath, head: HeadMotion, settings: Settings) -> None:
-        self.scene, self.path, self.head, self.settings = scene, path, head, settings
+    cached: whether visible sets may come from the cache; not where the time that they take is wanted.
+    """
+
+    def __init__(
+        self, scene: ServerScene, path: CameraPath, head: HeadMotion, settings: Settings, cached: bool = True
+    ) -> None:
+        self.scene, self.path, self.head, self.settings, self.cached = scene, path, head, settings, cached
         host = scene.host
         low, high = host.bounds
         diagonal = float(np.linalg.norm(high - low))
@@ -54,7 +61,8 @@ class FrameSource:
         settings = self.settings
         pose = self._pose(index)
         novel, moved = self._novel_view(index, pose)
-        pvs = potentially_visible(self.scene, pose, self.radius, self.frustum, self.near, settings.pvs_density)
+        cell = (pose, self.radius, self.frustum, self.near)
+        pvs = potentially_visible(self.scene, *cell, settings.pvs_density, self.cached)
         frame = Frame(
             index=index,
             scene=self.scene,
@@ -68,7 +76,7 @@ class FrameSource:
             atlas_height=settings.atlas_height,
             seed=settings.seed,
         )
-        return Work(frame, novel, pvs.milliseconds, pvs.views, moved)
+        return Work(frame, novel, pvs.milliseconds, pvs.views, moved, self.scene.skips.take())
 
     def _pose(self, index: int) -> Pose:
         return Pose(self.path.positions[index], self.path.orientations[index])

@@ -33,6 +33,7 @@ class Packed:
     """What packing one frame gave; times are device milliseconds by stage, `wall_ms` is the host's.
 
     repeats: every repetition's stages, where there is more than one; `stages` and `wall_ms` are then medians.
+    skipped: what was left out of it.
     """
 
     payload: Payload
@@ -40,6 +41,7 @@ class Packed:
     launches: dict[str, int]
     wall_ms: float
     repeats: list[dict[str, float]] = field(default_factory=list)
+    skipped: frozenset[str] = frozenset()
 
     def total(self, group: str) -> float:
         """Device milliseconds of all stages of a group ("structs" or "gather")."""
@@ -129,6 +131,7 @@ class Lane:
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
         self.fillers: dict[str, Filler] = {}
+        self.last: tuple[Frame, Packed] | None = None  # where packing its work again would give the same
 
     def prepare(self) -> float:
         """Prepare the packer and make its clients; returns host milliseconds of the packer's own part."""
@@ -173,7 +176,20 @@ class Lane:
         return [("none", None), *(coded[self.settings.codec] if self.packer.atlas else [])]
 
     def pack(self, frame: Frame) -> Packed:
-        """Pack one frame, `--repeat` times; the repetitions use packers of their own with the same past."""
+        """Pack one frame, `--repeat` times; the repetitions use packers of their own with the same past.
+
+        A frame of the same work as the last one is not packed again if the packer says that nothing would change.
+        """
+        start = time.perf_counter()
+        again = self.last is not None and same_work(self.last[0], frame)
+        if self.scene.skips.leaves_out("packing", again):
+            wall = (time.perf_counter() - start) * 1000
+            return Packed(self.last[1].payload, {}, {}, wall, skipped=self.scene.skips.take())
+        packed = self._pack(frame)
+        self.last = (frame, packed) if self.packer.settled() else None
+        return packed
+
+    def _pack(self, frame: Frame) -> Packed:
         packed = self._timed(self.packer, frame)
         again = [self._timed(packer, frame) for packer in self.repeated]
         if again:
@@ -188,7 +204,8 @@ class Lane:
         start = time.perf_counter()
         with self.scene.device.record() as record:
             payload = packer.pack(frame)
-        return Packed(payload, record.milliseconds, record.launches, (time.perf_counter() - start) * 1000)
+        wall = (time.perf_counter() - start) * 1000
+        return Packed(payload, record.milliseconds, record.launches, wall, skipped=self.scene.skips.take())
 
     def advance(self, payload: Payload) -> Sent:
         """Encode the payload, decode it as the clients would, and hand it to them."""
@@ -274,6 +291,7 @@ class Lane:
             "pvs_ms": work.pvs_ms,
             "wall_ms": packed.wall_ms,
             "missing_px": novel.missing,
+            "skipped": "; ".join(sorted(self.scene.skips.always | metrics.skipped | work.skipped | packed.skipped)),
             **self.remember(payload, owners, sent),
             **self._stretch(novel, located),
         }
@@ -316,7 +334,8 @@ class Lane:
 
     def _stretch(self, novel: NovelView, texels: np.ndarray | None) -> dict[str, float | None]:
         """Stretch of the atlas on the novel view's pixels; texels: float64 (n, 2), where its points lie."""
-        if texels is None:
+        wanted = "stretch" in self.settings.metrics
+        if texels is None or not (wanted or "metrics" in self.scene.skips.off):
             return {}
         height, width = novel.visibility.shape
         positions = np.full((height * width, 2), np.nan, np.float32)
@@ -324,7 +343,7 @@ class Lane:
         device = self.scene.device
         located = device.upload(positions.reshape(height, width, 2))
         l2, linf, _ = stretch(device, device.upload(novel.visibility), located)
-        return {"stretch_l2": l2, "stretch_linf": linf}
+        return {"stretch_l2": l2, "stretch_linf": linf} if wanted else {}
 
     def _draw(self, novel: NovelView, metrics: Metrics) -> Drawn:
         """Draw the novel view with both clients and compare with the reference."""
@@ -346,7 +365,8 @@ class Lane:
             if client is self.lossless:
                 drawn.lossless = rgb
             # What the report shows is the displayed client, which is drawn last.
-            drawn.pictures = {"client": rgb, "flip": metrics.flip_map()}
+            flip = metrics.flip_map()
+            drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
         return drawn
 
     def _draw_once(self, client: Client, novel: NovelView) -> tuple[Image, float]:
@@ -366,6 +386,22 @@ def _speed(packed: Packed, payload: Payload, novel: NovelView) -> dict[str, floa
             "gather_over_shading": gather * 1e6 / payload.sample_count / novel.shading_ns,
         }
     return found
+
+
+def same_work(a: Frame, b: Frame) -> bool:
+    """Whether two frames ask the same of a packer, but for their numbers."""
+    views = zip((a.server, *a.predicted), (b.server, *b.predicted), strict=True)
+    return (
+        a.scene is b.scene
+        and len(a.predicted) == len(b.predicted)
+        and (a.cell_radius, a.cell_fov, a.seed) == (b.cell_radius, b.cell_fov, b.seed)
+        and (a.atlas_width, a.atlas_height) == (b.atlas_width, b.atlas_height)
+        and all(
+            np.array_equal(one.matrix, other.matrix) and (one.width, one.height) == (other.width, other.height)
+            for one, other in views
+        )
+        and np.array_equal(a.pvs, b.pvs)
+    )
 
 
 def _verdict(frame: Frame, payload: Payload, found: list[validity.Violation]) -> tuple[str, str | None]:

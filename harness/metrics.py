@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
+from harness.settings import METRIC_NAMES
 from kernels.metrics.ciede2000 import Ciede2000
 from kernels.metrics.flip import Flip, magma
 from kernels.metrics.iwssim import SMALLEST_SIDE as IWSSIM_SIDE
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
+    from packers.skips import Skips
 
 
 @dataclass(frozen=True)
@@ -62,27 +65,48 @@ PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 class Metrics:
     """The picture metrics of frames against their reference; what depends on the reference is computed once.
 
-    reasons: for a metric that the last picture's size does not allow, name to why.
+    reasons: for a metric that the last picture's size does not allow, name to why. wanted: names of PICTURE_METRICS,
+    the others have no values. computed: which of them are, at least the wanted ones. skipped: what is left out.
     """
 
-    def __init__(self, device: Device) -> None:
-        self.device = device
+    def __init__(
+        self,
+        device: Device,
+        wanted: Collection[str] = PICTURE_METRICS,
+        computed: Collection[str] = (),
+        skipped: frozenset[str] = frozenset(),
+    ) -> None:
+        self.skipped = skipped
+        self.device, self.wanted, self.computed = device, frozenset(wanted), {*wanted, *computed}
         self.reasons: dict[str, str] = {}
         self._size: tuple[int, int] | None = None
+
+    @classmethod
+    def asked_for(cls, device: Device, names: Collection[str], skips: Skips) -> Metrics:
+        """Those of METRIC_NAMES that were asked for; the others are computed only where skipping them is forced off."""
+        forced = not skips.leaves_out("metrics", not set(METRIC_NAMES) <= set(names))
+        wanted = [name for name in PICTURE_METRICS if name in names]
+        return cls(device, wanted, PICTURE_METRICS if forced else (), skips.take())
 
     def _allocate(self, width: int, height: int) -> None:
         device = self.device
         self._size = (width, height)
-        self._flip, self._delta_e = Flip(device, width, height), Ciede2000(device, width, height)
-        self._error = SquaredError(device, width, height)
         side = min(width, height)
-        self._ssim = Ssim(device, width, height) if side >= SSIM_SIDE else None
-        self._iwssim = IwSsim(device, width, height) if side >= IWSSIM_SIDE else None
+        self._flip, self._delta_e, self._error, self._ssim, self._iwssim = (
+            metric(device, width, height) if name in self.computed and side >= least else None
+            for name, metric, least in (
+                ("flip", Flip, 1),
+                ("delta_e", Ciede2000, 1),
+                ("psnr", SquaredError, 1),
+                ("dssim", Ssim, SSIM_SIDE),
+                ("iwssim", IwSsim, IWSSIM_SIDE),
+            )
+        )
         smallest = {"dssim": SSIM_SIDE, "iwssim": IWSSIM_SIDE}
         self.reasons = {
             name: f"{name} needs {least} pixels a side, and the picture has {width}x{height}"
             for name, least in smallest.items()
-            if side < least
+            if side < least and name in self.wanted
         }
 
     def _windowed(self) -> list[Flip | Ciede2000 | Ssim | IwSsim]:
@@ -108,15 +132,17 @@ class Metrics:
             raise ValueError(f"A picture of {width}x{height} cannot be compared with the reference of {self._size}.")
         for part in self._windowed():
             part.compare(test)
-        self._error.compare(test, self._reference)
-        return {
-            "flip": self._flip.mean(),
-            "dssim": None if self._ssim is None else (1 - self._ssim.mean()) / 2,
-            "iwssim": None if self._iwssim is None else self._iwssim.score(),
-            "psnr": psnr(self._error.mean()),
-            "delta_e": self._delta_e.mean(),
+        if self._error:
+            self._error.compare(test, self._reference)
+        values = {
+            "flip": self._flip and self._flip.mean(),
+            "dssim": self._ssim and (1 - self._ssim.mean()) / 2,
+            "iwssim": self._iwssim and self._iwssim.score(),
+            "psnr": self._error and psnr(self._error.mean()),
+            "delta_e": self._delta_e and self._delta_e.mean(),
         }
+        return {name: value if name in self.wanted else None for name, value in values.items()}
 
-    def flip_map(self) -> np.ndarray:
-        """The FLIP errors of the last compared picture in FLIP's colours, uint8 (h, w, 3)."""
-        return magma(self._flip.error_map())
+    def flip_map(self) -> np.ndarray | None:
+        """The FLIP errors of the last compared picture in FLIP's colours, uint8 (h, w, 3); None if not wanted."""
+        return magma(self._flip.error_map()) if "flip" in self.wanted else None

@@ -13,7 +13,7 @@ from harness.lane import Lane
 from harness.plugins import variant_string
 from harness.session import Session, find_methods, open_head_motion, open_path, open_scene
 from harness.settings import Settings
-from harness.skips import skipped_stages
+from harness.skips import check_names, skipped_stages
 from kernels.cache import VERSION, cache_folder, write_atomically
 from kernels.device import Device, kernels_digest
 from packers.interface import Packer
@@ -63,6 +63,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     """Print what `bench run` with these settings would do; opens all it needs, runs no kernel."""
     check_folder(out)
     packers = find_methods(settings)
+    check_names(settings.no_skip, packers)
     scene = open_scene(settings)
     path = open_path(settings, scene)
     open_head_motion(settings)
@@ -81,7 +82,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
         console.print(f"[yellow]note[/] {note}", markup=True)
     _print_methods(console, packers, scene, settings, count)
     table = make_table("skipped for this scene", "stage", "why")
-    for name, reason in skipped_stages(scene).items():
+    for name, reason in skipped_stages(scene.features, settings.no_skip).items():
         table.add_row(name, reason)
     console.print(table)
     running = sum(packer.skip(scene) is None for packer in packers)

@@ -49,11 +49,17 @@ def cell_eyes(pose: Pose, radius: float) -> Iterator[Pose]:
 
 
 def potentially_visible(
-    scene: ServerScene, pose: Pose, radius: float, frustum: CellFrustum, near: float, density: float
+    scene: ServerScene,
+    pose: Pose,
+    radius: float,
+    frustum: CellFrustum,
+    near: float,
+    density: float,
+    cached: bool = True,
 ) -> PotentiallyVisibleSet:
     """The set of the cell at `pose`: `radius` in scene units, views at `density` times the client's pixel density.
 
-    Cached on disk by everything that it depends on.
+    Cached on disk by everything that it depends on; drawn all the same if not `cached`.
     """
     key = hashlib.sha256(
         repr(
@@ -72,9 +78,11 @@ def potentially_visible(
     file = cache_folder("pvs") / f"{key.hexdigest()[:32]}.npy"
     planned = [view for eye in cell_eyes(pose, radius) for view in frustum.frusta(eye, near, frustum.density * density)]
     try:
-        return PotentiallyVisibleSet(np.load(file), 0, len(planned), None)
+        if cached:
+            return PotentiallyVisibleSet(np.load(file), 0, len(planned), None)
     except (OSError, ValueError, EOFError):  # not there, or damaged
-        found = _draw(scene, [_fitted(view) for view in planned])
+        pass
+    found = _draw(scene, [_fitted(view) for view in planned])
     write_atomically(file, lambda out: np.save(out, found.ids))
     return found
 
@@ -91,7 +99,8 @@ def _draw(scene: ServerScene, views: list[View]) -> PotentiallyVisibleSet:
     drawn = 0
     with device.record() as record:
         for view in views:
-            if drawn and _adds_nothing(scene, view, flags):
+            adds_nothing = bool(drawn) and _adds_nothing(scene, view, flags)
+            if scene.skips.leaves_out("set views", adds_nothing):
                 continue
             camera = (view.view, view.projection, view.width, view.height)
             if scene.layers:

@@ -26,6 +26,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from harness.console import InputError, make_console, show_summary
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
+from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
 from harness.lane import Lane, Measured, stopped_rows
 from harness.metrics import Metrics
@@ -34,7 +35,7 @@ from harness.novel_view import NovelView, draw_novel_view
 from harness.plan import check_folder, make_plan, remember_pace
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
-from harness.skips import skipped_stages
+from harness.skips import check_names, known_skips, skipped_stages
 from harness.watchdog import PackTimeoutError, restart, time_limit
 from reports import csv_files, html
 from reports.store import Store
@@ -45,10 +46,10 @@ PREPARE = 10  # packings' time that preparing may take: charts of millions of tr
 PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
 
 
-def run(settings: Settings, out: Path | None, resume: Path | None = None) -> bool:
+def run(settings: Settings, out: Path | None, resume: Path | None = None, explained: bool = False) -> bool:
     """Run everything the settings ask for into `out` (a new folder below runs/ if None, or the unfinished run of the
     same plan there); returns whether every row is ok or skipped. resume: what `--out` of the running command names, if
-    that is not `out`.
+    that is not `out`. explained: measure what every skip saves, too.
 
     Raises InputError, SettingsError, SceneError, PathError, DeviceError or StoreError for what cannot be used.
     """
@@ -56,6 +57,7 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None) -> boo
     check_folder(out)
     console.print(f"[dim]Opening {settings.scene} ...[/]")
     lanes_of = find_methods(settings)
+    check_names(settings.no_skip, lanes_of)
     session = open_session(settings)
     lanes = [Lane(packer, session.scene, settings) for packer in lanes_of]
     plan = make_plan(session, lanes)
@@ -69,10 +71,23 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None) -> boo
             write_notes(store, session)
             start_again = partial(restart, "--out", str(again))
             Run(session, lanes, store, folder, start_again=start_again).all_frames(progress)
+            if explained:
+                rows = _explain(session, store, progress)
         csv_files.write_all(folder)
         html.write_report(folder)
         show_summary(store, folder)
+        if explained:
+            show_explained(rows)
         return all(row["status"] in ("ok", "skipped") for row in store.rows())
+
+
+def _explain(session: Session, store: Store, progress: Progress) -> list[dict[str, Any]]:
+    """The rows of skips.csv, kept in the store's notes."""
+    task = progress.add_task("skips", total=None)
+    rows = rows_of(explain(session, lambda text: progress.update(task, description=text)))
+    for row in rows:
+        store.notes[f"saved/{row['skip']}"] = json.dumps(row)
+    return rows
 
 
 class Run:
@@ -93,7 +108,7 @@ class Run:
     ) -> None:
         self.session, self.lanes, self.store, self.folder = session, lanes, store, folder
         self.settings, self.frames = session.settings, session.frames
-        self.metrics = Metrics(session.device)
+        self.metrics = Metrics.asked_for(session.device, session.settings.metrics, session.scene.skips)
         self.pictured = {0, self.frames // 2, self.frames - 1} if pictures else set()
         self.start_again = start_again or partial(restart, "--out", str(folder))
         self.common = self._common_columns()
@@ -314,8 +329,10 @@ def write_notes(store: Store, session: Session) -> None:
         notes[f"scene/{number:02d}"] = text
     for number, text in enumerate(noise_warnings()):
         notes[f"warning/{number:02d}"] = text
-    for name, reason in skipped_stages(scene).items():
+    for name, reason in skipped_stages(scene.features, session.settings.no_skip).items():
         notes[f"skipped/{name}"] = reason
+    for skip in known_skips(find_methods(session.settings)):
+        notes[f"skip/{skip.name}"] = f"{skip.what}: {skip.unneeded}"
 
 
 def folder_for(plan: dict[str, Any], name: str) -> Path:

@@ -16,6 +16,7 @@ from harness.upload import upload_scene
 from kernels.cache import cache_folder
 from kernels.device import Device
 from packers.interface import ServerScene
+from packers.skips import Skips
 from scenes.head_motion import HeadMotion
 from scenes.load import list_scenes, load_scene
 from scenes.model import Scene
@@ -114,6 +115,7 @@ def open_session(settings: Settings, device: Device | None = None) -> Session:
     path = open_path(settings, scene)
     head = open_head_motion(settings)
     device = device or Device.open(settings.device)
-    server = upload_scene(device, scene)
-    source = FrameSource(server, path, head, settings)
+    server = upload_scene(device, scene, Skips(settings.no_skip))
+    # A forced view is to take its time, which it would not with a cached set.
+    source = FrameSource(server, path, head, settings, cached=not settings.no_skip)
     return Session(settings, device, server, path, head, source, ForwardRenderer(server))

@@ -12,6 +12,7 @@ from harness.views import Cell
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
 CELLS = {"default": Cell(0.08, 80), "pvs1": Cell(0.10, 90), "pvs2": Cell(0.20, 125), "pvs3": Cell(0.30, 160)}
 CODECS = ("h264", "jpeg", "none")
+METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
 
 
 class SettingsError(ValueError):
@@ -25,6 +26,7 @@ class Settings:
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
     opaque: whether see-through materials are made opaque.
     pvs_density: pixels of the PVS views per client pixel, along each axis. timeout: seconds for one pack.
+    metrics: those of METRIC_NAMES to compute. no_skip: skips that are forced off (harness.skips).
     """
 
     methods: tuple[str, ...] = ("all",)
@@ -54,9 +56,16 @@ class Settings:
     repeat: int = 1
     timeout: float = 60.0
     dump: bool = False
+    metrics: tuple[str, ...] = METRIC_NAMES
+    no_skip: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        strange = [name for name in self.metrics if name not in METRIC_NAMES]
         checks = [
+            (
+                bool(self.metrics) and not strange,
+                f"--metrics has {', '.join(strange) or 'nothing'}: give some of {', '.join(METRIC_NAMES)}.",
+            ),
             (bool(self.methods), "--method is empty: give all or a method's name."),
             (self.frames >= 1, f"--frames is {self.frames}: give at least 1."),
             (
@@ -138,6 +147,10 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
         given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
     if "crf" in given:
         given["crf"] = parse_crfs(given["crf"])
+    if "metrics" in given:
+        given["metrics"] = tuple(part.strip() for part in given["metrics"].split(",") if part.strip())
+    if "no_skip" in given:
+        given["no_skip"] = tuple(given["no_skip"])
     if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
         raise SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
     return Settings.from_json((base or {}) | given, source)

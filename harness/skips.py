@@ -1,29 +1,125 @@
-"""What a scene does not need, and so is not built or run: DESIGN's rule, as a list with reasons."""
+"""What a scene, a frame or a run does not need, and so is not built or run: each skip, and what decides it."""
 
 from __future__ import annotations
 
-from kernels.fragments.opacity import VARIES, constant_opacities
-from scenes.model import Scene
+from collections.abc import Iterable
+from dataclasses import dataclass
+from difflib import get_close_matches
+from typing import TYPE_CHECKING
+
+from harness.console import InputError
+from scenes.model import Features
+
+if TYPE_CHECKING:
+    from packers.interface import Packer
+
+# Parts of a frame's work, in which `bench run --explain` measures what a skip saves.
+PICTURE, SET, PACKING, METRICS = "reference", "visible set", "packing", "metrics"
 
 
-def opacity_varies(scene: Scene) -> bool:
-    """Whether the atlas needs a plane of opacities."""
-    return scene.features.blend and bool((constant_opacities(scene) == VARIES).any())
+@dataclass(frozen=True)
+class Skip:
+    """One thing that may be left out.
+
+    what: that is not done. unneeded: why, where it applies. needed: why not, where it does not. parts: of a frame's
+    work that it shortens. feature: of the scene that decides it; empty where that depends on the frame.
+    """
+
+    name: str
+    what: str
+    unneeded: str
+    needed: str
+    parts: tuple[str, ...]
+    feature: str = ""
 
 
-def skipped_stages(scene: Scene) -> dict[str, str]:
-    """Stages left out for this scene, name to reason."""
-    features = scene.features
-    reasons = {
-        "textures": (features.textures, "no material has a texture"),
-        "normal maps": (features.normal_maps, "no material has a normal map"),
-        "vertex colours": (features.vertex_colours, "all vertices are white"),
-        "alpha mask": (features.mask, "no material is alpha-masked"),
-        "transparency": (features.blend, "no material is blended or lets light through"),
-        "alpha plane": (opacity_varies(scene), "no blended material's opacity varies over its triangles"),
-        "shadow maps": (features.shadows, "no light casts shadows"),
-        "specular": (features.specular, "all materials are fully rough and not metallic"),
-        "emission": (features.emissive, "no material emits light"),
-        "back-face culling": (features.single_sided, "all materials are double-sided"),
-    }
-    return {name: reason for name, (needed, reason) in reasons.items() if not needed}
+DRAWN = (PICTURE, SET)
+SHADED = (PICTURE, PACKING)
+SKIPS = (
+    Skip("textures", "texture lookups", "no material has a texture", "materials have textures", SHADED, "textures"),
+    Skip(
+        "normal maps",
+        "tangents and bumped normals",
+        "no material has a normal map",
+        "materials have normal maps",
+        SHADED,
+        "normal_maps",
+    ),
+    Skip("shadows", "shadow lookups", "no light casts shadows", "lights cast shadows", SHADED, "shadows"),
+    Skip(
+        "alpha mask",
+        "alpha tests in the rasteriser",
+        "no material is alpha-masked",
+        "materials are alpha-masked",
+        DRAWN,
+        "mask",
+    ),
+    Skip(
+        "blending",
+        "lists of fragments, their shading and compositing",
+        "no material is blended",
+        "materials are blended",
+        DRAWN,
+        "blend",
+    ),
+    Skip(
+        "clusters",
+        "set-up of triangles whose cluster lies outside the view",
+        "clusters lie outside views",
+        "",
+        DRAWN,
+    ),
+    Skip(
+        "set views",
+        "views of the cell all of whose triangles are known to be visible",
+        "views added nothing",
+        "every view adds triangles",
+        (SET,),
+    ),
+    Skip(
+        "packing",
+        "the whole pack where it would give the last payload again",
+        "neither camera nor visible set changed",
+        "the camera moves, or the method's payload changes all the same",
+        (PACKING,),
+    ),
+    Skip(
+        "metrics",
+        "metrics that were not asked for",
+        "--metrics leaves some out",
+        "all metrics are asked for",
+        (METRICS,),
+    ),
+)
+# Without a choice: not built, because the scene shows that it cannot change a pixel.
+ALWAYS = {
+    "vertex_colours": ("vertex colours", "all vertices are white"),
+    "specular": ("specular", "all materials are fully rough and not metallic"),
+    "emissive": ("emission", "no material emits light"),
+    "single_sided": ("back-face culling", "all materials are double-sided"),
+}
+
+
+def known_skips(packers: Iterable[Packer]) -> tuple[Skip, ...]:
+    """The skips of the suite and of these packers."""
+    own: dict[str, Skip] = {}
+    for packer in packers:
+        for name, (what, unneeded, needed) in packer.skips.items():
+            own[name] = Skip(name, f"{packer.name}: {what}", unneeded, needed, (f"{PACKING} by {packer.name}",))
+    return (*SKIPS, *own.values())
+
+
+def check_names(names: Iterable[str], packers: Iterable[Packer]) -> None:
+    """Raise InputError for a name that no skip has, listing those that there are."""
+    known = [skip.name for skip in known_skips(packers)]
+    for name in names:
+        if name not in known:
+            near = get_close_matches(name, known, 1, 0.5)
+            guess = f" Did you mean {near[0]!r}?" if near else ""
+            raise InputError(f"There is no skip {name!r}.{guess} There are: {', '.join(known)}.")
+
+
+def skipped_stages(features: Features, off: Iterable[str] = ()) -> dict[str, str]:
+    """Stages left out for a scene with these features, name to reason; `off` are forced to run."""
+    named = {skip.feature: (skip.name, skip.unneeded) for skip in SKIPS if skip.feature and skip.name not in off}
+    return {name: reason for feature, (name, reason) in (named | ALWAYS).items() if not getattr(features, feature)}

@@ -17,25 +17,50 @@ from kernels.texture.buffers import TextureBuffers
 from kernels.texture.mask import AlphaMask
 from kernels.triangles import Triangles
 from packers.interface import ServerScene
+from packers.skips import Skips
 
 if TYPE_CHECKING:
     from kernels.device import Device
     from scenes.model import Scene
 
 
-def upload_scene(device: Device, scene: Scene) -> ServerScene:
-    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps; outside all timers."""
+# Defines of the shading function by the skip that leaves them out, with the feature that needs them.
+SHADING = {
+    "textures": ("textures", ("TEXTURES",)),
+    "normal maps": ("normal_maps", ("NORMAL_MAPS", "TEXTURES")),
+    "shadows": ("shadows", ("SHADOWS",)),
+}
+
+
+def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> ServerScene:
+    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps; outside all timers.
+
+    What the scene does not need is left out, unless `skips` says otherwise.
+    """
+    features, skips = scene.features, skips or Skips()
+    keep_mask = not skips.leaves_out("alpha mask", not features.mask)
+    keep_layers = not skips.leaves_out("blending", not features.blend)
+    culls = skips.leaves_out("clusters", True)
+    keep = [
+        define
+        for name, (feature, defines) in SHADING.items()
+        if not getattr(features, feature) and not skips.leaves_out(name, True)
+        for define in defines
+    ]
     triangles = upload_triangles(device, scene)
-    mask = AlphaMask.upload(device, scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
+    known = (scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
+    mask = AlphaMask.upload(device, *known, keep_mask)
     textures = TextureBuffers.upload(device, scene.textures, hidden_below(scene))
-    rasteriser = Rasteriser(device, triangles, mask)
+    rasteriser = Rasteriser(device, triangles, mask, cull=culls)
     shadows = _shadow_maps(device, scene, triangles, mask)
-    shader = Shader(device, triangles, surface_of(scene), lighting_of(scene), textures, shadows)
+    surface = surface_of(scene, "NORMAL_MAPS" in keep)
+    shader = Shader(device, triangles, surface, lighting_of(scene), textures, shadows, keep)
     layers = None
-    if scene.features.blend:
+    if keep_layers:
         opacity = Opacity.of_scene(triangles, shader, scene)
-        layers = Layers(LayeredRasteriser(device, triangles, mask), opacity)
-    return ServerScene(scene, device, triangles, rasteriser, shader, mask, layers)
+        layers = Layers(LayeredRasteriser(device, triangles, mask, culls), opacity)
+    skips.always = skips.take()
+    return ServerScene(scene, device, triangles, rasteriser, shader, mask, layers, skips)
 
 
 def hidden_below(scene: Scene) -> dict[int, float]:
@@ -80,16 +105,18 @@ def upload_triangles(device: Device, scene: Scene) -> Triangles:
     return Triangles.upload(device, scene.positions, scene.indices, by_material[scene.material_ids])
 
 
-def surface_of(scene: Scene) -> Surface:
-    """What shading reads of the scene's surface; colours and tangents only where they make a difference."""
-    normal_maps = any(m.normal_texture >= 0 for m in scene.materials)
+def surface_of(scene: Scene, keep_tangents: bool = False) -> Surface:
+    """What shading reads of the scene's surface; colours and tangents only where they make a difference, or to keep."""
+    tangents = scene.tangents if any(m.normal_texture >= 0 for m in scene.materials) else None
+    if keep_tangents and tangents is None:
+        tangents = np.tile(np.array([1, 0, 0, 1], np.float32), (len(scene.positions), 1))
     return Surface(
         scene.normals,
         scene.uvs,
         scene.material_ids,
         scene.materials,
         scene.colours if np.any(scene.colours[:, :3] != 1) else None,
-        scene.tangents if normal_maps else None,
+        tangents,
     )
 
 

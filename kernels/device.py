@@ -137,7 +137,7 @@ def kernels_digest() -> str:
     return digest.hexdigest()[:16]
 
 
-@dataclass
+@dataclass(eq=False)  # nested records may hold the same launches, and are two all the same
 class Record:
     """Device time and launches by stage name, and time by kernel, filled when its `with` block ends.
 

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from packers.skips import Skips
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -99,6 +101,7 @@ class ServerScene:
     host: the scene model. triangles: on the device. rasteriser: draws them. shader: the one shading function.
     mask: alpha masks of masked triangles, None where the scene has none; clients are shipped with it.
     layers: what is seen through blended and transmissive triangles, None where the scene has none.
+    skips: asked before something is left out that nothing needs.
     """
 
     host: Scene
@@ -108,6 +111,7 @@ class ServerScene:
     shader: Shader
     mask: AlphaMask | None = None
     layers: Layers | None = None
+    skips: Skips = field(default_factory=Skips)
 
 
 @dataclass(frozen=True)
@@ -240,6 +244,8 @@ class Packer(ABC):
     atlas: whether it fills planes for the video encoder. A method that does not has rows of codec `none` only.
     leaves_unwritten: whether it writes only the texels within half a texel of a triangle, not all that lookups in it
         touch. Their share is then reported as the statistic `unwritten_lookups`, where validity would else object.
+    skips: what it leaves out (ServerScene.skips) where a frame does not need it, by name: what that is, why it is not
+        needed where that applies, and why it is needed elsewhere.
     """
 
     name: ClassVar[str]
@@ -247,6 +253,7 @@ class Packer(ABC):
     atlas: ClassVar[bool] = True
     leaves_unwritten: bool = False
     parameters: ClassVar[dict[str, Parameter]] = {}
+    skips: ClassVar[dict[str, tuple[str, str, str]]] = {}
 
     def __init__(self, **values: Any) -> None:
         """Set the parameters; unknown names and values that cannot be used raise ValueError, naming those that can."""
@@ -266,6 +273,10 @@ class Packer(ABC):
 
     def prepare(self, scene: ServerScene) -> None:
         """Once per scene, timed apart: patches, charts, buffers."""
+
+    def settled(self) -> bool:
+        """Whether packing the last frame's work once more would give the same payload again, byte for byte."""
+        return False
 
     @abstractmethod
     def pack(self, frame: Frame) -> Payload:

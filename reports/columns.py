@@ -53,6 +53,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("frame", "", "frame of the path, from 0", "key", int),
     Column("status", "", f"one of {', '.join(STATUSES)}", "status", str),
     Column("reason", "", "why the status is not ok", "status", str),
+    Column("skipped", "", "what was left out because nothing needs it, separated by semicolons", "status", str),
     Column("width", "px", "width of the client's picture", "setting", int),
     Column("height", "px", "height of the client's picture", "setting", int),
     Column("fov", "degrees", "horizontal field of view of the client", "setting", float),
@@ -290,6 +291,18 @@ CLAIM_COLUMNS: tuple[Column, ...] = (
 )
 
 
+SKIP_COLUMNS: tuple[Column, ...] = (
+    Column("skip", "", "name, as for --no-skip", "key", str),
+    Column("what", "", "what it leaves out", "setting", str),
+    Column("applies", "", "1 where it applied in the frames measured", "status", int),
+    Column("reason", "", "why it applied, or why not", "status", str),
+    Column("parts", "", "parts of a frame's work that it shortens", "setting", str),
+    Column("with_ms", "ms", "time of these parts per frame, all methods together", "time", float, "lower"),
+    Column("without_ms", "ms", "the same with the skip forced off", "time", float),
+    Column("saved_ms", "ms", "the difference; below 0 where it is lost in noise", "time", float, "higher"),
+)
+
+
 def _kernel_error(name: str, unit: str, meaning: str) -> Column:
     return Column(name, unit, f"{meaning}; over all real numbers of the stage", "quality", float, "lower")
 
@@ -402,6 +415,12 @@ def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "of summary.csv, so it needs 6 of them. Medians and intervals of all else are over the frames: the same in "
             "every run.",
             SWEEP_COLUMNS,
+        ),
+        (
+            "skips.csv",
+            "Of `bench run --explain`: one row per skip. Times with and without are medians of rounds in turn in one "
+            "process: device time of the visible set, the reference and packing, host time of metrics.",
+            SKIP_COLUMNS,
         ),
         (
             "kernels.csv",

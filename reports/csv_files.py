@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import json
 import os
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -18,6 +19,7 @@ from reports.columns import (
     FRAME_KEY,
     MEASURED_STATUSES,
     MEASURES,
+    SKIP_COLUMNS,
     STAGE_COLUMNS,
     STATISTIC_COLUMNS,
     Column,
@@ -29,13 +31,17 @@ SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
 
 
 def write_all(folder: Path) -> None:
-    """Write the four files beside the store in `folder`, each replaced at once. Raises StoreError without a store."""
+    """Write the four files, and skips.csv where skips were measured, beside the store in `folder`, each replaced at
+    once. Raises StoreError without a store."""
     with Store(folder, must_exist=True) as store:
         rows, stages, statistics = store.rows(), store.stages(), store.statistics()
+        saved = [json.loads(text) for text in store.notes.under("saved").values()]
     write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
     write_csv(folder / "summary.csv", summary_columns(), summarise(rows))
     write_csv(folder / "stages.csv", STAGE_COLUMNS, stages)
     write_csv(folder / "statistics.csv", STATISTIC_COLUMNS, statistics)
+    if saved:
+        write_csv(folder / "skips.csv", SKIP_COLUMNS, saved)
 
 
 def write_csv(path: Path, columns: Sequence[Column], rows: Iterable[dict[str, Any]]) -> None:

@@ -16,7 +16,7 @@ from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
 from reports.tables import NONE, headline_tables, number, ranges, table
 
-NOTES = ("environment", "device", "warning", "skipped", "scene", "prepare_ms")
+NOTES = ("environment", "device", "warning", "skipped", "skip", "saved", "scene", "prepare_ms")
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
 
 Row = dict[str, Any]
@@ -43,7 +43,7 @@ def write_report(folder: Path) -> Path:
         _charts(rows, summaries, stages, labels),
         _statistics(statistics, labels),
         _failures(rows, labels),
-        _skipped(notes["skipped"], rows, labels),
+        _skipped(notes, rows, labels),
         _details(notes, plan, labels),
     ]
     figures = _figures(rows, summaries, stages, labels)
@@ -281,18 +281,29 @@ def _reasons(rows: list[Row], labels: charts.Labels) -> list[list[str]]:
     return [[key[0], key[1], ranges({row["frame"] for row in group}), key[2]] for key, group in groups]
 
 
-def _skipped(skipped: dict[str, str], rows: list[Row], labels: charts.Labels) -> str:
-    """What did not run because the scene does not need it: whole methods, and stages."""
+def _skipped(notes: dict[str, dict[str, str]], rows: list[Row], labels: charts.Labels) -> str:
+    """What did not run because nothing needs it, why, where, and what that saved where it was measured."""
     methods = _reasons([row for row in rows if row["status"] == "skipped"], labels)
-    lines = [[f"{method}, frames {frames}", reason] for method, _, frames, reason in methods]
-    lines += [[stage, reason] for stage, reason in skipped.items()]
+    lines = [[method, reason, f"frames {frames}", ""] for method, _, frames, reason in methods]
+    saved = {name: json.loads(text)["saved_ms"] for name, text in notes["saved"].items()}
+    frames: dict[str, set[tuple]] = {}
+    for row in rows:
+        for name in filter(None, (row["skipped"] or "").split("; ")):
+            frames.setdefault(name, set()).add((row["method"], row["variant"], row["frame"]))
+    every = len({(row["method"], row["variant"], row["frame"]) for row in rows if row["status"] != "skipped"})
+    reasons = notes["skipped"] | {name: text for name, text in notes["skip"].items() if name in frames}
+    for name, reason in reasons.items():
+        ms = saved.get(name)
+        places = f"{len(frames[name])} of {every}" if name in frames else "all"
+        lines.append([name, reason, places, "" if ms is None else f"{ms:.2f}"])
     if not lines:
         return ""
+    measured = "Saved: ms per frame" if saved else "bench run --explain measures what each saves"
     return section(
         "skipped",
         "Skipped",
-        caption("What the scene does not need, and why: it cost nothing and changes no number."),
-        table(["skipped", "reason"], lines, texts=2),
+        caption(f"What nothing needs, and why: it cost nothing and changes no number. {measured}."),
+        table(["skipped", "reason", "frames", "saved (ms)"], lines, texts=2),
     )
 
 

@@ -43,7 +43,7 @@ def show_grid(wanted: Wanted, out: Path | None) -> None:
         for name, reason in {cell.packer.name: cell.packer.skip(scene) for cell in cells}.items():
             if reason:
                 console.print(f"[dim]{name} is skipped:[/] {escape(reason)}")
-        console.print(f"[dim]needs no[/] {', '.join(skipped_stages(scene))}")
+        console.print(f"[dim]needs no[/] {', '.join(skipped_stages(scene.features))}")
         running = [cell for cell in cells if cell.packer.skip(scene) is None]
         seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")

@@ -26,8 +26,9 @@ class LayeredRasteriser:
     front of what is drawn; of equal depths the lower triangle is in front, as everywhere. All keep their numbers.
     """
 
-    def __init__(self, device: Device, triangles: Triangles, mask: AlphaMask | None = None) -> None:
-        self.device = device
+    def __init__(self, device: Device, triangles: Triangles, mask: AlphaMask | None = None, cull: bool = True) -> None:
+        """cull: as of Rasteriser."""
+        self.device, self.cull = device, cull
         blended = (triangles.host_flags & Triangles.BLENDED) > 0
         self.opaque, self._opaque_numbers = self._part(triangles, mask, np.flatnonzero(~blended))
         part, self._blended_numbers = self._part(triangles, mask, np.flatnonzero(blended))
@@ -41,7 +42,7 @@ class LayeredRasteriser:
         uploaded = {"indices": self.device.upload(indices), "flags": self.device.upload(flags)}
         part = Triangles(len(chosen), **shared, **uploaded, host_indices=indices, host_flags=flags)
         mask = mask.of_triangles(self.device, chosen) if mask else None
-        return Rasteriser(self.device, part, mask), self.device.upload(chosen.astype(np.int32))
+        return Rasteriser(self.device, part, mask, cull=self.cull), self.device.upload(chosen.astype(np.int32))
 
     def draw(
         self, view: np.ndarray, projection: np.ndarray, width: int, height: int, stage: str

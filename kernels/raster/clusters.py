@@ -29,6 +29,7 @@ class Clusters:
     flags: uint32 (count * size / 8), their flags, 4 bits each.
     boxes: float32 (count, 8): low corner, 0, high corner, 0.
     last_seen: int32 (count), the number of the draw that showed the cluster last.
+    culls: whether those outside a view are left out.
     """
 
     device: Device
@@ -38,15 +39,18 @@ class Clusters:
     flags: Array
     boxes: Array
     last_seen: Array
+    culls: bool = True
 
     @classmethod
-    def build(cls, device: Device, triangles: Triangles, size: int, stage: str = "raster/clusters") -> Clusters:
+    def build(
+        cls, device: Device, triangles: Triangles, size: int, stage: str = "raster/clusters", culls: bool = True
+    ) -> Clusters:
         """Raises ValueError where a triangle's corner is not finite, or beyond 1e18."""
         count = -(-triangles.count // size)
         groups = device.empty((count * size // 8, 9, 8), np.float32)
         flags = device.empty(count * size // 8, np.uint32)
         boxes = device.empty((count, 8), np.float32)
-        clusters = cls(device, count, size, groups, flags, boxes, device.empty(count, np.int32))
+        clusters = cls(device, count, size, groups, flags, boxes, device.empty(count, np.int32), culls)
         device.fill(clusters.last_seen, NEVER)
         inputs = (triangles.positions, triangles.indices, triangles.flags)
         arguments = (triangles.count, count, *inputs, groups, flags, boxes)
@@ -59,7 +63,12 @@ class Clusters:
         return clusters
 
     def seen_lately(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Array, int]:
-        """Clusters that may be in the frustum and were seen at most `recall` draws ago: int32 (n) ascending, and n."""
+        """Clusters that may be in the frustum and were seen at most `recall` draws ago: int32 (n) ascending, and n.
+
+        All of them where the clusters do not cull.
+        """
+        if not self.culls:
+            return self.device.upload(np.arange(self.count, dtype=np.int32)), self.count
         chosen = self.device.recycled(self.count, np.int32)
         arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
         self.device.launch(stage, self._kernels(8).clusters_seen_lately, self.count, *arguments, now, recall, chosen)

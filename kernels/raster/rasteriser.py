@@ -55,7 +55,8 @@ class Rasteriser:
     snapped to 1/256 pixel once; from there coverage is exact: a pixel belongs to a triangle if its centre lies inside,
     or on a top or left edge. Of equal depths the lowest triangle wins. Triangles with Triangles.MASKED have the holes
     of `mask`; without one they have none. Large scenes are drawn in two passes, what was seen lately and then what that
-    does not hide. `cluster` (triangles), `tile` (pixels) and `two_passes_from` (triangles) change the speed only.
+    does not hide. `cluster` (triangles), `tile` (pixels), `two_passes_from` (triangles) and `cull` (whether clusters
+    outside the view are left out) change the speed only.
     Raises ValueError where a triangle has a corner that is not finite.
     """
 
@@ -68,6 +69,7 @@ class Rasteriser:
         cluster: int = CLUSTER,
         tile: int = TILE,
         two_passes_from: int = TWO_PASSES_FROM,
+        cull: bool = True,
     ) -> None:
         if cluster % BLOCK or tile % BLOCK or min(cluster, tile) < BLOCK:
             raise ValueError(f"The cluster size {cluster} and the tile size {tile} must be multiples of {BLOCK}.")
@@ -77,8 +79,8 @@ class Rasteriser:
         self.triangles = triangles
         self.mask = mask
         self.tile = tile
-        self.two_passes = triangles.count >= two_passes_from
-        self.clusters = Clusters.build(device, triangles, cluster)
+        self.two_passes = cull and triangles.count >= two_passes_from
+        self.clusters = Clusters.build(device, triangles, cluster, culls=cull)
         # All of a small scene's triangles have room at once; a large scene starts small.
         self._scratch = Scratch(device, max(256, min(2 * -(-triangles.count // device.chunks), 8192)))
         self._draws = 0

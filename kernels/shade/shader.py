@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,8 +39,12 @@ class Shader:
         lighting: Lighting,
         textures: TextureBuffers,
         shadows: ShadowMaps | None = None,
+        keep: Collection[str] = (),
     ) -> None:
-        """Upload a scene's surface and lighting. `shadows` belong to the same lights; None for none."""
+        """Upload a scene's surface and lighting. `shadows` belong to the same lights; None for none.
+
+        keep: defines (see tables.needed) of what is compiled in though nothing uses it, which changes no pixel.
+        """
         shadows = shadows or ShadowMaps.none(device, len(lighting.lights))
         self.device = device
         self.textures = textures
@@ -47,7 +52,7 @@ class Shader:
         self.tables = make_tables(
             triangles.host_positions, triangles.host_indices, surface, lighting, textures.wraps, shadows.rows
         )
-        self.defines = self.tables.defines
+        self.defines = self.tables.defines | dict.fromkeys(keep, 1)
         vertices = device.upload(self.tables.vertices)
         self.faces = face_rows(device, vertices, triangles.indices, surface.material_ids)
         self._environment = device.upload(self.tables.environment)

@@ -7,13 +7,17 @@
 #define PER_ANGLE 400     // squared bins of height that one squared bin of an angle counts for
 #define FAR 0x7FFFFFFF
 
-// map: a bin's target, -1 for one without. sinks: a bit per bin.
+// map: a bin's target, -1 for one without. sinks: a bit per bin. sources: becomes the number of bins left without.
 __kernel void find_sinks(int count, __global const int *used, __global const int *counts, int most,
-                         __global int *map, __global uint *sinks) {
+                         __global int *map, __global uint *sinks, __global int *sources) {
     const int i = get_global_id(0);
     if (i >= count) return;
     const int bin = used[i];
-    if (map[bin] >= 0 || counts[bin] <= most) return;
+    if (map[bin] >= 0) return;
+    if (counts[bin] <= most) {
+        atomic_inc(sources);
+        return;
+    }
     map[bin] = bin;
     atomic_or(&sinks[bin >> 5], 1u << (bin & 31));
 }

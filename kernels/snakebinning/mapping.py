@@ -34,6 +34,7 @@ class Mapping:
         self.targets = device.empty(BINS, np.int32)
         self.sinks = device.empty(BINS // 32, np.uint32)
         self.keys = device.empty(sum(CELLS), np.uint32)
+        self.sources = device.empty(1, np.int32)
         self.reset()
 
     def reset(self) -> None:
@@ -42,14 +43,19 @@ class Mapping:
         self.device.fill(self.sinks, 0, STAGE)
         self.device.fill(self.keys, NO_KEY, STAGE)
 
-    def update(self, used: Array, count: int, counts: Array) -> None:
+    def update(self, used: Array, count: int, counts: Array, always: bool = False) -> bool:
         """Give targets to those of `count` used bins, int32, that have none: triangles per bin are `counts` (BINS).
 
-        New sinks come first, then sources look for theirs, then those without one are promoted to sinks themselves.
+        Returns whether any bin looks for a sink; if not, no search is launched, unless `always`. New sinks come first,
+        then sources look for theirs, then those without one are promoted to sinks themselves.
         """
         launch, kernels = self.device.launch, self.kernels
         known = (count, used)
-        launch(STAGE, kernels.find_sinks, count, *known, counts, self.most, self.targets, self.sinks)
+        self.device.fill(self.sources, 0, STAGE)
+        launch(STAGE, kernels.find_sinks, count, *known, counts, self.most, self.targets, self.sinks, self.sources)
+        sparse = int(self.sources.get()[0]) > 0
+        if not (sparse or always):
+            return False
         found = self.device.recycled(count, np.int32)
         if self.search == "hierarchical":
             launch(STAGE, kernels.add_sinks, count, *known, self.targets, self.keys)
@@ -57,6 +63,7 @@ class Mapping:
         elif self.search == "exact":
             launch(STAGE, kernels.search_exactly, count, *known, self.targets, self.sinks, found)
         launch(STAGE, kernels.apply_mapping, count, *known, found, self.targets, self.sinks)
+        return sparse
 
 
 def map_bins_twin(

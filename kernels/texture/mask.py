@@ -59,11 +59,15 @@ class AlphaMask:
         material_ids: np.ndarray,
         materials: Sequence[MaskedMaterial],
         textures: Sequence[TextureImage],
+        keep: bool = False,
     ) -> AlphaMask | None:
-        """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T); None where no triangle is masked."""
+        """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T).
+
+        Where no triangle is masked: None, or with `keep` masks of no triangle.
+        """
         masked = np.array([m.alpha_mode == "mask" for m in materials], bool)
         ids = np.flatnonzero(masked[material_ids])
-        if len(ids) == 0:
+        if len(ids) == 0 and not keep:
             return None
         used = np.unique(material_ids[ids])
         chains, levels, alphas, sizes = _chains([materials[i] for i in used], textures)
@@ -122,7 +126,12 @@ def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage]) -
             levels.append((offset, *level.shape[::-1], int(threshold.view(np.int32)), *modes, 0, 0))
             alphas.append(quantised.ravel())
             offset += level.size
-    return (np.array(chains, np.int32), np.array(levels, np.int32), np.concatenate(alphas), np.array(sizes, np.int64))
+    return (
+        np.array(chains, np.int32).reshape(-1, 2),
+        np.array(levels, np.int32).reshape(-1, 8),
+        np.concatenate([np.empty(0, np.uint8), *alphas]),
+        np.array(sizes, np.int64).reshape(-1, 2),
+    )
 
 
 def _threshold(level: np.ndarray, passing: float, cutoff: float) -> float:

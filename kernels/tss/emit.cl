@@ -196,7 +196,12 @@ __kernel void emit_samples(int count, int run, int runs, __global const int *for
         const int parent = parents[i];
         const Piece piece = piece_of(pieces[parent], i - piece_starts[parent]);
         Surface surface = surface_of(ids[parent], vload4(parent, inverse), indices, positions);
-        if (form.x == OVERSAMPLED) emit_halves(&sink, &surface, piece, firsts[i], form, at, width);
-        else emit_l(&sink, &surface, piece, form.x, at.x, width, starts, cell_1, cell_2, cell_at);
+#if OVERSAMPLING
+        if (form.x == OVERSAMPLED) {
+            emit_halves(&sink, &surface, piece, firsts[i], form, at, width);
+            continue;
+        }
+#endif
+        emit_l(&sink, &surface, piece, form.x, at.x, width, starts, cell_1, cell_2, cell_at);
     }
 }

@@ -50,6 +50,12 @@ class CellTable:
         return cls(*(device.upload(values) for values in (starts, weights[:, 0], weights[:, 1], at)))
 
 
+def build_kernels(device: Device) -> None:
+    """Build both forms of the kernels, so that no frame waits for the compiler."""
+    for oversampled in (0, 1):
+        device.build("tss/emit.cl", OVERSAMPLING=oversampled)
+
+
 def emit_samples(
     device: Device,
     primitives: Primitives,
@@ -61,14 +67,16 @@ def emit_samples(
     atlas_width: int,
     mipmaps: bool,
     runs: int | None = None,
+    oversampled: bool = True,
 ) -> Samples:
     """The samples of all placed items, in the order of primitives, then rows.
 
     forms, places: int32 (n, 4) and (n, 2). inverse: as from `invert_depths`. A primitive's samples are spaced evenly on
     screen. The footprint is the longest way on the surface from a sample to the next along an edge of an L, or along
     base or height of a right triangle; with `mipmaps` false it is 0.
+    oversampled: whether any form is OVERSAMPLED; without, their code is not there.
     """
-    kernels = device.build("tss/emit.cl")
+    kernels = device.build("tss/emit.cl", OVERSAMPLING=int(oversampled))
     count = primitives.count
     run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
     runs = -(-count // run)

@@ -111,6 +111,10 @@ class PerPixelLinkedLists(Packer):
         self.held: list[Lists] = []
         self.view: View | None = None
 
+    def settled(self) -> bool:
+        """Whole lists depend on the frame alone; differences on what was sent before."""
+        return self.mode in ("full", "depth-limited")
+
     def pack(self, frame: Frame) -> Payload:
         """The lists of the frame's set in the list view, as far as the display does not hold them."""
         view = list_view(frame)

@@ -76,8 +76,12 @@ class ShadingAtlasStreaming(Packer):
         self.mark = 0
         attributes = dict(zip(ATTRIBUTES, (self.patches.of_triangle, self.patches.codes), strict=True))
         self.geometry = geometry_encoder(scene, attributes)
-        self.sent = np.zeros(self.patches.count, np.uint32)
+        self.sent, self.changed = np.zeros(self.patches.count, np.uint32), True
         self.allocator: Allocator | None = None
+
+    def settled(self) -> bool:
+        """Blocks stay where they are once a set has them, as long as nothing was reset for lack of room."""
+        return not self.changed
 
     def pack(self, frame: Frame) -> Payload:
         """Blocks for the patches in the frame's set, and their shading; the first frame's atlas size is kept."""
@@ -92,11 +96,14 @@ class ShadingAtlasStreaming(Packer):
         seen = (positions, server.eye, server.pixels_per_tangent)
         sizes, histogram = measure_sides(device, patches, count, self.points, *seen)
         bias = self._search_bias(needed_superblocks(device, histogram, self.allocator.grid.top))
+        resets = self.allocator.resets
         self.allocator.allocate(patches, count, sizes, bias, self.members, self.marks, self.mark)
         words = self.allocator.read(patches, count)
+        shown = patches.get()[:count]
+        self.changed = self.allocator.resets > resets or not np.array_equal(words, self.sent[shown])
         listed = (patches, masks, count, self.allocator.words)
         samples = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        return self._payload(frame, patches.get()[:count], words, samples, bias)
+        return self._payload(frame, shown, words, samples, bias)
 
     def _search_bias(self, needed: np.ndarray) -> int:
         """The smallest bias, in eighths, whose request fits; the largest if none does."""

@@ -51,6 +51,10 @@ class SnakeBinning(Packer):
         "SnakeBinning: Efficient Temporally Coherent Triangle Packing for Shading Streaming", 2021, "10.1111/cgf.142648"
     )
     parameters = PARAMETERS
+    skips = {  # noqa: RUF012
+        "bin mapping": ("the search for sinks", "no new bin is sparse", "new bins are sparse"),
+        "re-binning": ("footprints and bins of the whole set", "the layout is frozen", "the layout is rebuilt"),
+    }
 
     def prepare(self, scene: ServerScene) -> None:
         """Allocate what is kept per triangle."""
@@ -121,9 +125,18 @@ class SnakeBinning(Packer):
         self.added_area += float(areas.sum(dtype=np.float64))
         if self.added_area >= self.freeze * self.rebuilt_area or not self._place(frame, is_new, (uploaded, len(new))):
             return False
+        if not frame.scene.skips.leaves_out("re-binning", True):
+            self._bin_in_vain(frame)
         self.frozen_frames += 1
         self.since_mapping += 1
         return True
+
+    def _bin_in_vain(self, frame: Frame) -> None:
+        """What a frozen layout saves: footprints and bins of the whole set, which nobody reads."""
+        device, count = frame.scene.device, len(frame.pvs)
+        spare, bins = Footprints.allocate(device, self.pieces[0] + MOST), BinCounts(device)
+        self._measure(frame, frame.pvs_device, count, self.rate, keep=False, footprints=spare)
+        bins.count(frame.pvs_device, count, spare.bins, spare.lengths)
 
     def _rebuild(self, frame: Frame) -> bool:
         """Bins, mapping, superblocks and ranks of the whole set; False if the atlas has no room."""
@@ -207,21 +220,30 @@ class SnakeBinning(Packer):
         return ids
 
     def _measure(
-        self, frame: Frame, triangles: Array, count: int, rate: float, keep: bool
+        self,
+        frame: Frame,
+        triangles: Array,
+        count: int,
+        rate: float,
+        keep: bool,
+        footprints: Footprints | None = None,
     ) -> tuple[np.ndarray, np.ndarray]:
         """Footprints of triangles: notes and areas; those within the hysteresis keep their bins if `keep`."""
         views = [(view.view, view.projection, view.width) for view in reference_views(frame, self.prediction_frames)]
         near = (30, 5) if keep else (-1, -1)
         fit = Fit(self.heights, float(frame.atlas_width - 2), self.perspective, *near)
         scene = frame.scene.triangles
-        known = (scene.positions, scene.indices, self.pieces, pack_views(views, rate), fit, self.footprints)
+        known = (scene.positions, scene.indices, self.pieces, pack_views(views, rate), fit)
+        known += (footprints or self.footprints,)
         return measure_triangles(frame.scene.device, triangles, count, *known)
 
     def _place(self, frame: Frame, is_new: Array, new: tuple[Array, int] | None = None) -> bool:
         """Bins, mapping, superblocks and ranks of all items, or of `new` ones among them; False if there is no room."""
         device, bins, frozen = frame.scene.device, self.bins, new is not None
         bins.count(*(new or self.items), self.footprints.bins, self.footprints.lengths)
-        self.mapper.update(bins.used, bins.used_count, bins.counts)
+        skips = frame.scene.skips
+        sparse = self.mapper.update(bins.used, bins.used_count, bins.counts, always="bin mapping" in skips.off)
+        skips.leaves_out("bin mapping", not sparse)
         fits = self.blocks.update(self.frame, bins, self.mapper.targets, self.tops, frozen)
         if fits or (not frozen and self.rate_step == RATES - 1):
             known = (is_new, self.footprints, self.mapper.targets, self.blocks, self.places)

@@ -13,9 +13,9 @@ import numpy as np
 
 from kernels.common.rank import rank_by_class
 from kernels.tss.bins import Bins
-from kernels.tss.emit import CellTable, emit_samples
+from kernels.tss.emit import CellTable, build_kernels, emit_samples
 from kernels.tss.footprint import camera_floats
-from kernels.tss.forms import choose_forms
+from kernels.tss.forms import OVERSAMPLED, choose_forms
 from kernels.tss.layout import lay_out, place_items
 from kernels.tss.perspective import invert_depths
 from kernels.tss.primitives import Primitives, list_primitives
@@ -73,6 +73,10 @@ class TessellatedShadingStreaming(Packer):
         ),
     }
 
+    skips = {  # noqa: RUF012
+        "oversampling": ("right triangles of samples", "no primitive is slanted", "primitives are slanted"),
+    }
+
     def __init__(self, **values) -> None:
         super().__init__(**values)
         if self.strategy not in ("combined", *STRATEGIES):
@@ -87,7 +91,12 @@ class TessellatedShadingStreaming(Packer):
         self.bin_tables = self.bins.upload(scene.device)
         self.cells = CellTable.upload(scene.device)
         self.geometry = geometry_encoder(scene, {})
-        self.step = 0  # of the last frame's scale
+        build_kernels(scene.device)
+        self.step, self.guess = 0, -1  # of the last frame's scale, and where the search for it began
+
+    def settled(self) -> bool:
+        """Only the scale is kept from frame to frame, to begin with; the order of arrival is another in each."""
+        return self.order == "primitive" and self.step == self.guess
 
     def pack(self, frame: Frame) -> Payload:
         """Places for the triangles of the frame's set, and their shading."""
@@ -105,7 +114,9 @@ class TessellatedShadingStreaming(Packer):
             device, primitives.depths, primitives.pieces, rows, arranged.scale, "structs/perspective"
         )
         placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
-        samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps)
+        slanted = bool((placement.forms[:, 0] == OVERSAMPLED).any())
+        oversampled = not frame.scene.skips.leaves_out("oversampling", not slanted)
+        samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps, oversampled=oversampled)
         blobs = encode(placement, self.bins)
         statistics = describe(placement)
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
@@ -147,7 +158,8 @@ class TessellatedShadingStreaming(Packer):
                 fitting = arranged
             return over
 
-        self.step = smallest_that_fits(excess, LAST, self.step)
+        self.guess = self.step
+        self.step = smallest_that_fits(excess, LAST, self.guess)
         if fitting is None:
             excess(LAST)
         return fitting

@@ -1,5 +1,7 @@
 """The potentially visible set: what views from inside the cell show is in it; nothing is drawn for nothing."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,6 +10,7 @@ from harness.pvs import cell_eyes, potentially_visible
 from harness.settings import Settings
 from harness.upload import upload_scene
 from harness.views import Cell, CellFrustum, Pose, client_view, confined, from_rotation_vector, multiply
+from packers.skips import Skips
 from scenes.features import content_digest, find_features
 from scenes.hall import make_hall
 from scenes.head_motion import HeadMotion
@@ -90,13 +93,19 @@ def test_views_that_add_nothing_are_not_drawn(wall):
     alone = potentially_visible(_without_the_hidden(wall), ahead, 0.1, frustum, 0.01, 2.0)
     assert alone.ids.tolist() == [0, 1]
     assert alone.views == 1
+    assert wall.skips.take() == set()
+    with wall.device.record() as record:
+        forced = _without_the_hidden(wall, Skips(["set views"]))
+        every = potentially_visible(forced, ahead, 0.1, frustum, 0.01, 2.0, cached=False)
+    assert every.ids.tolist() == [0, 1]
+    assert every.views == 9
+    assert record.launches["pvs/mark"] == 9
+    assert forced.skips.take() == set()
 
 
-def _without_the_hidden(wall):
-    from dataclasses import replace
-
+def _without_the_hidden(wall, skips=None):
     host = replace(wall.host, indices=wall.host.indices[:2], material_ids=wall.host.material_ids[:2], content_hash="2")
-    return upload_scene(wall.device, host)
+    return upload_scene(wall.device, host, skips)
 
 
 def test_a_set_comes_from_the_cache_the_second_time(wall):
