@@ -53,7 +53,6 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("frame", "", "frame of the path, from 0", "key", int),
     Column("status", "", f"one of {', '.join(STATUSES)}", "status", str),
     Column("reason", "", "why the status is not ok", "status", str),
-    Column("skipped", "", "what was left out because nothing needs it, separated by semicolons", "status", str),
     Column("width", "px", "width of the client's picture", "setting", int),
     Column("height", "px", "height of the client's picture", "setting", int),
     Column("fov", "degrees", "horizontal field of view of the client", "setting", float),
@@ -126,6 +125,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "share of the novel view's pixels where the client draws nothing, blended or not, and the reference does",
     ),
     Column("peak_mb", "MB", "peak memory of the process (1 MB is 10^6 bytes)", "size", float, "lower"),
+    Column("skipped", "", "what was left out because nothing needs it, separated by semicolons", "status", str),
 )
 
 FRAME_KEY = tuple(column.name for column in FRAME_COLUMNS if column.kind == "key")

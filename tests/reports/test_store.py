@@ -20,7 +20,7 @@ ISSUE_ORDER = """scene,scene_hash,path,path_hash,method,variant,codec,crf,frame,
 cell_radius,cell_fov,latency,device,seed,pvs_triangles,placed_triangles,samples,atlas_width,atlas_height,fill,pvs_ms,structs_ms,
 gather_ms,server_ms,client_ms,encode_ms,decode_ms,wall_ms,bytes_video,bytes_alpha,bytes_metadata,bytes_geometry,bytes_total,
 compression_ratio,flip,dssim,iwssim,psnr,delta_e,stretch_l2,stretch_linf,coherence,coherence_bytes,missing_px,holes_px,
-peak_mb"""
+peak_mb,skipped"""
 ROW = COMMON | {"codec": "none", "status": "ok"}
 
 
