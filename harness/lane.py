@@ -131,7 +131,8 @@ class Lane:
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
         self.fillers: dict[str, Filler] = {}
-        self.last: tuple[Frame, Packed] | None = None  # where packing its work again would give the same
+        self.last: Frame | None = None
+        self.kept: Payload | None = None  # of the last frame, where packing its work again would give it again
 
     def prepare(self) -> float:
         """Prepare the packer and make its clients; returns host milliseconds of the packer's own part."""
@@ -178,15 +179,17 @@ class Lane:
     def pack(self, frame: Frame) -> Packed:
         """Pack one frame, `--repeat` times; the repetitions use packers of their own with the same past.
 
-        A frame of the same work as the last one is not packed again if the packer says that nothing would change.
+        A frame of the same work as the last two is not packed again if the packer says that nothing would change: the
+        second of them still tells the client what changed since the one before.
         """
         start = time.perf_counter()
-        again = self.last is not None and same_work(self.last[0], frame)
-        if self.scene.skips.leaves_out("packing", again):
+        alike = self.last is not None and same_work(self.last, frame)
+        self.last = frame
+        if self.scene.skips.leaves_out("packing", alike and self.kept is not None):
             wall = (time.perf_counter() - start) * 1000
-            return Packed(self.last[1].payload, {}, {}, wall, skipped=self.scene.skips.take())
+            return Packed(self.kept, {}, {}, wall, skipped=self.scene.skips.take())
         packed = self._pack(frame)
-        self.last = (frame, packed) if self.packer.settled() else None
+        self.kept = packed.payload if alike and self.packer.settled() else None
         return packed
 
     def _pack(self, frame: Frame) -> Packed:

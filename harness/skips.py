@@ -79,7 +79,7 @@ SKIPS = (
     Skip(
         "packing",
         "the whole pack where it would give the last payload again",
-        "neither camera nor visible set changed",
+        "neither camera nor visible set changed, twice in a row",
         "the camera moves, or the method's payload changes all the same",
         (PACKING,),
     ),

@@ -275,7 +275,10 @@ class Packer(ABC):
         """Once per scene, timed apart: patches, charts, buffers."""
 
     def settled(self) -> bool:
-        """Whether packing the last frame's work once more would give the same payload again, byte for byte."""
+        """Whether packing the last frame's work once more would give the same payload again, byte for byte.
+
+        Asked after a frame of the same work as the one before it; then it may not be packed again.
+        """
         return False
 
     @abstractmethod
