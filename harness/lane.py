@@ -312,7 +312,7 @@ class Lane:
             | self._cost_of_metrics(packed, novel, drawn)
             | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
-            self._pictures(payload, plane, drawn) if pictured else {},
+            self._pictures(payload, sent.planes, drawn) if pictured else {},
             drawn.lossless,
             plane,
             sent.planes.get(ALPHA),
@@ -320,10 +320,10 @@ class Lane:
             payload.details,
         )
 
-    def _pictures(self, payload: Payload, plane: np.ndarray | None, drawn: Drawn) -> dict[str, np.ndarray]:
+    def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
         """Everything the report shows of a frame, by name."""
-        atlas = {} if plane is None else {"atlas": plane[..., :3]}
-        return drawn.pictures | atlas | self.packer.pictures(payload)
+        shown = {"alpha" if name == ALPHA else "atlas": plane[..., :3] for name, plane in reversed(planes.items())}
+        return drawn.pictures | shown | self.packer.pictures(payload)
 
     def _cost_of_metrics(self, packed: Packed, novel: NovelView, drawn: Drawn) -> dict[str, float]:
         """Host time of all picture metrics of the frame, and its ratio to rendering and packing it."""

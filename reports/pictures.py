@@ -1,8 +1,8 @@
 """Pictures of a run: where they lie in its folder, and how they get into the report.
 
 `pictures/reference/frame_0000.png` is the reference of a frame; `pictures/FOLDER/frame_0000_NAME.png` are those of one
-method and variant, NAME being client, flip, atlas or anything else. `pictures/pictures.json` says whose each FOLDER is:
-{FOLDER: {"method": ..., "variant": ...}}.
+method and variant, NAME being client, flip, atlas, alpha or anything else. `pictures/pictures.json` says whose each
+FOLDER is: {FOLDER: {"method": ..., "variant": ...}}.
 """
 
 from __future__ import annotations
@@ -26,6 +26,7 @@ QUALITY = 92  # of JPEG, for what is not embedded as it is
 MOST_FRAMES = 3
 WORKERS = 2  # threads that code pictures
 FIRST = ("client", "flip", "atlas")
+REDUCED = ("atlas", "alpha")  # planes, as large as an atlas
 
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk of every PNG file
 
@@ -98,7 +99,7 @@ def _exact_files(pictures: Pictures, frame: int) -> list[Path]:
     """The files of a frame that may be embedded as they are."""
     references = [pictures.references[frame]] if frame in pictures.references else []
     by_method = [by_frame.get(frame, {}) for by_frame in pictures.methods.values()]
-    return references + [path for files in by_method for name, path in files.items() if name != "atlas"]
+    return references + [path for files in by_method for name, path in files.items() if name not in REDUCED]
 
 
 def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], str], exact: bool) -> tuple[dict, int]:
@@ -109,7 +110,7 @@ def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], s
         files = by_frame.get(frame, {})
         names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
         if names and key in labels:
-            asked = [(files[n], exact and n != "atlas", ATLAS_SIDE if n == "atlas" else None) for n in names]
+            asked = [(files[n], exact and n not in REDUCED, ATLAS_SIDE if n in REDUCED else None) for n in names]
             with ThreadPoolExecutor(WORKERS) as pool:
                 entry["methods"][labels[key]] = dict(
                     zip(names, pool.map(_data_url, *zip(*asked, strict=True)), strict=True)
