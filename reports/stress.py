@@ -24,16 +24,19 @@ class Reach:
     """How far one method came in one test.
 
     reached: the last magnitude before the first that went wrong, None if that is the first. hardest: the last tried.
-    broken: the row that went wrong first, None if none did.
+    broken: the row that went wrong first, None if none did. refused: whether loading rightly refused all of them.
     """
 
     reached: float | None
     hardest: float
     broken: Row | None
+    refused: bool = False
 
     @property
     def text(self) -> str:
         """The magnitude reached, with a mark where a harder one went wrong."""
+        if self.refused:
+            return "refused"
         reached = "none" if self.reached is None else magnitude(self.reached)
         return reached if self.broken is None else f"{reached} !"
 
@@ -60,7 +63,7 @@ def _reach(rows: list[Row]) -> Reach:
         if not row["passed"]:
             return Reach(reached, ordered[-1]["magnitude"], row)
         reached = row["magnitude"]
-    return Reach(reached, ordered[-1]["magnitude"], None)
+    return Reach(reached, ordered[-1]["magnitude"], None, all(row["status"] == "refused" for row in ordered))
 
 
 def write_stress(folder: Path, rows: list[Row], tests: dict[str, str], facts: dict[str, str]) -> None:
@@ -200,6 +203,7 @@ def _plot(test: str, rows: list[Row], colours: dict[str, str]) -> str:
             for x, y, r in points
         ]
     low, high = magnitude(steps[0][1]), magnitude(steps[-1][1])
+    unit = f" ({escape(rows[0]['unit'])})" if rows[0]["unit"] else ""
     words = (
         f'<text x="2" y="14">{top:.2g}</text><text x="2" y="{height - 18}">0</text>'
         f'<text x="30" y="{height - 2}">{low}</text>'
@@ -207,5 +211,5 @@ def _plot(test: str, rows: list[Row], colours: dict[str, str]) -> str:
     )
     return (
         f'<figure class="plot"><svg viewBox="0 0 {width} {height}" width="100%" font-size="9" fill="currentColor">'
-        f"{''.join(lines)}{words}</svg><figcaption>{escape(test)} ({escape(rows[0]['unit'])})</figcaption></figure>"
+        f"{''.join(lines)}{words}</svg><figcaption>{escape(test)}{unit}</figcaption></figure>"
     )

@@ -62,7 +62,7 @@ def test_a_failing_soup_is_shrunk_and_kept(device, tmp_path, monkeypatch):
 
     monkeypatch.setattr("harness.fuzz.try_soup", breaks)
     (packer,) = load_packer("sas")
-    soup, found = hunt(device, type(packer), 50)
+    soup, found = hunt(device, type(packer), 20)
     assert len(soup.corners) == 3
     assert len(soup.sets) == 1
     path = save_soup(tmp_path / "kept", "sas", soup, found)
