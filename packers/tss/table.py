@@ -15,10 +15,9 @@ from statistics import median
 
 STRATEGIES = {"L-packing": "lpacking", "Oversampling": "oversampling", "combined": "combined"}
 FRAMES, SIZE, ATLAS, CRF = 4, "960x540", "4096x2048", "25"
-PIXELS = 960 * 540
 METHOD = "packers.tss:TessellatedShadingStreaming"
 HEADER = (
-    "| scene | strategy | scale | samples | slanted | outside | ns per sample | over forward | DSSIM | FLIP | bytes |"
+    "| scene | strategy | scale | samples | slanted | outside | ns per sample | sample / pixel | DSSIM | FLIP | bytes |"
 )
 
 
@@ -50,7 +49,7 @@ def rows(scene: str, folder: Path) -> Iterator[str]:
         share, outside = reported("oversampling_share"), reported("oversampling_outside_share")
         yield (
             f"| {Path(scene).parent.name or scene} | {label} | {reported('scale'):.2f} | {middle('samples'):,.0f} "
-            f"| {share:.0%} | {outside:.0%} | {cost:.0f} | {cost / (1e6 * reported('reference_ms') / PIXELS):.2f} "
+            f"| {share:.0%} | {outside:.0%} | {cost:.0f} | {reported('gather_over_shading'):.2f} "
             f"| {middle('dssim'):.4f} | {middle('flip'):.4f} | {middle('bytes_total'):,.0f} |"
         )
 
