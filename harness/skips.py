@@ -56,9 +56,9 @@ SKIPS = (
     ),
     Skip(
         "blending",
-        "lists of fragments, their shading and compositing",
-        "no material is blended",
-        "materials are blended",
+        "transparency: lists of fragments, their shading and compositing, on the server and on clients",
+        "no material is blended or lets light through",
+        "materials are blended or let light through",
         DRAWN,
         "blend",
     ),
@@ -96,6 +96,7 @@ ALWAYS = {
     "vertex_colours": ("vertex colours", "all vertices are white"),
     "specular": ("specular", "all materials are fully rough and not metallic"),
     "emissive": ("emission", "no material emits light"),
+    "varying_opacity": ("alpha plane", "no blended material's opacity varies over its triangles"),
     "single_sided": ("back-face culling", "all materials are double-sided"),
 }
 

@@ -26,6 +26,7 @@ def find_features(scene: Scene) -> Features:
         vertex_colours=bool((scene.colours != 1).any()),
         mask=any(m.alpha_mode == "mask" for m in used),
         blend=any(m.alpha_mode == "blend" or m.transmission > 0 for m in used),
+        varying_opacity=any(_opacity_varies(scene, index) for index in np.unique(scene.material_ids)),
         shadows=any(light.shadows and light.kind != "point" for light in scene.lights),
         specular=any(m.roughness < 1 or m.metallic > 0 for m in used),
         emissive=any(max(m.emissive) > 0 for m in used),
@@ -33,6 +34,17 @@ def find_features(scene: Scene) -> Features:
         slanted=float(slanted),
         largest=float(np.partition(area, -count)[-count:].sum() / area.sum()),
     )
+
+
+def _opacity_varies(scene: Scene, index: int) -> bool:
+    """Whether a see-through material's triangles do not cover the same everywhere: by its texture or their vertices."""
+    material = scene.materials[index]
+    if material.alpha_mode != "blend" and material.transmission == 0:
+        return False
+    alphas = [scene.colours[scene.indices[scene.material_ids == index], 3]]
+    if material.alpha_mode == "blend" and material.base_texture >= 0:
+        alphas.append(scene.textures[material.base_texture].texels[..., 3])
+    return any(alpha.min() != alpha.max() for alpha in alphas)
 
 
 def content_digest(scene: Scene) -> str:

@@ -102,6 +102,7 @@ class CameraAnimation:
 class Features:
     """What a scene has, found once; it decides which kernels are built and which stages run.
 
+    blend: blended or transmissive materials. varying_opacity: some of these do not cover the same everywhere.
     slanted: share of triangles whose longest edge is over 3 heights; largest: share of all area in the largest 1%.
     """
 
@@ -110,6 +111,7 @@ class Features:
     vertex_colours: bool = False
     mask: bool = False
     blend: bool = False
+    varying_opacity: bool = False
     shadows: bool = False
     specular: bool = False
     emissive: bool = False

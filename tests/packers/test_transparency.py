@@ -124,12 +124,12 @@ def test_the_visible_set_holds_what_contributes_in_views_from_the_cell(scenes):
     assert len(seen) > len(nearest) + 5
 
 
-def test_skipped_stages_say_what_a_scene_does_not_need(scenes, hall):
-    skipped, opaque = (skipped_stages(scene.host) for scene in scenes)
-    assert "transparency" not in skipped
-    assert ("alpha plane" in skipped) == (scenes[0].host.content_hash == "glazed-False")
-    for nothing in (opaque, skipped_stages(hall.host)):
-        assert "no material is blended" in nothing["transparency"]
+def test_what_is_skipped_is_what_a_scene_does_not_need(scenes, hall):
+    skipped, opaque = (skipped_stages(scene.host.features) for scene in scenes)
+    assert "blending" not in skipped
+    assert ("alpha plane" not in skipped) == scenes[0].layers.opacity.varies
+    for nothing in (opaque, skipped_stages(hall.host.features)):
+        assert "no material is blended" in nothing["blending"]
         assert "no blended material" in nothing["alpha plane"]
 
 
