@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.console import InputError
 from harness.trial import Case, Finding, Stage, describe, try_method
 from harness.views import Cell, Pose, from_rotation_vector, multiply
 from scenes.model import Light, Material, Scene
@@ -76,7 +75,8 @@ class Soup:
 
 def soups(packer: type[Packer]) -> SearchStrategy[Soup]:
     """Soups for a packer, with at most one parameter at another value than its default."""
-    st = _hypothesis().strategies
+    from hypothesis import strategies as st
+
     number = st.one_of(st.floats(-3, 3, width=32), st.sampled_from(SPECIAL))
     point = st.lists(number, min_size=3, max_size=3)
     near = st.tuples(st.floats(-1.5, 1.5, width=32), st.floats(-1, 1, width=32), st.floats(-6, -1, width=32)).map(list)
@@ -123,9 +123,11 @@ def hunt(
 ) -> tuple[Soup, Finding] | None:
     """Try so many soups, always the same ones; the smallest that goes wrong and what is wrong, or None.
 
-    parameters: of the packer, where not its defaults. Raises InputError without hypothesis.
+    parameters: of the packer, where not its defaults.
     """
-    hypothesis = _hypothesis()
+    import hypothesis
+    import hypothesis.errors
+
     failures: list[tuple[Soup, Finding]] = []
 
     @hypothesis.settings(
@@ -169,13 +171,3 @@ def read_soup(path: Path) -> tuple[str, Soup]:
     name = values.pop("packer")
     del values["found"]
     return name, Soup(**values)
-
-
-def _hypothesis() -> Any:
-    try:
-        import hypothesis
-        import hypothesis.errors
-        import hypothesis.strategies
-    except ImportError as error:
-        raise InputError("Fuzzing needs hypothesis: pip install 'shading-atlas-bench[test]'.") from error
-    return hypothesis

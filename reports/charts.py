@@ -166,7 +166,9 @@ def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], li
     by_coding: dict[tuple[str | None, int | None], list[Row]] = defaultdict(list)
     for row in rows:
         by_coding[row["codec"], row["crf"]].append(row)
-    judged = {coding: found for coding, found in by_coding.items() if any(row["client_ms"] is not None for row in found)}
+    judged = {
+        coding: found for coding, found in by_coding.items() if any(row["client_ms"] is not None for row in found)
+    }
     return judged or dict(list(by_coding.items())[:1])
 
 
