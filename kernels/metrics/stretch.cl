@@ -36,12 +36,17 @@ inline int16 usable(const wide_texels here, const wide_texels there, const int16
     return exists && here.triangle == there.triangle && there.u == there.u && there.v == there.v;
 }
 
-// The derivative from the neighbours before and after: the mean of both differences, or the one there is.
-inline float16 derivative(const float16 before, const float16 here, const float16 after, const int16 has_before,
-                          const int16 has_after)
+// The derivative from the neighbours before and after: the shorter difference, or the one there is. Where the map is cut
+// or made of parts, one neighbour may lie anywhere in the atlas; both do only where a part is narrower than a pixel.
+inline void derivative(const wide_texels before, const wide_texels here, const wide_texels after,
+                       const int16 has_before, const int16 has_after, float16 *u, float16 *v)
 {
-    const float16 backward = here - before, forward = after - here;
-    return has_before ? (has_after ? 0.5f * (backward + forward) : backward) : forward;
+    const float16 back_u = here.u - before.u, back_v = here.v - before.v;
+    const float16 on_u = after.u - here.u, on_v = after.v - here.v;
+    const int16 shorter = back_u * back_u + back_v * back_v <= on_u * on_u + on_v * on_v;
+    const int16 back = has_before && (!has_after || shorter);
+    *u = back ? back_u : on_u;
+    *v = back ? back_v : on_v;
 }
 
 // Per piece: the sum of L2 squared and the largest Linf squared, and counts (2) of valid and degenerate pixels.
@@ -68,10 +73,9 @@ __kernel void stretch(const int width, const int height, __global const int *tri
     const int16 measured = x < width && here.triangle >= 0 && here.u == here.u && here.v == here.v &&
                            (has_left || has_right) && (has_above || has_below);
 
-    const float16 ux = derivative(left.u, here.u, right.u, has_left, has_right);
-    const float16 vx = derivative(left.v, here.v, right.v, has_left, has_right);
-    const float16 uy = derivative(above.u, here.u, below.u, has_above, has_below);
-    const float16 vy = derivative(above.v, here.v, below.v, has_above, has_below);
+    float16 ux, vx, uy, vy;
+    derivative(left, here, right, has_left, has_right, &ux, &vx);
+    derivative(above, here, below, has_above, has_below, &uy, &vy);
     // Singular values s1 <= s2: s1 s2 = |det|, s1^2 + s2^2 = the sum of squares.
     const float16 a = ux * ux + vx * vx, b = ux * uy + vx * vy, c = uy * uy + vy * vy;
     const float16 det = fabs(ux * vy - uy * vx);

@@ -25,7 +25,7 @@ def stretch(device: Device, triangle: Array, texels: Array) -> tuple[float | Non
 
     triangle: int32 (h, w) device array, ids, -1 where empty. texels: float32 (h, w, 2) device array, column and row in
     the atlas, NaN where unknown. Derivatives are differences to the neighbours left and right, above and below, in the
-    same triangle (the mean of two, or one); pixels without both are left out. L2 is the root of the mean square, Linf
+    same triangle, the shorter of two, because maps may be cut within a triangle; pixels without both are left out. L2 is the root of the mean square, Linf
     the largest; None if no pixel can be measured.
     """
     height, width = triangle.shape
@@ -42,13 +42,12 @@ def stretch(device: Device, triangle: Array, texels: Array) -> tuple[float | Non
 
 
 def _derivative(values: np.ndarray, triangle: np.ndarray, axis: int) -> np.ndarray:
-    """Differences along an axis within one triangle, float64 (h, w, 2), NaN where there is no neighbour."""
+    """The shorter difference along an axis within one triangle, float64 (h, w, 2), NaN where there is no neighbour."""
     gap = np.where(np.diff(triangle, axis=axis)[..., None] == 0, np.diff(values, axis=axis), np.nan)
     missing = np.full_like(np.take(values, [0], axis), np.nan)
-    both = np.stack([np.concatenate([missing, gap], axis), np.concatenate([gap, missing], axis)])
-    known = np.isfinite(both)
-    count = known.sum(axis=0)
-    return np.where(count > 0, np.where(known, both, 0).sum(axis=0) / np.maximum(count, 1), np.nan)
+    backward, forward = np.concatenate([missing, gap], axis), np.concatenate([gap, missing], axis)
+    lengths = [np.nan_to_num((part**2).sum(axis=-1, keepdims=True), nan=np.inf) for part in (backward, forward)]
+    return np.where(lengths[0] <= lengths[1], backward, forward)
 
 
 def stretch_twin(triangle: np.ndarray, texels: np.ndarray) -> tuple[float | None, float | None, int]:

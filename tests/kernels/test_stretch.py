@@ -87,3 +87,12 @@ def test_nothing_visible_gives_no_number(device):
     assert measured(device, triangle, np.full((8, 8, 2), np.nan)) == (None, None, 0)
     lonely = np.arange(64, dtype=np.int32).reshape(8, 8)
     assert measured(device, lonely, np.zeros((8, 8, 2))) == (None, None, 0)
+
+
+def test_a_cut_within_a_triangle_is_no_stretch(device):
+    y, x = np.mgrid[0:24, 0:70].astype(np.float64)
+    whole = np.stack([0.5 * x, y], axis=-1)
+    cut = whole + np.where((x > 35)[..., None], [500.0, -300.0], 0.0)
+    triangle = np.zeros((24, 70), np.int32)
+    expected = measured(device, triangle, whole)
+    assert measured(device, triangle, cut)[:2] == pytest.approx(expected[:2], rel=1e-4)
