@@ -24,9 +24,9 @@ def stretch(device: Device, triangle: Array, texels: Array) -> tuple[float | Non
     """The frame's L2 and Linf stretch, and the number of pixels with a degenerate map, which count in neither.
 
     triangle: int32 (h, w) device array, ids, -1 where empty. texels: float32 (h, w, 2) device array, column and row in
-    the atlas, NaN where unknown. Derivatives are differences to the neighbours left and right, above and below, in the
-    same triangle, the shorter of two, because maps may be cut within a triangle; pixels without both are left out. L2 is the root of the mean square, Linf
-    the largest; None if no pixel can be measured.
+    the atlas, NaN where unknown. Derivatives are differences to the neighbours left or right, above or below, in the
+    same triangle: the shorter of two, because maps may be cut within a triangle. Pixels that lack either direction are
+    left out. L2 is the root of the mean square, Linf the largest; None if no pixel can be measured.
     """
     height, width = triangle.shape
     at = Layout(width, height)
