@@ -8,7 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from harness import cli_claims, cli_kernels, cli_robustness
+from harness.commands.check import check
+from harness.commands.claims import claims
+from harness.commands.kernels import kernels
+from harness.commands.stress import stress
 
 if TYPE_CHECKING:
     from harness.settings import Settings
@@ -267,10 +270,8 @@ def doctor() -> None:
             raise typer.Exit(SOME_FAILED)
 
 
-app.command()(cli_robustness.check)
-app.command()(cli_robustness.stress)
-app.command()(cli_kernels.kernels)
-app.command()(cli_claims.claims)
+for command in (check, stress, kernels, claims):
+    app.command()(command)
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""The commands `bench stress` and `bench check`; nothing heavy is imported until one runs."""
+"""The command `bench stress`; nothing heavy is imported until it runs."""
 
 from __future__ import annotations
 
@@ -41,27 +41,4 @@ def stress(
             show_tests()
             return
         if not run_stress(tuple(method or ()), tuple(test or ()), out, quick, device, timeout):
-            raise typer.Exit(SOME_FAILED)
-
-
-def check(
-    packer: Annotated[
-        str,
-        typer.Argument(metavar="PACKER", help="all, a name, 'name\\[param=value]', 'file.py:Class' or 'module:Class'"),
-    ],
-    out: Annotated[Path | None, typer.Option(help="Folder for pictures of what failed", metavar="DIR")] = None,
-    thorough: Annotated[bool, typer.Option("--thorough", help="Fuzz with 1000 soups in place of 100")] = False,
-    timeout: Annotated[float, typer.Option(help="For one check", metavar="SECONDS", min=1)] = 60.0,
-    device: Device = None,
-) -> None:
-    """Check that a packer does what the suite expects: the conformance kit for whoever writes one.
-
-    Exit codes: 0 all checks passed, 1 some failed, 2 unusable arguments.
-    """
-    from harness.console import guarded
-
-    with guarded():
-        from harness.check import run_check
-
-        if not run_check(packer, out, thorough, timeout, device):
             raise typer.Exit(SOME_FAILED)

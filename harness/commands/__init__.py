@@ -1,0 +1,1 @@
+"""Commands of `bench` with a file of their own: their options, and what runs then."""
