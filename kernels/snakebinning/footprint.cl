@@ -9,6 +9,8 @@
 #define OBTUSE -0.22f        // cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
 #define UNIT 8.0f            // lengths are stored in 1/8 texel
 #define STEEPEST 0.3f        // limit of the perspective's change, see limited_weights
+#define OUTSIDE 1.9f         // as in emit.cl: barycentrics stop at one height and so many texels outside
+#define REACH 1.42f          // texels beyond an edge that lookups inside touch, at most
 
 #define VIEW_FLOATS 16
 #define MOVED_BACK 1
@@ -150,7 +152,8 @@ inline int3 indices_of(Shape s, __constant const float *edges, float scale, int 
 
 // Inverse distances of the corners as parts of 255, brought towards their mean until the change of the perspective is
 // gentle: with q(x, y) the interpolated inverse distance, (|dq/dx| + |dq/dy|) max(q) / min(q)^2 <= STEEPEST per texel.
-// Bilinear interpolation between samples is then right within 0.1 texel, and q is positive wherever lookups reach.
+// Bilinear interpolation between samples is then right within 0.1 texel, and q is positive wherever lookups reach. Nor
+// does a barycentric there, up to -REACH / height max(q) / min(q), pass where emit.cl stops it.
 inline uint limited_weights(const float *w, int a, int b, int c, Shape s) {
     const float nearest = fmin(fmin(w[0], w[1]), w[2]);
     float q[3];
@@ -160,7 +163,8 @@ inline uint limited_weights(const float *w, int a, int b, int c, Shape s) {
         const float along = (q[b] - q[a]) / (s.before + s.after);
         const float across = (q[c] - q[a] - along * s.before) / s.height;
         const float least = fmin(fmin(q[0], q[1]), q[2]), most = fmax(fmax(q[0], q[1]), q[2]);
-        if ((fabs(along) + fabs(across)) * most <= STEEPEST * least * least) break;
+        const bool gentle = (fabs(along) + fabs(across)) * most <= STEEPEST * least * least;
+        if (gentle && REACH * most <= (s.height + OUTSIDE) * least) break;
         const float part = step == 7 ? 0.0f : 0.7f;
         for (int k = 0; k < 3; k++) q[k] = mean + part * (q[k] - mean);
     }

@@ -22,6 +22,7 @@ MOVED_BACK, SLENDER, CLIPPED, KEPT = 1, 2, 4, 8  # notes on a triangle
 FLATTEST = 3.7320508  # cot 15 degrees, the largest cotangent of alpha that is drawn
 OBTUSE = -0.22  # cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
 STEEPEST = 0.3  # of the perspective's change per texel
+OUTSIDE, REACH = 1.9, 1.42  # as in footprint.cl
 
 
 @dataclass(frozen=True)
@@ -214,6 +215,7 @@ def _weights(w: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, shape: 
         across = (q[rows, c] - q[rows, a] - along * before) / height
         least, most = q.min(axis=1), q.max(axis=1)
         steep = (np.abs(along) + np.abs(across)) * most > STEEPEST * least**2
+        steep |= REACH * most > (height + OUTSIDE) * least
         part = 0.0 if step == 7 else 0.7
         q = np.where(steep[:, None], mean + part * (q - mean), q)
     return q * 255 / q.max(axis=1, keepdims=True)

@@ -1,5 +1,6 @@
 """SnakeBinning on a small room: valid with every switch, coherent, deterministic, and it looks right."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -16,7 +17,7 @@ from packers.snakebinning import SnakeBinning
 from packers.snakebinning.client import decode_records, encode_records
 from packers.snakebinning.packer import check_atlas, reference_views
 from tests.packers import streams
-from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view
+from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view, room, server_of
 
 Stream = partial(streams.Stream, SnakeBinning)
 
@@ -242,6 +243,34 @@ def test_a_triangle_that_fills_the_screen_is_sliced(scene):
         assert (image.triangle.get() == reference.triangle.get()).mean() > 0.999
         errors[share] = np.abs(image.rgb.get().astype(int) - reference.rgb.get()).mean()
     assert errors[0.25] < errors[0.0]
+
+
+def test_slivers_along_the_view_are_sampled_where_they_are_looked_up(device):
+    """Hundreds of texels long, one high, and several times further away at one end."""
+    near, far = (values.ravel() for values in np.mgrid[-0.8:0.8:12j, -4.0:4.0:12j])
+    ends = np.stack([near, np.full_like(near, -0.3), np.full_like(near, 0.6)], axis=1)
+    tips = np.stack([far, np.full_like(far, 2.0), np.full_like(far, -4.0)], axis=1)
+    positions = np.stack([ends, ends + np.array([3e-4, 1.5e-4, 0]), tips], axis=1).reshape(-1, 3).astype(np.float32)
+    indices = np.arange(len(positions), dtype=np.int32).reshape(-1, 3)
+    slivers = server_of(device, replace(room(), **surface_of(positions, indices)))
+    stream = Stream(slivers, prediction_frames=0)
+    frame = frame_of(slivers, 2048, 1024, 0, np.arange(len(indices), dtype=np.int32))
+    payload = stream.send(frame)
+    assert stream.violations(frame, payload) == []
+
+
+def surface_of(positions: np.ndarray, indices: np.ndarray) -> dict[str, np.ndarray]:
+    """The arrays of a scene that is only these triangles."""
+    count = len(positions)
+    return {
+        "positions": positions,
+        "indices": indices,
+        "normals": np.tile(np.float32([0, 1, 0]), (count, 1)),
+        "uvs": np.zeros((count, 2), np.float32),
+        "colours": np.ones((count, 4), np.float32),
+        "material_ids": np.zeros(len(indices), np.int32),
+        "content_hash": "slivers",
+    }
 
 
 def test_slices_in_a_tiny_atlas(scene):
