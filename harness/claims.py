@@ -34,6 +34,7 @@ from scenes.paths import PathError
 
 COLOURS = {"confirmed": "green", "not confirmed": "red", "undecided": "yellow"}
 INTERRUPTED = 130
+WAITING = "It has not been run yet: the same command goes on."
 
 
 @dataclass(frozen=True)
@@ -147,6 +148,9 @@ def run_claims(wanted: Wanted, out: Path | None) -> bool:
     with locked(folder):
         work = Work(wanted, folder, runs, variants)
         work.begin()
+        for name, run_of in work.state["runs"].items():
+            if run_of["note"]:
+                console.print(f"[yellow]note[/] {name} is reused from {run_of['folder']}, {run_of['note']}.")
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} goes on.")
         stopped = False
         for place, named in enumerate(runs):
@@ -189,13 +193,19 @@ class Work:
         fitting = self._reusable()
         text = (self.wanted.file or DEFAULT_FILE).read_text(encoding="utf-8")
         replace_file(self.folder / COPY, text)
-        waiting = {"problem": "It has not been run yet: the same command goes on.", "reused": False, "made": None}
+        waiting = {
+            "problem": "It has not been run yet: the same command goes on.",
+            "reused": False,
+            "note": "",
+            "made": None,
+        }
         entries = {}
         for named in self.runs:
             entry = waiting | {"folder": named.name, "command": named.command}
             old = before.get(named.name, {})
             if named.name in fitting:
-                entry |= {"folder": str(fitting[named.name]), "problem": None, "reused": True}
+                folder = fitting[named.name]
+                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": _older(folder)}
             elif old.get("made") == self._made(named) and not old["problem"]:
                 entry = old
             entries[named.name] = entry
@@ -279,6 +289,14 @@ def _misfit(named: NamedRun, folder: Path) -> str:
         finished = store.finished()
     lacking = sorted(method for method, variant in keys if (method, variant, own.frames - 1) not in finished)
     return f"no finished {', '.join(lacking)}" if lacking else ""
+
+
+def _older(folder: Path) -> str:
+    """What a reader must know of a reused run; empty if today's program would give the same numbers."""
+    with Store(folder, must_exist=True) as store:
+        plan = store.plan() or {}
+    same = plan.get("kernels") == kernels_digest() and plan.get("version") == VERSION
+    return "" if same else "made by other kernels"
 
 
 def check_folder(folder: Path) -> None:

@@ -205,10 +205,10 @@ def _out_of_reach(results: Sequence[Judged]) -> str:
 
 
 def _runs(state: dict[str, Any]) -> str:
-    lines = [
-        [name, run["command"], run["problem"] or ("reused: " + run["folder"] if run["reused"] else "run")]
-        for name, run in state["runs"].items()
-    ]
+    lines = []
+    for name, run in state["runs"].items():
+        made = ", ".join(filter(None, (f"reused: {run['folder']}", run["note"]))) if run["reused"] else "run"
+        lines.append([name, run["command"], run["problem"] or made])
     text = table(["run", "command", "how"], lines, texts=3).replace('class="words', 'class="commands words')
     return section("runs", "Runs", caption("The commands that measure the claims."), text)
 
