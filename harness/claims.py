@@ -9,6 +9,7 @@ import os
 import shlex
 from dataclasses import dataclass, replace
 from datetime import datetime
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -335,15 +336,16 @@ def show_needs(wanted: Wanted, out: Path | None) -> None:
 
 
 def show_results(results: list[Judged], folder: Path) -> None:
-    """Print one line per claim and place, and how many of each verdict."""
+    """Print each claim with a line for each place where it was measured, and how many of each verdict."""
     console = make_console()
-    table = make_table("claims, measured here", "claim", "run", "published", "measured", "verdict")
-    for result in results:
-        colour = COLOURS.get(result.verdict, "dim")
-        verdict = f"[{colour}]{result.verdict}[/]"
-        table.add_row(result.claim.id, "/".join(result.place), escape(result.claim.published),
-                      measured_text(result), verdict)  # fmt: skip
-    console.print(table)
+    for id_, group in groupby(results, key=lambda result: result.claim.id):
+        places = list(group)
+        claim = places[0].claim
+        rule = f", must be {claim.rule.text}" if claim.rule else ""
+        console.print(f"[bold]{id_}[/]  [dim]published {escape(claim.published)}{rule}[/]")
+        for result in places:
+            verdict = f"[{COLOURS.get(result.verdict, 'dim')}]{result.verdict}[/]"
+            console.print(f"  {'/'.join(result.place):<30} {measured_text(result):<26} {verdict}", soft_wrap=True)
     for reason in dict.fromkeys(result.reason for result in results if result.verdict == NOT_MEASURED):
         console.print(f"[yellow]not measured[/] {escape(reason)}")
     console.print(counts_text(results))

@@ -154,6 +154,8 @@ def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
         assert {run.name for run in runs} == set(claims.runs)
         frames = [run.options["frames"] for run in runs]
         assert min(frames) >= FEWEST, "enough for an interval"
+        coded = [run.options["frames"] for run in runs if "crf" in run.options]
+        assert min(coded) > FEWEST, "and without the keyframe"
         variants = variants_of(claims)
         assert len(set(variants.values())) == len(variants)
     assert any("--crf 5,25,35" in run.command for run in runs)
