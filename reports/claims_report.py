@@ -41,7 +41,8 @@ STYLE = """
 .claims :is(td, th) { text-align: left; white-space: normal; }
 .claims td:first-child { min-width: 16rem; font-weight: 400; } .claims td[rowspan] + td { min-width: 7rem; }
 .claims tbody + tbody { border-top: 1px solid var(--line); }
-.claims td.yes, .claims td.no, .claims td.open, .claims td.none { white-space: nowrap; font-weight: 650; }
+.claims td.yes, .claims td.no, .claims td.open, .claims td.none { font-weight: 650; }
+.claims td.yes, .claims td.no { white-space: nowrap; }
 .claims td:has(+ .yes, + .no, + .open, + .none) { white-space: nowrap; }
 .yes { color: var(--best-ink); } .no { color: var(--bad); } .open, .none { color: var(--soft); }
 .claims code { font-size: .8rem; color: var(--soft); }
@@ -158,7 +159,7 @@ def _paper(name: str, title: str, results: Sequence[Judged]) -> str:
     own = [result for result in results if result.claim.paper == name and result.claim.measure]
     if not own:
         return ""
-    head = "".join(f"<th>{text}</th>" for text in ("claim", "published", "run", "measured here", "verdict", "because"))
+    head = "".join(f"<th>{text}</th>" for text in ("claim", "published", "run", "measured here", "verdict"))
     groups = [list(group) for _, group in groupby(own, key=lambda result: result.claim.id)]
     return section(
         name,
@@ -184,10 +185,15 @@ def _body(results: Sequence[Judged]) -> str:
     )
     lines = [
         f"<td>{escape(' / '.join(result.place))}</td><td>{escape(measured_text(result)) or NONE}</td>"
-        f'<td class="{KINDS[result.verdict]}">{result.verdict}</td><td>{escape(result.reason)}</td>'
+        f'<td class="{KINDS[result.verdict]}">{result.verdict}<small>{escape(_unclear(result))}</small></td>'
         for result in results
     ]
     return "<tbody>" + "".join(f"<tr>{first * (not place)}{line}</tr>" for place, line in enumerate(lines)) + "</tbody>"
+
+
+def _unclear(result: Judged) -> str:
+    """The reason, where value and range do not say it."""
+    return result.reason if result.low is None else ""
 
 
 def _out_of_reach(results: Sequence[Judged]) -> str:
