@@ -15,7 +15,7 @@ from kernels.snakebinning.bins import BINS, HEIGHTS, HeightBins, bin_of, indices
 from kernels.snakebinning.clear import clear_strips, clear_strips_twin
 from kernels.snakebinning.corners import locate_corners, locate_corners_twin
 from kernels.snakebinning.count import BinCounts, count_bins_twin
-from kernels.snakebinning.emit import emit_samples, emit_twin
+from kernels.snakebinning.emit import FARTHEST, emit_samples, emit_twin, in_parent_twin
 from kernels.snakebinning.footprint import (
     CLIPPED,
     KEPT,
@@ -370,6 +370,29 @@ def test_samples_match_their_twin(device, scene, full):
     for name in ("bary1", "bary2"):
         np.testing.assert_allclose(ours[name], twin[name], atol=1e-3, rtol=1e-3)
     np.testing.assert_allclose(ours["footprint"], twin["footprint"], rtol=1e-2, atol=1e-6)
+
+
+def test_samples_of_pieces_name_their_parent_and_stay_near_it(device, scene):
+    """The last 20 triangles, taken for pieces of triangle 0 that reach from edge to edge of it."""
+    found, _, blocks, places = scene
+    first = found.count - 20
+    bary = np.random.default_rng(2).dirichlet([0.3, 0.3, 0.3], (20, 3))
+    slices = Slices(np.zeros(20, np.int32), found.corners[first:], bary, np.ones(20, bool))
+    known = (places, blocks.strips, found.state, found.scene)
+    whole, parts = (
+        emit_samples(device, found.ids, found.count, *known, pieces, 2048, True, "exact")
+        for pieces in (found.pieces, (first, slices.upload(device)))
+    )
+    n = whole.count
+    triangle, b1, b2 = (getattr(whole, name).get()[:n] for name in ("triangle", "bary1", "bary2"))
+    of = np.flatnonzero(triangle >= first)
+    np.testing.assert_array_equal(parts.triangle.get()[:n], np.where(triangle >= first, 0, triangle))
+    own = np.stack([1 - b1[of] - b2[of], b1[of], b2[of]], axis=1).astype(np.float64)
+    expected = np.concatenate([in_parent_twin(own[triangle[of] == first + k], bary[k]) for k in range(20)])
+    order = np.argsort(triangle[of], kind="stable")
+    ours = np.stack([parts.bary1.get()[:n], parts.bary2.get()[:n]], axis=1)[of]
+    np.testing.assert_allclose(ours[order], expected, atol=1e-5)
+    assert min(ours.min(), (1 - ours.sum(axis=1)).min()) > FARTHEST - 1e-5
 
 
 def test_samples_lie_where_the_client_looks_them_up(device, scene):
