@@ -77,7 +77,7 @@ class SnakeBinning(Packer):
         device = frame.scene.device
         self.frame += 1
         if self.blocks is None:
-            self._begin(frame)
+            self._begin(frame, check_atlas(frame.atlas_width, frame.atlas_height, self.superblock_height))
             self._reset(frame)
         elif not self._append(frame) and not self._rebuild(frame):
             self.resets += 1
@@ -90,10 +90,12 @@ class SnakeBinning(Packer):
             clear_strips(device, self.blocks, planes["atlas"])
         return self._payload(frame, records, cuts, samples, planes)
 
-    def _begin(self, frame: Frame) -> None:
-        """Set up for an atlas of this size."""
+    def _begin(self, frame: Frame, superblock: int) -> None:
+        """Set up for superblocks of this height."""
         width, height = frame.atlas_width, frame.atlas_height
-        self.superblock = check_atlas(width, height, self.superblock_height)
+        if self.blocks is not None and superblock == self.superblock:
+            return
+        self.superblock = superblock
         rules = (1 + self.capacity, self.shrink, self.collapse, self.enlarge, self.assignment)
         atlas = Atlas(width, height, self.superblock, *rules)
         self.blocks = Superblocks(frame.scene.device, atlas)
@@ -152,24 +154,49 @@ class SnakeBinning(Packer):
         return 0 < self.remap_interval <= self.since_mapping
 
     def _reset(self, frame: Frame) -> None:
-        """Empty the atlas, and fill it at the largest shading rate at which everything has a place."""
+        """Empty the atlas, and fill it at the largest shading rate at which everything has a place.
+
+        A bin's strip lies in one superblock. Where so many triangles are alike that theirs is larger, no shading rate
+        helps, but higher superblocks do; the lowest are taken that allow the largest rate.
+        """
         self.since_mapping = 0
+        best, chosen = RATES, self.superblock
+        for height in self._superblock_heights(frame):
+            self._begin(frame, height)
+            step = self._largest_rate(frame, best)
+            best, chosen = (step, height) if step < best else (best, chosen)
+            if best == 0:
+                return
+        self._begin(frame, chosen)
+        self._fits(frame, min(best, RATES - 1))
+
+    def _superblock_heights(self, frame: Frame) -> list[int]:
+        """Heights of superblocks to try, the current one first; only that where the height is a parameter."""
+        heights = [self.superblock]
+        while not self.superblock_height and heights[-1] < frame.atlas_height:
+            heights.append(min(2 * heights[-1], frame.atlas_height))
+        return heights
+
+    def _largest_rate(self, frame: Frame, below: int) -> int:
+        """The first step of the shading rate, below a step, at which everything has a place; that step if none has."""
         if self._fits(frame, 0):
-            return
-        low, high = 0, RATES  # too large; small enough, where beyond the last step everything counts as that
+            return 0
+        if not self._fits(frame, below - 1):
+            return below
+        low, high = 0, below - 1
         while high - low > 1:
             middle = (low + high) // 2
             low, high = (low, middle) if self._fits(frame, middle) else (middle, high)
-        if self.rate_step != high:
-            self._fits(frame, min(high, RATES - 1))
+        return high
 
     def _fits(self, frame: Frame, step: int) -> bool:
-        """Fill an empty atlas at one shading rate."""
+        """Fill an empty atlas at one shading rate; whether everything has a place."""
         self.rate_step = step
         self.mapper.reset()
         self.blocks.reset()
         self._measure_set(frame, keep=False)
-        return self._settle(frame)
+        self._settle(frame)
+        return not self.blocks.numbers["full"]
 
     def _settle(self, frame: Frame) -> bool:
         """Place the whole set as measured; False if the atlas has no room for some."""

@@ -17,7 +17,7 @@ from packers.snakebinning import SnakeBinning
 from packers.snakebinning.client import decode_records, encode_records
 from packers.snakebinning.packer import check_atlas, reference_views
 from tests.packers import streams
-from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view, room, server_of
+from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view, room, server_of, wall
 
 Stream = partial(streams.Stream, SnakeBinning)
 
@@ -196,6 +196,21 @@ def test_an_atlas_too_small_for_four_texels_each_names_the_rest(scene):
     assert stream.violations(frame, payload) == []
     image = stream.client.draw(novel_view())
     assert not np.isin(image.triangle.get(), list(payload.unplaced)).any()
+
+
+def test_more_equal_triangles_than_a_superblock_holds_get_a_higher_one(device):
+    """No shading rate helps where everything is of the smallest size, and so in one strip."""
+    positions, indices = wall((-1, -0.5, -2), (2, 0, 0), (0, 1, 0), 70, 70, 0)
+    surface = surface_of(positions.astype(np.float32), indices.astype(np.int32))
+    scene = server_of(device, replace(room(), **surface))
+    everything = np.arange(scene.triangles.count, dtype=np.int32)
+    for parameters, placed in ({}, True), ({"superblock_height": 512}, False):
+        stream = Stream(scene, shading_rate=0.05, **parameters)
+        for step in range(2):
+            frame = frame_of(scene, 96, 1024, step, everything)
+            payload = stream.send(frame)
+            assert stream.violations(frame, payload) == []
+            assert (payload.unplaced == {}) == placed
 
 
 def test_a_smaller_set_gets_the_full_rate_back(scene):
