@@ -15,8 +15,10 @@ inline int2 columns_of(const Strip *s, ushort4 own, int line, int full, int enla
     return (int2)(max(slot.x, needed.x), min(slot.y, needed.y));
 }
 
-// counts: samples of each run of triangles. full: whether whole slots are filled.
-__kernel void count_samples(int count, int run, int runs, int full, int enlarge, __global const int *triangles,
+// counts: samples of each run of triangles. full: whether whole slots are filled; those of pieces never are, because what
+// lies beside a piece belongs to the next one.
+__kernel void count_samples(int count, int run, int runs, int full, int enlarge, int first_piece,
+                            __global const int *triangles,
                             __global const int2 *slots, __global const uint *places,
                             __global const ushort4 *drawn, __global const Strip *strips, __global int *counts) {
     const int r = get_global_id(0);
@@ -26,13 +28,13 @@ __kernel void count_samples(int count, int run, int runs, int full, int enlarge,
         const int triangle = triangles[i];
         if (!places[triangle]) continue;
         const Strip s = strips[slots[triangle].x];
-        if (full) {
+        if (full && triangle < first_piece) {
             sum += s.texels;
             continue;
         }
         const ushort4 own = drawn[triangle];
         for (int line = 0; line < lines_of(own.z); line++) {
-            const int2 columns = columns_of(&s, own, line, full, enlarge);
+            const int2 columns = columns_of(&s, own, line, 0, enlarge);
             sum += max(0, columns.y - columns.x + 1);
         }
     }
@@ -131,12 +133,13 @@ inline void store_lanes(int8 value, __global int *array, int count) {
     for (int k = 0; k < count; k++) array[k] = ((int *)&value)[k];
 }
 
-__kernel void emit_samples(int count, int run, int runs, int full, int enlarge, __global const int *triangles,
+__kernel void emit_samples(int count, int run, int runs, int full, int enlarge, int first_piece,
+                           __global const int *triangles,
                            __global const int2 *slots, __global const uint *places,
                            __global const ushort4 *drawn, __global const Strip *strips,
                            __global const uint *words, __global const float *positions,
-                           __global const int *indices, int first_piece, __global const float *pieces,
-                           int atlas_width, __global const int *counts,
+                           __global const int *indices, __global const float *pieces, int atlas_width,
+                           __global const int *counts,
                            __global const int *offsets, __global int *triangle_out, __global float *bary1,
                            __global float *bary2, __global float *footprint, __global int *texel) {
     const int r = get_global_id(0);
@@ -155,9 +158,9 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
         const int turned = place >> 29 & 1, sign = turned ? -1 : 1;
         const int tip8 = 8 * s.inset + s.before8, row = place >> 16 & 0x1FFF;
         const int origin = ((int)(place & 0xFFFF) - sign * tip8) / 8;  // column of the slot's column 0
-        const int lines = full ? s.lines : lines_of(own.z);
+        const int whole = full && triangle < first_piece, lines = whole ? s.lines : lines_of(own.z);
         for (int line = 0; line < lines; line++) {
-            const int2 columns = columns_of(&s, own, line, full, enlarge);
+            const int2 columns = columns_of(&s, own, line, whole, enlarge);
             const int samples = columns.y - columns.x + 1;
             const int first = (row + sign * line) * atlas_width + origin;
             for (int k = 0; k < samples; k += 8) {

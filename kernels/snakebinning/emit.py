@@ -43,9 +43,9 @@ def emit_samples(
 
     Samples of a piece name its parent, and lie in it. pieces: number of the first, and pieces (see Slices.upload).
 
-    full: all texels of a slot, else those that the triangle needs (see needed_columns in strip.cl). Shading continues
-    beyond the edges, up to one height and two texels outside. A sample's footprint is the longer of the two ways on the
-    surface from texel to texel.
+    full: all texels of a slot, but for pieces, whose surroundings are other pieces; else, and for those, what the
+    triangle needs (see needed_columns in strip.cl). Shading continues beyond the edges, up to one height and two texels
+    outside. A sample's footprint is the longer of the two ways on the surface from texel to texel.
     """
     kernels = device.build("snakebinning/emit.cl")
     run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
@@ -56,6 +56,7 @@ def emit_samples(
         runs,
         int(full),
         ENLARGE[enlarge],
+        pieces[0],
         triangles,
         places.slots,
         places.places,
@@ -67,7 +68,7 @@ def emit_samples(
     device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
-    known = (footprints.words, scene.positions, scene.indices, *pieces, atlas_width, counts, offsets)
+    known = (footprints.words, scene.positions, scene.indices, pieces[1], atlas_width, counts, offsets)
     arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
     return s

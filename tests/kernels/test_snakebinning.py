@@ -380,7 +380,7 @@ def test_samples_of_pieces_name_their_parent_and_stay_near_it(device, scene):
     slices = Slices(np.zeros(20, np.int32), found.corners[first:], bary, np.ones(20, bool))
     known = (places, blocks.strips, found.state, found.scene)
     whole, parts = (
-        emit_samples(device, found.ids, found.count, *known, pieces, 2048, True, "exact")
+        emit_samples(device, found.ids, found.count, *known, pieces, 2048, False, "exact")
         for pieces in (found.pieces, (first, slices.upload(device)))
     )
     n = whole.count
@@ -393,6 +393,12 @@ def test_samples_of_pieces_name_their_parent_and_stay_near_it(device, scene):
     ours = np.stack([parts.bary1.get()[:n], parts.bary2.get()[:n]], axis=1)[of]
     np.testing.assert_allclose(ours[order], expected, atol=1e-5)
     assert min(ours.min(), (1 - ours.sum(axis=1)).min()) > FARTHEST - 1e-5
+    filled = [
+        emit_samples(device, found.ids, found.count, *known, pieces, 2048, True, "exact")
+        for pieces in (found.pieces, (first, slices.upload(device)))
+    ]
+    named = [np.count_nonzero(samples.triangle.get()[: samples.count] == 0) for samples in filled]
+    assert named[1] - named[0] == len(of)
 
 
 def test_samples_lie_where_the_client_looks_them_up(device, scene):
