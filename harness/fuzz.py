@@ -30,8 +30,8 @@ VIEWS = (60.0, 90.0, 20.0, 1.0, 150.0, 179.0)
 MOST_TRIANGLES, MOST_FRAMES = 8, 2
 MATERIALS = [Material(double_sided=True), Material(base_colour=(0.3, 0.5, 0.9, 1.0))]
 LAMP = Light("point", (6.0, 6.0, 6.0), (0.0, 2.0, 1.0))
-# Where corners meet: the eye, its planes, the near plane, and far away, as far as float32 barycentrics resolve texels.
-SPECIAL = (0.0, 1.0, -1.0, 0.02, -0.02, 1e-7, 0.5, -2.0, 100.0, -1e3)
+# Where corners meet: the eye, its planes, the near plane, and far away.
+SPECIAL = (0.0, 1.0, -1.0, 0.02, -0.02, 1e-7, 0.5, -2.0, 100.0, -1e6)
 
 
 @dataclass(frozen=True)

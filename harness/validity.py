@@ -11,7 +11,8 @@ barycentrics  Samples name an existing triangle, and their barycentrics are fini
               -(1 + MARGIN / h_i), where h_i is the height of the triangle over edge i in the atlas, in texels and at
               least 1: no further outside than one height (the other half of a block) and MARGIN texels; or the sample
               is within 1 + MARGIN texels of where it, and a corner, the centre or a near point of its triangle, are
-              looked up (a triangle in parts has no one height).
+              looked up; or of a sample inside its triangle, it continues its neighbours, and its weights are at least
+              -2 (1 + MARGIN), as low as two weights of a part of height 1 (a triangle in parts has no one height).
 inside        Samples and lookups stay inside the atlas.
 single owner  No texel is listed twice.
 alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else was written.
@@ -27,8 +28,9 @@ surface       A lookup finds its own surface. Where all texels touched are the t
               differences from texel to texel. Where a texel has another owner, that owner's surface point is within
               REACH times the sum of both triangles' texel sizes.
 gaps          A packer that declares it (`Packer.leaves_unwritten`) need not write all of them: texels with their centre
-              over NEAR from the point looked up may be missing or another triangle's, and are counted (`Gaps`). All
-              else holds for it too.
+              over NEAR from the point looked up may be missing or another triangle's, and are counted (`Gaps`), or
+              belong to another part of the same triangle, which shows by the four not being on one plane. All else
+              holds for it too.
 sorted        A method without an atlas lists each pixel's fragments nearest first, and (`once`) each in one list.
 
 Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
@@ -55,6 +57,7 @@ EXACT = 0.1  # texels
 DISTANCE = 1.0  # texels between a sample and where its surface point is looked up
 STRAYS = 1 / 3
 # Steps from a point to its six sides, in barycentrics 1 and 2: between the directions of edges, along which cuts run.
+PART = 0.2  # texels: a step on the surface as long as so much of the way to the next texel, whatever a part's size
 SIDES = 1e-4 * np.array([[2, -1], [-2, 1], [-1, 2], [1, -2], [-1, -1], [1, 1]], np.float32)
 # Texels; exact maps give 0, the cells on the diagonals of L-packing up to 1/4 (their samples are no parallelogram), a
 # client that forgets the half-texel offset 1/2.
@@ -245,6 +248,46 @@ class _Atlas:
             found[kept] |= among[at + step] & (self.owner[at + step] == triangle[kept])
         return found
 
+    def towards_neighbours(
+        self, triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Surface points a little off samples (n), between the directions to two neighbours of the same triangle, and
+        where they should be looked up: float32 (n, 2) and float64 (n, 2), for each of eight directions."""
+        if not len(texel):
+            return
+        at = self.padded(np.clip(texel, 0, self.width * self.height - 1))  # what lies outside breaks another rule
+        centre = self.centre(texel)
+        for across, down in np.array([[2, 1], [1, 2], [-2, 1], [-1, 2], [2, -1], [1, -2], [-2, -1], [-1, -2]]):
+            moved = bary.astype(np.float64)
+            for step, count in ((np.sign(across), abs(across)), (np.sign(down) * self.stride, abs(down))):
+                own = self.owner[at + step] == triangle
+                moved += np.where(own, count * PART * (self.bary[:, at + step] - bary.T), 0).T
+            yield moved.astype(np.float32), centre + PART * np.array([across, down])
+
+    def near_inside(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        """Whether a sample inside the triangle is within 1 + MARGIN texels of each texel (n): bool (n)."""
+        row, column, reach = texel // self.width, texel % self.width, int(1 + MARGIN)
+        found = np.zeros(len(texel), bool)
+        for step in np.ndindex(2 * reach + 1, 2 * reach + 1):
+            line = np.clip(row + step[0] - reach, 0, self.height - 1)
+            at = self.padded(line * self.width + np.clip(column + step[1] - reach, 0, self.width - 1))
+            inside = (self.bary[:, at].min(axis=0) >= -1e-4) & (self.bary[:, at].sum(axis=0) <= 1 + 1e-4)
+            found |= inside & (self.owner[at] == triangle)
+        return found
+
+    def is_smooth(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        """Whether each texel (n) continues three neighbours of its triangle, in a row or a square, as a plane does, to
+        half of their differences: bool (n)."""
+        at, sides = self.padded(texel), (1, -1, self.stride, -self.stride)
+        smooth = np.zeros(len(texel), bool)
+        for one, other in [(a, b) for a in sides for b in sides if a != -b]:
+            three = np.clip(at + np.array([[one], [other], [one + other]]), 0, self.owner.size - 1)
+            a, b, c = np.moveaxis(self.bary[:, three], 1, 0)
+            off = np.abs(self.bary[:, at] - (a + b - c)).sum(axis=0)
+            step = np.maximum(np.abs(a - c).sum(axis=0), np.abs(b - c).sum(axis=0))
+            smooth |= (self.owner[three] == triangle).all(axis=0) & (off <= step / 2)
+        return smooth
+
     def centre(self, texel: np.ndarray) -> np.ndarray:
         """Column and row of texels' centres, float64 (n, 2)."""
         return np.stack([texel % self.width, texel // self.width], axis=1) + 0.5
@@ -362,7 +405,8 @@ def _outside(owners: Owners, table: _Table) -> np.ndarray:
 
 def _check_barycentrics(owners: Owners, outside: np.ndarray, atlas: _Atlas, client: Client) -> list[Violation]:
     centre = atlas.centre(owners.texel[outside])
-    bad = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
+    outside = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
+    bad = outside[~_continues(owners.triangle[outside], owners.bary[outside], owners.texel[outside], atlas)]
     if not bad.size:
         return []
     sentence = f"{bad.size} samples have barycentrics that are not finite or lie too far outside their triangle."
@@ -388,6 +432,13 @@ def _close_by(triangle: np.ndarray, bary: np.ndarray, centre: np.ndarray, client
     return close
 
 
+def _continues(triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray, atlas: _Atlas) -> np.ndarray:
+    """Whether samples (n) continue a low part of their triangle: near a sample inside it, and not far outside."""
+    weights = np.stack([1 - bary.sum(axis=1), *bary.T])
+    low = (weights >= -2 * (1 + MARGIN)).all(axis=0)
+    return low & atlas.near_inside(texel, triangle) & atlas.is_smooth(texel, triangle)
+
+
 def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
     turns = _turns(len(owners.triangle), budget)
     chosen = np.flatnonzero(owners.triangle % turns == frame.index % turns)
@@ -403,6 +454,11 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
         beside = client.locate(triangle[strays], bary[strays] + side) if strays.size else centre[strays]
         distance[strays] = np.fmin(distance[strays], np.abs(beside - centre[strays]).max(axis=1))
         stray[strays] = distance[strays] > DISTANCE
+    strays = np.flatnonzero(stray)
+    for point, at in atlas.towards_neighbours(triangle[strays], bary[strays], texel[strays]):
+        beside = client.locate(triangle[strays], point)
+        distance[strays] = np.fmin(distance[strays], np.abs(beside - at).max(axis=1))
+    stray[strays] = distance[strays] > DISTANCE
     stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
     if stray.any():
         count = np.bincount(triangle)
@@ -533,9 +589,19 @@ class _Lookups:
         if bad.size:
             off = np.stack([off1[bad], off2[bad]], axis=1)
             ignored = ~(weights[:, bad] > 0).all(axis=0) & (np.abs(off).max(axis=1) <= 2 * WEIGHT)  # too light to touch
+            ignored |= self._torn(texels[:, bad]) if self._gaps else False
             bad, off = bad[~ignored], off[~ignored]
-            steps = self._steps(texels[:, bad], weights[:, bad] > 0)
+            touched = weights[:, bad] > 0
+            own = self._atlas.owner[texels[:, bad]] == self._table.pvs[rows[bad]]
+            touched |= own & (touched.sum(axis=0) == 1)  # one alone shows no step, its neighbours do
+            steps = self._steps(texels[:, bad], touched)
             self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
+
+    def _torn(self, texels: np.ndarray) -> np.ndarray:
+        """Whether the four texels (4, n) around a lookup are of several parts of a triangle: bool (n)."""
+        bary = self._atlas.bary[:, texels]
+        twist = np.abs(bary[:, 0] - bary[:, 1] - bary[:, 2] + bary[:, 3])  # 0 on one plane, gentle in perspective
+        return (twist > np.ptp(bary, axis=1) / 2).any(axis=0)
 
     def _steps(self, texels: np.ndarray, touched: np.ndarray) -> np.ndarray:
         """Changes of both barycentrics from a texel to the next column and to the next row: float64 (n, 2, 2).

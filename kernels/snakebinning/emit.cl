@@ -5,7 +5,6 @@
 // The texels of slots, as shading samples (section 3.7). Shading continues beyond the triangle's edges.
 
 #define OUTSIDE 1.9f       // texels that a sample's barycentrics may lie further outside than one height
-#define FARTHEST -0.99f    // barycentrics of a piece's samples in its parent: one height of the parent, and no further
 #define POSITIVE 0.35f     // share of the least inverse distance that the interpolated one stays above
 
 inline int2 columns_of(const Strip *s, ushort4 own, int line, int full, int enlarge) {
@@ -45,8 +44,10 @@ __kernel void count_samples(int count, int run, int runs, int full, int enlarge,
 typedef struct {
     float at[3], across[3], down[3], q[3], lowest[3];
     float least, g11, g12, g22;  // least inverse distance; products of the edges 0-1 and 0-2
-    float bary1[3], bary2[3];    // of the corners, in the triangle that the samples name
-    int triangle, is_piece;      // which is that, and whether it is another one
+    // Of corner 0 in the triangle that the samples name, and how much further those of 1 and 2 are: in a small piece of
+    // a very large triangle, only the last of a sample's operations rounds by more than a share of the piece.
+    float bary1[3], bary2[3];
+    int triangle;  // which the samples name
 } Plane;
 
 inline Plane plane_of(ushort4 own, uint word, __global const float *positions, __global const int *indices,
@@ -71,13 +72,14 @@ inline Plane plane_of(ushort4 own, uint word, __global const float *positions, _
     const float3 e1 = vload3(0, corner_of(triangle, 1, positions, indices, first_piece, pieces)) - p0;
     const float3 e2 = vload3(0, corner_of(triangle, 2, positions, indices, first_piece, pieces)) - p0;
     p.g11 = dot(e1, e1), p.g12 = dot(e1, e2), p.g22 = dot(e2, e2);
-    p.triangle = triangle, p.is_piece = triangle >= first_piece;
+    p.triangle = triangle;
     for (int k = 0; k < 3; k++) p.bary1[k] = k == 1, p.bary2[k] = k == 2;
-    if (p.is_piece) {
+    if (triangle >= first_piece) {
         __global const float *piece = pieces + PIECE_FLOATS * (triangle - first_piece);
         p.triangle = as_int(piece[PIECE_PARENT]);
         for (int k = 0; k < 3; k++)
-            p.bary1[k] = piece[PIECE_BARY + 2 * k], p.bary2[k] = piece[PIECE_BARY + 2 * k + 1];
+            p.bary1[k] = piece[PIECE_BARY + 2 * k] - (k ? p.bary1[0] : 0.0f),
+            p.bary2[k] = piece[PIECE_BARY + 2 * k + 1] - (k ? p.bary2[0] : 0.0f);
     }
     return p;
 }
@@ -118,14 +120,8 @@ INLINE Samples8 sample8(const Plane *p, float8 x, float y) {
     const float8 right = STEP8(p, right1, right2), down = STEP8(p, down1, down2);
     s.footprint = sqrt(GREATER(GREATER(right, down), (float8)(0.0f)));
     for (int k = 0; k < 3; k++) bary[k] = third + shrink * (bary[k] - third);
-    s.bary1 = bary[0] * p->bary1[0] + bary[1] * p->bary1[1] + bary[2] * p->bary1[2];
-    s.bary2 = bary[0] * p->bary2[0] + bary[1] * p->bary2[1] + bary[2] * p->bary2[2];
-    if (p->is_piece) {
-        const float8 bary0 = 1.0f - s.bary1 - s.bary2, least = LESSER(LESSER(bary0, s.bary1), s.bary2);
-        const float8 kept = least < FARTHEST ? (third - FARTHEST) / (third - least) : (float8)(1.0f);
-        s.bary1 = third + kept * (s.bary1 - third);
-        s.bary2 = third + kept * (s.bary2 - third);
-    }
+    s.bary1 = p->bary1[0] + (bary[1] * p->bary1[1] + bary[2] * p->bary1[2]);
+    s.bary2 = p->bary2[0] + (bary[1] * p->bary2[1] + bary[2] * p->bary2[2]);
     return s;
 }
 

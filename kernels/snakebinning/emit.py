@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 STAGE = "gather/emit"
 RUNS = 512  # on a CPU
 OUTSIDE = 1.9  # texels that barycentrics may lie further outside than one height
-FARTHEST = -0.99  # least barycentric of a piece's samples in its parent
 POSITIVE = 0.35  # share of the least inverse distance that the interpolated one stays above
 
 
@@ -109,17 +108,6 @@ def emit_twin(
         "footprint": footprint,
         "texel": (row + sign * line) * atlas_width + origin + sign * column,
     }
-
-
-def in_parent_twin(bary: np.ndarray, piece: np.ndarray) -> np.ndarray:
-    """Barycentrics 1 and 2 in the parent, (n, 2), of samples with barycentrics (n, 3) in a piece.
-
-    piece: (3, 3), the parent's barycentrics of its corners. No sample lies further than FARTHEST outside the parent.
-    """
-    inside = bary @ piece
-    least = inside.min(axis=1, keepdims=True)
-    kept = np.where(least < FARTHEST, (1 / 3 - FARTHEST) / (1 / 3 - np.minimum(least, FARTHEST)), 1)
-    return (1 / 3 + kept * (inside - 1 / 3))[:, 1:]
 
 
 def _surface(

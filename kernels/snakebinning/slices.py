@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from kernels.snakebinning.corners import locate_corners_twin
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -19,7 +21,7 @@ if TYPE_CHECKING:
 MOST = 256  # pieces in a frame
 PIECE_FLOATS = 16  # nine of corners, six of their barycentrics 1 and 2 in the parent, and the parent's number as bits
 WIDER = 1.15
-SMALLEST = 1e-9  # of a piece, as a share of its parent
+LEAST = 1 / 16  # weight: float32 barycentrics tell the corners of pieces apart that round by less
 
 
 @dataclass(frozen=True)
@@ -85,7 +87,33 @@ def cut(corners: np.ndarray, matrix: np.ndarray, margin: float) -> tuple[list[np
 
 def _fans(polygons: list[np.ndarray]) -> list[np.ndarray]:
     pieces = [polygon[[0, i, i + 1]] for polygon in polygons for i in range(1, len(polygon) - 1)]
-    return [piece for piece in pieces if abs(np.linalg.det(piece)) > SMALLEST]
+    return [piece for piece in pieces if np.abs(weight_steps(piece[None])).sum(axis=2).max() <= LEAST]
+
+
+def weight_steps(bary: np.ndarray) -> np.ndarray:
+    """By how much the weights of a piece's corners change where barycentrics 1 and 2 in its parent are rounded to
+    float32: float64 (k, 3, 2), for one and the other, infinite for a piece without area. bary: (k, 3, 3), those of
+    the corners of k pieces."""
+    corner = bary[:, :, 1:]
+    along = corner[:, [2, 0, 1]] - corner[:, [1, 2, 0]]  # of the edges opposite the corners
+    turned = np.stack([-along[..., 1], along[..., 0]], axis=-1)
+    area = (turned[:, 0] * along[:, 1]).sum(axis=1)
+    rounding = np.spacing(np.abs(corner).max(axis=1).astype(np.float32)) / 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        steps = turned * rounding[:, None].astype(np.float64) / area[:, None, None]
+    return np.where((area == 0)[:, None, None], np.inf, steps)
+
+
+def texel_steps(bary: np.ndarray, lengths: np.ndarray, words: np.ndarray) -> np.ndarray:
+    """By how many texels of the atlas that rounding moves a sample of each of k pieces, in the worse direction and at
+    the worst of its corners: float64 (k). lengths, words: of the pieces, as in Footprints."""
+    place = locate_corners_twin(np.ones(len(bary), np.uint32), lengths, words)  # anywhere
+    w = place[..., 2]
+    at = place[..., :2] / w[..., None]
+    # The derivative of sum(lambda x w) / sum(lambda w) by a weight, at each corner.
+    moved = (at[:, :, None] - at[:, None]) * (w[:, :, None] / w[:, None])[..., None]
+    steps = np.einsum("nikx,nib->nkxb", moved, weight_steps(bary))
+    return np.abs(steps).sum(axis=3).max(axis=(1, 2), initial=0)
 
 
 def screen_share(corners: np.ndarray, matrix: np.ndarray) -> float:

@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 
 
 def piece_maps(bary: np.ndarray) -> np.ndarray:
-    """float64 (k, 6): what takes barycentrics 1 and 2 in the parent to those in pieces: a, b, c of a + b b1 + c b2 for
-    the piece's 1, then for its 2. bary: (k, 3, 2), those of the pieces' corners in the parent."""
-    columns = np.concatenate([np.ones((len(bary), 3, 1)), bary.astype(np.float64)], axis=2)
-    inverse = np.linalg.inv(columns) if len(bary) else np.empty((0, 3, 3))
-    return inverse[:, :, 1:].transpose(0, 2, 1).reshape(-1, 6)
+    """float64 (k, 6): what takes barycentrics 1 and 2 in the parent to those in pieces: o1 and o2 of the piece's corner
+    0, then a, b of a (b1 - o1) + b (b2 - o2) for the piece's 1, then for its 2. bary: (k, 3, 2), those of the pieces'
+    corners in the parent."""
+    bary = bary.astype(np.float64)
+    edges = (bary[:, 1:] - bary[:, :1]).transpose(0, 2, 1)
+    inverse = np.linalg.inv(edges) if len(bary) else np.empty((0, 2, 2))
+    return np.concatenate([bary[:, 0], inverse.reshape(-1, 4)], axis=1)
 
 
 def split_samples(device: Device, samples: Samples, triangles: int, pieces: Array, maps: Array, stage: str) -> Samples:
@@ -49,8 +51,8 @@ def split_samples_twin(
     first, count = first[sliced], count[sliced]
     start = np.cumsum(count) - count  # of each sample's candidates in the flat list of all of them
     piece = np.arange(count.sum()) - np.repeat(start - first, count)
-    point = np.column_stack([np.ones(len(sliced)), bary[sliced]])
-    own = np.einsum("krc,kc->kr", maps[piece].reshape(-1, 2, 3), np.repeat(point, count, axis=0))
+    step = np.repeat(bary[sliced], count, axis=0) - maps[piece, :2]
+    own = np.einsum("krc,kc->kr", maps[piece, 2:].reshape(-1, 2, 2), step)
     least = np.minimum(own.min(axis=1), 1 - own.sum(axis=1))
     candidates = np.flatnonzero(least == np.repeat(np.maximum.reduceat(least, start), count))
     best = candidates[np.searchsorted(candidates, start)]

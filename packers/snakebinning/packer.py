@@ -25,7 +25,7 @@ from kernels.snakebinning.footprint import (
 )
 from kernels.snakebinning.mapping import Mapping
 from kernels.snakebinning.place import Places, find_new, list_records, place_triangles
-from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating
+from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
 from packers.interface import Frame, Packer, Paper, Payload, ServerScene, View
@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 RATES = 65  # shading rates tried: each is 2^(1/8) times smaller than the one before, down to 1/256
 OUTSIDE_RATE = 1 / 8  # of pieces that no view from the cell shows
+ROUNDING = 0.2  # texels that float32 barycentrics may round by: pieces that would have smaller texels get larger ones
 UNPLACED = "the atlas is full at 1/256 of the shading rate"
 
 
@@ -122,9 +123,9 @@ class SnakeBinning(Packer):
         ids = self._list_items(frame)
         is_new = find_new(frame.scene.device, *self.items, self.rebuilt, self.places, self.blocks.strips)
         new = ids[is_new.get()[: len(ids)] > 0]
-        uploaded = frame.scene.device.upload(new)
-        _, areas = self._measure(frame, uploaded, len(new), self.rate, keep=self.hysteresis)
-        self.added_area += float(areas.sum(dtype=np.float64))
+        whole, uploaded = new[new < self.pieces[0]], frame.scene.device.upload(new)
+        _, areas = self._measure(frame, uploaded, len(whole), self.rate, keep=self.hysteresis)
+        self.added_area += float(areas.sum(dtype=np.float64)) + self._measure_pieces(frame, new[len(whole) :])
         if self.added_area >= self.freeze * self.rebuilt_area or not self._place(frame, is_new, (uploaded, len(new))):
             return False
         if not frame.scene.skips.leaves_out("re-binning", True):
@@ -218,11 +219,32 @@ class SnakeBinning(Packer):
         named = {"moved_back": MOVED_BACK, "slender": SLENDER, "clipped": CLIPPED, "kept_bins": KEPT}
         self.noted = {name: int(np.count_nonzero(notes & bit)) for name, bit in named.items()}
         self.rebuilt_area = float(areas[~np.isin(frame.pvs, self.slices.parents)].sum(dtype=np.float64))
-        for inside, rate in ((True, self.rate), (False, self.rate * OUTSIDE_RATE)):
-            ids = self.pieces[0] + np.flatnonzero(self.slices.inside == inside).astype(np.int32)
-            if len(ids):
-                _, areas = self._measure(frame, frame.scene.device.upload(ids), len(ids), rate, keep=False)
-                self.rebuilt_area += float(areas.sum(dtype=np.float64))
+        everything = self.pieces[0] + np.arange(len(self.slices.parents), dtype=np.int32)
+        self.rebuilt_area += self._measure_pieces(frame, everything)
+
+    def _measure_pieces(self, frame: Frame, ids: np.ndarray) -> float:
+        """Footprints of pieces, coarser where float32 barycentrics could not tell their texels apart; their area."""
+        if not len(ids):
+            return 0.0
+        rows = ids - self.pieces[0]
+        rates = np.where(self.slices.inside[rows], self.rate, self.rate * OUTSIDE_RATE)
+        areas = self._measure_each(frame, ids, rates)
+        end = self.pieces[0] + len(self.slices.parents)
+        measured = (a[self.pieces[0] : end].get()[rows] for a in (self.footprints.lengths, self.footprints.words))
+        steps = texel_steps(self.slices.bary[rows], *measured)
+        fine = steps > ROUNDING
+        if fine.any():
+            halvings = np.ceil(np.log2(steps[fine] / ROUNDING))
+            areas[fine] = self._measure_each(frame, ids[fine], rates[fine] * 2.0**-halvings)
+        return float(areas.sum(dtype=np.float64))
+
+    def _measure_each(self, frame: Frame, ids: np.ndarray, rates: np.ndarray) -> np.ndarray:
+        """Measure pieces, each at its own rate, without hysteresis: areas."""
+        areas = np.zeros(len(ids), np.float32)
+        for rate in np.unique(rates):
+            some = ids[rates == rate]
+            _, areas[rates == rate] = self._measure(frame, frame.scene.device.upload(some), len(some), rate, keep=False)
+        return areas
 
     def _slice(self, frame: Frame, candidates: np.ndarray) -> None:
         """Choose what to slice, among triangles that leave the screen of a camera turned to them."""

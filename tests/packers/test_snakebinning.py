@@ -10,6 +10,8 @@ from hypothesis import strategies as st
 
 from harness.pvs import potentially_visible
 from harness.reference import ForwardRenderer
+from harness.stress_catalogue import CATALOGUE
+from harness.trial import Stage, try_method, try_rasteriser
 from harness.validity import Gaps, check
 from harness.views import CellFrustum, Pose, client_view
 from packers.interface import Frame, Payload, ServerScene, View
@@ -286,6 +288,15 @@ def surface_of(positions: np.ndarray, indices: np.ndarray) -> dict[str, np.ndarr
         "material_ids": np.zeros(len(indices), np.int32),
         "content_hash": "slivers",
     }
+
+
+@pytest.mark.parametrize("screens", [1e5, 1e6])
+def test_a_triangle_of_many_screens_is_as_good_as_its_barycentrics(device, screens):
+    """The client's picture is little worse than the rasteriser's, which has the same float32 barycentrics."""
+    stage = Stage.of(device, CATALOGUE["screen-filling"].make(screens))
+    found = try_method(stage, SnakeBinning, again=0)
+    assert found.good, found.sentence
+    assert found.error < try_rasteriser(stage).error + 0.02
 
 
 def test_slices_in_a_tiny_atlas(scene):
