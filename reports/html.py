@@ -14,7 +14,7 @@ from reports import charts
 from reports.csv_files import replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
-from reports.tables import NONE, headline_tables, number, ranges, table
+from reports.tables import NONE, folded_lists, headline_tables, number, ranges, table
 
 NOTES = ("environment", "device", "warning", "skipped", "skip", "saved", "scene", "prepare_ms")
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
@@ -317,17 +317,11 @@ def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: cha
         "Device": notes["device"],
         "Machine and software": notes["environment"],
     }
-    folded = [
-        f"<details><summary>{title}</summary>{table(['name', 'value'], [list(item) for item in values.items()], 2)}"
-        "</details>"
-        for title, values in lists.items()
-        if values
-    ]
     return section(
         "details",
         "How it was run",
         caption("All settings, parameters and notes. Every number is in the CSV files beside this report."),
-        *folded,
+        *folded_lists(lists),
     )
 
 

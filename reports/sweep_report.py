@@ -16,7 +16,7 @@ from reports.html import caption, facts_list, fill_page, section
 from reports.store import Store, flat
 from reports.sweep import COSTS, ERRORS, Point, candidates, groups, read_points, read_sweep, write_sweep_csv
 from reports.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
-from reports.tables import NONE, number, table
+from reports.tables import NONE, folded_lists, number, table
 
 LOG_FROM = 10.0  # largest over smallest cost, from which on the axis is logarithmic
 
@@ -360,10 +360,4 @@ def _details(sweep: dict[str, Any], notes: dict[str, dict[str, str]], plan: dict
         "Device": notes["device"],
         "Machine and software": notes["environment"],
     }
-    folded = [
-        f"<details><summary>{title}</summary>{table(['name', 'value'], [list(item) for item in values.items()], 2)}"
-        "</details>"
-        for title, values in lists.items()
-        if values
-    ]
-    return section("details", "How it was run", *folded)
+    return section("details", "How it was run", *folded_lists(lists))

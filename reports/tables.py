@@ -185,3 +185,13 @@ def ranges(frames: set[int]) -> str:
         else:
             parts.append([frame])
     return ", ".join(str(part[0]) if len(part) == 1 else f"{part[0]}-{part[-1]}" for part in parts)
+
+
+def folded_lists(lists: dict[str, dict[str, str]]) -> list[str]:
+    """Names and values, folded away under their titles; nothing for a list that is empty."""
+    return [
+        f"<details><summary>{title}</summary>{table(['name', 'value'], [list(item) for item in values.items()], 2)}"
+        "</details>"
+        for title, values in lists.items()
+        if values
+    ]

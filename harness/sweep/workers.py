@@ -54,11 +54,11 @@ def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
 def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progress) -> None:
     """Hand the cells to new workers and wait until all of them have ended."""
     context = multiprocessing.get_context("spawn")
-    todo, done = context.Queue(), context.Queue()
+    cells, done = context.Queue(), context.Queue()
     count = min(wanted.workers, len(left))
     for number in [*left, *[None] * count]:
-        todo.put(number)
-    workers = [context.Process(target=_worker, args=(wanted, folder, todo, done), daemon=True) for _ in range(count)]
+        cells.put(number)
+    workers = [context.Process(target=_worker, args=(wanted, folder, cells, done), daemon=True) for _ in range(count)]
     task = progress.add_task(f"cells, {count} at a time", total=len(left))
     try:
         for worker in workers:
@@ -74,11 +74,11 @@ def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progr
             worker.terminate()
         for worker in workers:
             worker.join()
-        todo.cancel_join_thread()
+        cells.cancel_join_thread()
         progress.remove_task(task)
 
 
-def _worker(wanted: Wanted, folder: Path, todo: Any, done: Any) -> None:
+def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any) -> None:
     """Measure cells until there are no more; ends with its parent, however that ends."""
     from harness.sweep.run import Sessions, SweepRun
 
@@ -92,7 +92,7 @@ def _worker(wanted: Wanted, folder: Path, todo: Any, done: Any) -> None:
     run.start_again = lambda: os._exit(HUNG)
     with show_progress() as progress:
         progress.disable = True
-        while (number := todo.get()) is not None:
+        while (number := cells.get()) is not None:
             run.once(grid.cells[number], progress)
             done.put(number)
 

@@ -161,7 +161,7 @@ INLINE void draw_shape(Tile *tile, const Shape *shape ALPHA_PARAMETERS)
         reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
     }
     float8 corners[BLOCKS];
-    ulong todo = 0; // 8 blocks per row
+    ulong touched = 0; // 8 blocks per row
     for (int by = shape->top / BLOCK; by <= shape->bottom / BLOCK; by++) {
         const float8 z0 = convert_float8(
             along + plane.along_y * (by * (BLOCK * SUBPIXELS) + shape->centre.y - plane.corner.y));
@@ -172,11 +172,11 @@ INLINE void draw_shape(Tile *tile, const Shape *shape ALPHA_PARAMETERS)
         for (int i = 0; i < 3; i++)
             inside |= reach[i] + shape->edges[i].along_y * by * BLOCK;
         const uint drawn = bits_of(within & (inside >= 0) & (reached >= tile->farthest[by]));
-        todo |= (ulong)drawn << 8 * by;
+        touched |= (ulong)drawn << 8 * by;
         corners[by] = z0;
     }
-    for (; todo; todo &= todo - 1) {
-        const int block = 63 - (int)clz(todo & -todo);
+    for (; touched; touched &= touched - 1) {
+        const int block = 63 - (int)clz(touched & -touched);
         draw_block(tile, shape, block % 8, block / 8, AT(corners, float, block) ALPHA_ARGUMENTS);
     }
 }

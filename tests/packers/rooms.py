@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from harness.pvs import potentially_visible
@@ -75,6 +77,23 @@ def frame_of(scene: ServerScene, width: int, height: int, step: int = 0, pvs: np
     server = frustum.server_view(pose_at(step), NEAR)
     uploaded = scene.device.upload(pvs)
     return Frame(step, scene, server, CELL.radius, CELL.fov, pvs, uploaded, (), width, height)
+
+
+def changing_sets(rng: np.random.Generator, count: int, kinds: list[str], share: float) -> Iterator[np.ndarray]:
+    """Sets of triangles, int32, each changed from the one before as a kind says, in random order: by a "little", a
+    share of all triangles; to "all" others; to "none"; to "one"."""
+    chosen = rng.random(count) < 0.4
+    for kind in rng.permutation(kinds):
+        match kind:
+            case "little":
+                chosen = chosen ^ (rng.random(count) < share)
+            case "all":
+                chosen = ~chosen
+            case "none":
+                chosen = np.zeros(count, bool)
+            case "one":
+                chosen = np.arange(count) == rng.integers(count)
+        yield np.flatnonzero(chosen).astype(np.int32)
 
 
 def novel_view(step: int = 0) -> View:

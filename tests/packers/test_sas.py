@@ -14,7 +14,7 @@ from packers.sas import ShadingAtlasStreaming
 from packers.sas.packer import choose_grid
 from packers.sas.picture import draw_allocation
 from tests.packers import streams
-from tests.packers.rooms import frame_of, novel_view
+from tests.packers.rooms import changing_sets, frame_of, novel_view
 
 Stream = partial(streams.Stream, ShadingAtlasStreaming)
 
@@ -58,19 +58,8 @@ def test_any_sequence_of_sets_is_valid(scene, seed, reuse, side):
     """Sets that change a little, entirely, to nothing and back; blocks that stay keep their texels."""
     rng = np.random.default_rng(seed)
     stream = Stream(scene, reuse=reuse)
-    count = scene.triangles.count
-    chosen = rng.random(count) < 0.4
-    for kind in rng.permutation(["little", "all", "none", "one", "little"]):
-        match kind:
-            case "little":
-                chosen = chosen ^ (rng.random(count) < 0.05)
-            case "all":
-                chosen = ~chosen
-            case "none":
-                chosen = np.zeros(count, bool)
-            case "one":
-                chosen = np.arange(count) == rng.integers(count)
-        frame = frame_of(scene, side, side, 0, np.flatnonzero(chosen).astype(np.int32))
+    for chosen in changing_sets(rng, scene.triangles.count, ["little", "all", "none", "one", "little"], 0.05):
+        frame = frame_of(scene, side, side, 0, chosen)
         payload = stream.send(frame)
         assert stream.violations(frame, payload) == []
         assert payload.sample_count == payload.statistics["used_texels"] <= side * side

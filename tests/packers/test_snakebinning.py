@@ -19,7 +19,7 @@ from packers.snakebinning import SnakeBinning
 from packers.snakebinning.client import decode_records, encode_records
 from packers.snakebinning.packer import check_atlas, reference_views
 from tests.packers import streams
-from tests.packers.rooms import CELL, FOV, NEAR, SIZE, frame_of, novel_view, room, server_of, wall
+from tests.packers.rooms import CELL, FOV, NEAR, SIZE, changing_sets, frame_of, novel_view, room, server_of, wall
 
 Stream = partial(streams.Stream, SnakeBinning)
 
@@ -92,19 +92,8 @@ def test_any_sequence_of_sets_is_valid(scene, seed, freeze, side):
     """Sets that change a little, entirely, to nothing, to one triangle and back, in atlases that may be too small."""
     rng = np.random.default_rng(seed)
     stream = Stream(scene, freeze=freeze)
-    count = scene.triangles.count
-    chosen = rng.random(count) < 0.4
-    for kind in rng.permutation(["little", "all", "none", "one", "little", "little"]):
-        match kind:
-            case "little":
-                chosen = chosen ^ (rng.random(count) < 0.03)
-            case "all":
-                chosen = ~chosen
-            case "none":
-                chosen = np.zeros(count, bool)
-            case "one":
-                chosen = np.arange(count) == rng.integers(count)
-        frame = frame_of(scene, side, side, 0, np.flatnonzero(chosen).astype(np.int32))
+    for chosen in changing_sets(rng, scene.triangles.count, ["little", "all", "none", "one", "little", "little"], 0.03):
+        frame = frame_of(scene, side, side, 0, chosen)
         payload = stream.send(frame)
         assert stream.violations(frame, payload) == []
         assert payload.sample_count <= side * side
