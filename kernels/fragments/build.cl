@@ -1,8 +1,10 @@
-// The fragments of every pixel: counted and written by one work-item per tile, then sorted by one per pixel.
-#include "raster/coverage.cl"
+// The fragments of every pixel: drawn once by one work-item per tile, into pages in triangle order, then put in their
+// pixels and sorted by one per tile.
+#include "raster/shapes.cl"
 
 #define BLOCK 8
-#define BLOCKS (TILE / BLOCK) // per tile's side
+#define BLOCKS (TILE / BLOCK) // per tile's side, at most 8
+#define AT(vectors, type, i) (((const type *)(vectors))[i])
 
 #if FRONT
 // What is in front of the fragments that count: a picture's triangles and depths. `numbers`: what it calls the
@@ -15,61 +17,64 @@
 #define FRONT_ARGUMENTS
 #endif
 
-// Where the tiles' fragments go. `cursor`: how many each pixel of the tile has so far, rows of 8 pixels.
+// Where a tile's fragments go: pages of PAGE fragments each, taken from a pool as they are needed: the numbers of the
+// fragments' pixels in the tile (block by block, row by row), then their triangles, then their depths.
+// links: of each page the next (-1: none), and how many fragments it holds.
 typedef struct {
-    int2 origin; // the tile's first pixel
+    int16 counts[TILE * BLOCKS / 2]; // fragments of each pixel, two rows of 8 per vector
+    int2 origin;                     // the tile's first pixel
     int width, height;
-    __global const int *offsets; // 0: count only
-    __global int *triangle;
-    __global float *depth;
-    int8 cursor[TILE * BLOCKS];
+    int capacity; // of the pool, pages
+    int page, filled;
+    __global int *pages, *taken, *first;
+    __global int2 *links;
 } Target;
 
-// Which lanes of a comparison hold, as bits.
-INLINE uint lanes_of(const int8 mask)
+// Go on in a new page. Beyond the pool's end pages are only counted.
+INLINE void turn_page(Target *target)
 {
-    const int8 bits = mask & (int8)(1, 2, 4, 8, 16, 32, 64, 128);
-    const int4 four = bits.lo | bits.hi;
-    return four.x | four.y | four.z | four.w;
+    const int page = atomic_inc(target->taken);
+    if (page < target->capacity) {
+        if (target->page < 0)
+            *target->first = page;
+        else
+            target->links[target->page] = (int2)(page, target->filled);
+        target->page = page;
+    } else
+        target->page = target->capacity;
+    target->filled = 0;
 }
 
-// Write a row's fragments behind those that their pixels have: at once where they come to lie side by side, as most do
-// where one surface covers all.
-INLINE void write_row(Target *target, const int x, const int y, const int at, const int8 draw, const float8 z,
-                      const int id)
+// A record in a tile: what decides coverage and depth.
+typedef struct {
+    int id;
+    Edge edges[3];
+    float nearest, farthest, slope_x, slope_y; // depth: limits, and per pixel
+#if MASKED
+    int is_masked;
+    MaskedTriangle masked;
+    float2 middle; // the centre of the tile's first pixel, from the image's centre
+#endif
+} Shape;
+
+#if MASKED
+// Clear the lanes of two rows of 8 pixels from (x, y) of the tile that fall into the mask's holes.
+INLINE int16 rows_without_holes(int16 draw, const Shape *shape, const int x, const int y ALPHA_PARAMETERS)
 {
-    uint left = lanes_of(draw);
-    if (left == 0)
-        return;
-    __global const int *offsets = target->offsets + (target->origin.y + y) * target->width + target->origin.x + x;
-    if (left == 255 && target->origin.x + x + 8 <= target->width) {
-        const int8 to = *(__global const loose_int8 *)offsets + target->cursor[at];
-        const int8 aside = to != to.s0 + (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-        const int4 apart = aside.lo | aside.hi;
-        if ((apart.x | apart.y | apart.z | apart.w) == 0) {
-            target->cursor[at] += 1;
-            *(__global loose_int8 *)(target->triangle + to.s0) = (int8)id;
-            *(__global loose_float8 *)(target->depth + to.s0) = z;
-            return;
-        }
-    }
-    int *cursor = (int *)&target->cursor[at];
-    __global int *triangle = target->triangle;
-    __global float *depth = target->depth;
-    for (; left; left &= left - 1) { // over the bits that are set: a branch per lane would be hard to predict
-        const int lane = 31 - clz(left & (0u - left));
-        const int to = offsets[lane] + cursor[lane]++;
-        triangle[to] = id;
-        depth[to] = ((const float *)&z)[lane];
-    }
+    const float8 px = shape->middle.x + (x + (float8)(0, 1, 2, 3, 4, 5, 6, 7)) * SUBPIXELS;
+    const float py = shape->middle.y + y * SUBPIXELS;
+    draw.lo = without_holes(draw.lo, &shape->masked, px, py ALPHA_ARGUMENTS);
+    draw.hi = without_holes(draw.hi, &shape->masked, px, py + SUBPIXELS ALPHA_ARGUMENTS);
+    return draw;
 }
+#endif
 
 #if FRONT
 // Clear the lanes of a row of 8 pixels from (x, y) of the tile where the picture shows something nearer.
 INLINE int8 in_front(int8 draw, const Target *target, const int x, const int y, const float8 z,
                      const int id FRONT_PARAMETERS)
 {
-    if (lanes_of(draw) == 0)
+    if (bits_of(draw) == 0)
         return draw;
     const size_t at = (size_t)(target->origin.y + y) * target->width + target->origin.x + x;
     float8 depth = INFINITY;
@@ -87,139 +92,216 @@ INLINE int8 in_front(int8 draw, const Target *target, const int x, const int y, 
 }
 #endif
 
-// Count or write the fragments of one record in a tile: the pixels and depths that the rasteriser gives it.
-INLINE void add_record(__global const int *record, Target *target ALPHA_PARAMETERS FRONT_PARAMETERS)
+// The lanes of two comparisons as 32 bits.
+INLINE uint bits_of_two(const int16 first, const int16 second)
 {
-    const int2 origin = target->origin;
-    const int2 a = (int2)(record[0], record[1]), b = (int2)(record[2], record[3]), c = (int2)(record[4], record[5]);
-    const float3 d = (float3)(as_float(record[6]), as_float(record[7]), as_float(record[8]));
-    const int2 low = (int2)(least(a.x, b.x, c.x), least(a.y, b.y, c.y));
-    const int2 high = (int2)(most(a.x, b.x, c.x), most(a.y, b.y, c.y));
-    const int left = GREATER(first_pixel(low.x) - origin.x, 0), top = GREATER(first_pixel(low.y) - origin.y, 0);
-    const int right = LESSER(LESSER(last_pixel(high.x), target->width - 1) - origin.x, TILE - 1);
-    const int bottom = LESSER(LESSER(last_pixel(high.y), target->height - 1) - origin.y, TILE - 1);
-    const int id = record[9] & ~MASK_BIT;
-    const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
-    const Plane plane = depth_plane(a, b, c, d);
-    const int2 centre = origin * SUBPIXELS + SUBPIXELS / 2;
-    const Edge e0 = edge_at(a, b, centre), e1 = edge_at(b, c, centre), e2 = edge_at(c, a, centre);
-    const int reach0 = 7 * (GREATER(e0.along_x, 0) + GREATER(e0.along_y, 0));
-    const int reach1 = 7 * (GREATER(e1.along_x, 0) + GREATER(e1.along_y, 0));
-    const int reach2 = 7 * (GREATER(e2.along_x, 0) + GREATER(e2.along_y, 0));
-    const float slope_x = (float)(plane.along_x * SUBPIXELS), slope_y = (float)(plane.along_y * SUBPIXELS);
-#if MASKED
-    const int is_masked = record[9] & MASK_BIT;
-    MaskedTriangle masked;
-    if (is_masked)
-        masked = masked_triangle(id ALPHA_ARGUMENTS);
-    const float2 middle =
-        (float2)(centre.x - target->width * (SUBPIXELS / 2), centre.y - target->height * (SUBPIXELS / 2));
-#endif
-    for (int by = top / BLOCK; by <= bottom / BLOCK; by++)
-        for (int bx = left / BLOCK; bx <= right / BLOCK; bx++) {
-            const int px = bx * BLOCK, py = by * BLOCK;
-            const int at0 = e0.at + e0.along_x * px + e0.along_y * py;
-            const int at1 = e1.at + e1.along_x * px + e1.along_y * py;
-            const int at2 = e2.at + e2.along_x * px + e2.along_y * py;
-            if (((at0 + reach0) | (at1 + reach1) | (at2 + reach2)) < 0)
-                continue;
-            const float z0 = (float)(plane.depth + plane.along_x * (px * SUBPIXELS + centre.x - plane.corner.x) +
-                                     plane.along_y * (py * SUBPIXELS + centre.y - plane.corner.y));
-            const int first = GREATER(top - py, 0), last = LESSER(bottom - py, BLOCK - 1);
-            for (int j = first; j <= last; j++) {
-                const int y = py + j, at = y * BLOCKS + bx;
-                const int8 row0 = at0 + e0.along_y * j + e0.along_x * steps;
-                const int8 row1 = at1 + e1.along_y * j + e1.along_x * steps;
-                const int8 row2 = at2 + e2.along_y * j + e2.along_x * steps;
-                float8 z = (z0 + j * slope_y) + lanes * slope_x;
-                z = LESSER(z, plane.nearest);
-                z = GREATER(z, plane.farthest);
-                int8 draw = ((row0 | row1 | row2) >= 0) & (z > 0.0f) & (px + steps >= left) & (px + steps <= right);
-#if MASKED
-                if (is_masked)
-                    draw = without_holes(draw, &masked, middle.x + (px + lanes) * SUBPIXELS,
-                                         middle.y + y * SUBPIXELS ALPHA_ARGUMENTS);
-#endif
-#if FRONT
-                draw = in_front(draw, target, px, y, z, id FRONT_ARGUMENTS);
-#endif
-                if (target->offsets)
-                    write_row(target, px, y, at, draw, z, id);
-                else
-                    target->cursor[at] -= draw;
-            }
-        }
+    const int16 low = (int16)(1, 2, 4, 8, 16, 32, 64, 128, 256, 512, 1024, 2048, 4096, 8192, 16384, 32768);
+    const int16 bits = (first & low) | (second & (low << 16));
+    const int8 eight = bits.lo | bits.hi;
+    const int4 four = eight.lo | eight.hi;
+    const int2 two = four.lo | four.hi;
+    return (uint)(two.x | two.y);
 }
 
-INLINE void add_records(Target *target, const int tile, const int tiles_x, const int chunks, __global const int *ends,
-                        __global const int *entries, __global const int *records, __global const uchar *members,
-                        const int member ALPHA_PARAMETERS FRONT_PARAMETERS)
+// Add the fragments of a shape in a block, at the pixels and depths that the rasteriser gives it; z0 is its depth at the
+// block's first pixel.
+INLINE void add_block(Target *target, const Shape *shape, const int bx, const int by,
+                      const float z0 ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
-    const int first = tile == 0 ? 0 : ends[(size_t)tile * chunks - 1], end = ends[(size_t)(tile + 1) * chunks - 1];
-    target->origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
-    for (int i = 0; i < TILE * BLOCKS; i++)
-        target->cursor[i] = 0;
-    for (int i = first; i < end; i++) {
-        __global const int *record = records + (size_t)entries[i] * RECORD;
-        if (members[record[9] & ~MASK_BIT] == member)
-            add_record(record, target ALPHA_ARGUMENTS FRONT_ARGUMENTS);
+    const int8 steps = (int8)(0, 1, 2, 3, 4, 5, 6, 7), zero = 0, one = 1;
+    const float8 lanes = (float8)(0, 1, 2, 3, 4, 5, 6, 7), upper = 0.0f, lower = 1.0f;
+    const int16 columns = (int16)(steps, steps), rows_down = (int16)(zero, one);
+    const float16 across = (float16)(lanes, lanes), down = (float16)(upper, lower);
+    const int block = by * BLOCKS + bx, px = bx * BLOCK, py = by * BLOCK;
+    const int16 in_width = columns < target->width - target->origin.x - px;
+    int16 inside[3], draw[BLOCK / 2];
+    float16 z[BLOCK / 2];
+    UNROLL
+    for (int i = 0; i < 3; i++) {
+        const Edge edge = shape->edges[i];
+        inside[i] = (edge.at + edge.along_x * px + edge.along_y * py) +
+                    (edge.along_x * columns + edge.along_y * rows_down);
+    }
+    UNROLL
+    for (int j = 0; j < BLOCK / 2; j++) {
+        z[j] = (z0 + (2 * j + down) * shape->slope_y) + across * shape->slope_x;
+        z[j] = LESSER(z[j], shape->nearest);
+        z[j] = GREATER(z[j], shape->farthest);
+        draw[j] = ((inside[0] | inside[1] | inside[2]) >= 0) & (z[j] > 0.0f) & in_width &
+                  (2 * j + rows_down < target->height - target->origin.y - py);
+#if MASKED
+        if (shape->is_masked)
+            draw[j] = rows_without_holes(draw[j], shape, px, py + 2 * j ALPHA_ARGUMENTS);
+#endif
+#if FRONT
+        draw[j].lo = in_front(draw[j].lo, target, px, py + 2 * j, z[j].lo, shape->id FRONT_ARGUMENTS);
+        draw[j].hi = in_front(draw[j].hi, target, px, py + 2 * j + 1, z[j].hi, shape->id FRONT_ARGUMENTS);
+#endif
+        UNROLL
+        for (int i = 0; i < 3; i++)
+            inside[i] += 2 * shape->edges[i].along_y;
+    }
+    ulong left = bits_of_two(draw[0], draw[1]) | (ulong)bits_of_two(draw[2], draw[3]) << 32;
+    if (left == 0)
+        return;
+    int16 *counts = target->counts + block * (BLOCK / 2);
+    UNROLL
+    for (int j = 0; j < BLOCK / 2; j++)
+        counts[j] -= draw[j];
+    if (target->filled > PAGE - BLOCK * BLOCK)
+        turn_page(target);
+    __global int *to = target->pages + (size_t)target->page * (3 * PAGE) + target->filled;
+    const int first = block * (BLOCK * BLOCK);
+    target->filled += (int)popcount(left);
+    if (target->page == target->capacity)
+        return;
+    for (; left; left &= left - 1, to++) { // over the bits that are set: a branch per lane would be hard to predict
+        const int lane = 63 - (int)clz(left & (0 - left));
+        to[0] = first + lane;
+        to[PAGE] = shape->id;
+        to[2 * PAGE] = as_int(AT(z, float, lane));
     }
 }
 
-// How many fragments of triangles with members[triangle] == member each pixel has.
-__kernel void count_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
-                              __global const int *ends, __global const int *entries, __global const int *records,
-                              __global const uchar *members, const int member,
-                              __global int *counts ALPHA_PARAMETERS FRONT_PARAMETERS)
+// Add the fragments of one of the shapes: in the blocks of its box that its edges reach.
+INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_PARAMETERS FRONT_PARAMETERS)
+{
+    const int8 blocks = (int8)(0, 1, 2, 3, 4, 5, 6, 7);
+    const int left = AT(&shapes->left, int, lane) / BLOCK, right = AT(&shapes->right, int, lane) / BLOCK;
+    const int top = AT(&shapes->top, int, lane) / BLOCK, bottom = AT(&shapes->bottom, int, lane) / BLOCK;
+    const int2 centre = target->origin * SUBPIXELS + SUBPIXELS / 2;
+    const int8 within = (blocks >= left) & (blocks <= right);
+    const double rise_x = AT(&shapes->rise_x, double, lane), rise_y = AT(&shapes->rise_y, double, lane);
+    const double8 along = (double)AT(&shapes->depth, float, lane) +
+                          rise_x * convert_double8(blocks * (BLOCK * SUBPIXELS) +
+                                                   (centre.x - AT(&shapes->corner_x, int, lane)));
+    const int down = centre.y - AT(&shapes->corner_y, int, lane), id = AT(&shapes->id, int, lane);
+    Shape shape;
+    shape.id = id & ~MASK_BIT;
+    shape.nearest = AT(&shapes->nearest, float, lane);
+    shape.farthest = AT(&shapes->farthest, float, lane);
+    shape.slope_x = AT(&shapes->slope_x, float, lane);
+    shape.slope_y = AT(&shapes->slope_y, float, lane);
+#if MASKED
+    shape.is_masked = id & MASK_BIT;
+    if (shape.is_masked)
+        shape.masked = masked_triangle(shape.id ALPHA_ARGUMENTS);
+    shape.middle = (float2)(centre.x - target->width * (SUBPIXELS / 2), centre.y - target->height * (SUBPIXELS / 2));
+#endif
+    int8 reach[3]; // the edges' greatest values in each block
+    UNROLL
+    for (int i = 0; i < 3; i++) {
+        const Edge edge = {AT(&shapes->along_x[i], int, lane), AT(&shapes->along_y[i], int, lane),
+                           AT(&shapes->at[i], int, lane)};
+        shape.edges[i] = edge;
+        reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
+    }
+    float8 corners[BLOCKS]; // depth at the blocks' first pixels
+    ulong touched = 0;      // 8 blocks per row
+    for (int by = top; by <= bottom; by++) {
+        int8 inside = 0;
+        UNROLL
+        for (int i = 0; i < 3; i++)
+            inside |= reach[i] + shape.edges[i].along_y * by * BLOCK;
+        touched |= (ulong)bits_of(within & (inside >= 0)) << 8 * by;
+        corners[by] = convert_float8(along + rise_y * (by * (BLOCK * SUBPIXELS) + down));
+    }
+    for (; touched; touched &= touched - 1) {
+        const int block = 63 - (int)clz(touched & (0 - touched));
+        add_block(target, &shape, block % 8, block / 8, AT(corners, float, block) ALPHA_ARGUMENTS FRONT_ARGUMENTS);
+    }
+}
+
+// Draw the triangles with members[triangle] == member into pages; `first`: each tile's first page, or -1.
+// counts: fragments of each pixel, tile by tile, block by block. runs: of each tile's row, as they follow in the image.
+__kernel void draw_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
+                             __global const int *ends, __global const int *entries, __global const int *records,
+                             __global const uchar *members, const int member, const int capacity,
+                             __global int *pages, __global int2 *links, __global int *taken, __global int *firsts,
+                             __global int *counts, __global int *runs ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
         return;
+    const int first = tile == 0 ? 0 : ends[(size_t)tile * chunks - 1], end = ends[(size_t)(tile + 1) * chunks - 1];
     Target target;
+    target.origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
     target.width = width;
     target.height = height;
-    target.offsets = 0;
-    add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS FRONT_ARGUMENTS);
-    for (int y = 0; y < TILE && target.origin.y + y < height; y++)
-        for (int x = 0; x < TILE && target.origin.x + x < width; x++)
-            counts[(size_t)(target.origin.y + y) * width + target.origin.x + x] =
-                ((const int *)&target.cursor[y * BLOCKS])[x];
+    target.capacity = capacity;
+    target.page = -1;
+    target.filled = PAGE;
+    target.pages = pages;
+    target.links = links;
+    target.taken = taken;
+    target.first = firsts + tile;
+    firsts[tile] = -1;
+    for (int i = 0; i < TILE * BLOCKS / 2; i++)
+        target.counts[i] = 0;
+    Fetched fetched;
+    if (first < end)
+        fetch_records(&fetched, records, entries + first, end - first);
+    for (int i = first; i < end; i += 8) {
+        int8 fields[RECORD];
+        Shapes shapes;
+        fields_of(&fetched, fields);
+        if (i + 8 < end) // ahead of their use, because they are seldom in the cache
+            fetch_records(&fetched, records, entries + i + 8, end - i - 8);
+        set_shapes(&shapes, fields, target.origin);
+        for (int lane = 0; lane < LESSER(end - i, 8); lane++)
+            if (members[AT(&shapes.id, int, lane) & ~MASK_BIT] == member)
+                add_lane(&target, &shapes, lane ALPHA_ARGUMENTS FRONT_ARGUMENTS);
+    }
+    if (target.page >= 0 && target.page < capacity)
+        links[target.page] = (int2)(-1, target.filled);
+
+    __global int16 *to = (__global int16 *)(counts + (size_t)tile * (TILE * TILE));
+    for (int i = 0; i < TILE * BLOCKS / 2; i++)
+        to[i] = target.counts[i];
+    for (int y = 0; y < TILE && target.origin.y + y < height; y++) {
+        int8 row = 0;
+        for (int bx = 0; bx < BLOCKS; bx++)
+            row += ((const int8 *)target.counts)[(y / BLOCK * BLOCKS + bx) * BLOCK + y % BLOCK];
+        const int4 four = row.lo + row.hi;
+        runs[(size_t)(target.origin.y + y) * tiles_x + tile % tiles_x] = (four.x + four.y) + (four.z + four.w);
+    }
 }
 
-// The fragments, pixel after pixel from `offsets`, in triangle order.
-__kernel void write_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
-                              __global const int *ends, __global const int *entries, __global const int *records,
-                              __global const uchar *members, const int member, __global const int *offsets,
-                              __global int *triangle, __global float *depth ALPHA_PARAMETERS FRONT_PARAMETERS)
+// A fragment as a number that is less the nearer it is (the greater its depth, which is positive), and of equal depths
+// the lower its triangle is.
+#define KEY(z, id) ((ulong)~as_uint(z) << 32 | (uint)(id))
+#define ORDER(i, j)                                                                                                    \
+    {                                                                                                                  \
+        const ulong low = LESSER(keys[i], keys[j]), high = GREATER(keys[i], keys[j]);                                  \
+        keys[i] = low;                                                                                                 \
+        keys[j] = high;                                                                                                \
+    }
+#define NETWORK 4
+
+// Sorts 2 to NETWORK fragments without branches, which could not be foreseen.
+INLINE void sort_few(const int count, __global int *ids, __global float *depths)
 {
-    const int tile = get_global_id(0);
-    if (tile >= tiles)
-        return;
-    Target target;
-    target.width = width;
-    target.height = height;
-    target.offsets = offsets;
-    target.triangle = triangle;
-    target.depth = depth;
-    add_records(&target, tile, tiles_x, chunks, ends, entries, records, members, member ALPHA_ARGUMENTS FRONT_ARGUMENTS);
+    ulong keys[NETWORK];
+    UNROLL
+    for (int i = 0; i < NETWORK; i++)
+        keys[i] = i < count ? KEY(depths[LESSER(i, count - 1)], ids[LESSER(i, count - 1)]) : ~(ulong)0;
+    ORDER(0, 1)
+    ORDER(2, 3)
+    ORDER(0, 2)
+    ORDER(1, 3)
+    ORDER(1, 2)
+    for (int i = NETWORK - 1; i >= 0; i--) { // what lies beyond the end becomes the last once more, and is overwritten
+        const int to = LESSER(i, count - 1);
+        ids[to] = (int)(uint)keys[i];
+        depths[to] = as_float(~(uint)(keys[i] >> 32));
+    }
 }
 
-// Sorts each pixel's fragments, nearest (greatest depth) first, of equal depths the lowest triangle, and notes whose they
-// are. Shell's sort, which is plain insertion for short lists; no two compare equal, so the order is the only one.
-__kernel void sort_fragments(const int pixels, __global const int *offsets, __global int *triangle,
-                             __global int *owner, __global float *depth)
+// Sorts a pixel's fragments, nearest first. Shell's sort, which is plain insertion for short lists; no two compare
+// equal, so the order is the only one.
+INLINE void sort_list(const int count, __global int *ids, __global float *depths)
 {
-    const int pixel = get_global_id(0);
-    if (pixel >= pixels)
-        return;
-    const int first = offsets[pixel], count = offsets[pixel + 1] - first;
-    for (int i = 0; i < count; i++)
-        owner[first + i] = pixel;
-    __global int *ids = triangle + first;
-    __global float *depths = depth + first;
-    int gap = count > 16 ? count / 2 : 1;
-    for (; count > 1; gap = gap * 5 / 11 > 1 ? gap * 5 / 11 : 1) {
+    for (int gap = count > 16 ? count / 2 : 1;; gap = gap * 5 / 11 > 1 ? gap * 5 / 11 : 1) {
         for (int i = gap; i < count; i++) {
             const float z = depths[i];
             const int id = ids[i];
@@ -233,6 +315,65 @@ __kernel void sort_fragments(const int pixels, __global const int *offsets, __gl
         }
         if (gap == 1)
             break;
+    }
+}
+
+// Each pixel's fragments from `offsets` on, sorted, and whose they are. starts: where each tile's row of them begins.
+__kernel void place_fragments(const int tiles, const int tiles_x, const int width, const int height,
+                              __global const int *pages, __global const int2 *links, __global const int *firsts,
+                              __global const int *counts, __global const int *starts, __global int *offsets,
+                              __global int *triangle, __global int *owner, __global float *depth)
+{
+    const int tile = get_global_id(0);
+    if (tile >= tiles)
+        return;
+    const int8 lanes = (int8)(0, 1, 2, 3, 4, 5, 6, 7), none = 0;
+    const int2 origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
+    __global const int8 *rows = (__global const int8 *)(counts + (size_t)tile * (TILE * TILE));
+    int8 places[TILE * BLOCKS]; // each pixel's next free place
+    for (int y = 0; y < TILE && origin.y + y < height; y++) {
+        const size_t line = (size_t)(origin.y + y) * width;
+        int start = starts[(size_t)(origin.y + y) * tiles_x + tile % tiles_x];
+        for (int bx = 0; bx < BLOCKS && origin.x + bx * BLOCK < width; bx++) {
+            const int at = (y / BLOCK * BLOCKS + bx) * BLOCK + y % BLOCK, x = origin.x + bx * BLOCK;
+            int8 sum = rows[at]; // becomes that of the lanes up to each
+            sum += (int8)(0, sum.s0123, sum.s45, sum.s6);
+            sum += (int8)(0, 0, sum.s0123, sum.s45);
+            sum += (int8)(none.lo, sum.lo);
+            places[at] = start + sum - rows[at];
+            start += sum.s7;
+            if (x + BLOCK <= width)
+                *(__global loose_int8 *)(offsets + line + x) = places[at];
+            else
+                for (int lane = 0; lane < width - x; lane++)
+                    offsets[line + x + lane] = AT(&places[at], int, lane);
+        }
+    }
+    const int corner = origin.y * width + origin.x;
+    int *next = (int *)places;
+    int2 link;
+    for (int page = firsts[tile]; page >= 0; page = link.x) {
+        __global const int *from = pages + (size_t)page * (3 * PAGE);
+        link = links[page];
+        for (int i = 0; i < link.y; i++) {
+            const uint pixel = from[i], block = pixel / (BLOCK * BLOCK);
+            const uint x = block % BLOCKS * BLOCK + pixel % BLOCK, y = block / BLOCKS * BLOCK + pixel / BLOCK % BLOCK;
+            const int to = next[pixel]++;
+            triangle[to] = from[PAGE + i];
+            depth[to] = as_float(from[2 * PAGE + i]);
+            owner[to] = corner + y * width + x;
+        }
+    }
+    for (int at = 0; at < TILE * BLOCKS; at++) {
+        uint several = bits_of(rows[at] > 1);
+        for (; several; several &= several - 1) {
+            const int lane = 31 - clz(several & (0u - several));
+            const int count = ((__global const int *)&rows[at])[lane], begin = AT(&places[at], int, lane) - count;
+            if (count <= NETWORK)
+                sort_few(count, triangle + begin, depth + begin);
+            else
+                sort_list(count, triangle + begin, depth + begin);
+        }
     }
 }
 

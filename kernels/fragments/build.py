@@ -19,8 +19,11 @@ from kernels.triangles import Triangles
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from kernels.device import Kernels
+
 
 TILE = 64  # pixels
+PAGE = 2048  # fragments that a tile takes from the pool at a time; speed only
 
 
 @dataclass(frozen=True)
@@ -60,20 +63,20 @@ class Front:
 class Builder:
     """Builds A-buffers from a rasteriser's set-up records and tile lists.
 
-    No links and no atomics: fragments are counted per pixel, scanned, and written where they belong, so the list is as
-    long as it must be, and the same in every run.
+    Tiles draw once, into pages that they take from a pool as they need them; from there fragments go where their counts
+    say. Which pages a tile gets decides nothing, so the lists are the same in every run.
     """
 
     def __init__(self, rasteriser: Rasteriser) -> None:
         self.rasteriser, self.device = rasteriser, rasteriser.device
         self._scratch = Scratch(self.device, 8192)
+        self._pages = 0  # of the pool
 
     def members(self, pvs: Array, count: int, nodes: Array, stage: str) -> Array:
         """uint8 (T): 0, or 1 + the node (uint8 (T) in `nodes`) of each of the `count` triangles listed in `pvs`."""
         members = self.device.recycled(self.rasteriser.triangles.count, np.uint8)
         self.device.fill(members, 0, stage)
-        kernel = self.device.build("fragments/build.cl", TILE=TILE, MASKED=0, FRONT=0).mark_members
-        self.device.launch(stage, kernel, count, count, pvs, nodes, members)
+        self.device.launch(stage, self._kernels(0, 0).mark_members, count, count, pvs, nodes, members)
         return members
 
     def bins(self, camera: Camera, stage: str) -> tuple[Bins | None, Picture]:
@@ -89,31 +92,54 @@ class Builder:
         self, bins: Bins | None, picture: Picture, members: Array, member: int, stage: str, front: Front | None = None
     ) -> Fragments:
         """Fragments of the triangles whose entry in `members`, uint8 (T), is `member`, as far as `front` shows them."""
-        device, camera = self.device, picture.camera
+        device, camera, triangles = self.device, picture.camera, self.rasteriser.triangles
         pixels = camera.width * camera.height
-        counts = device.recycled(pixels + 1, np.int32)
-        device.fill(counts, 0, f"{stage}/count")
-        inputs = (picture.tiles, picture.tiles_x, camera.width, camera.height, device.chunks)
-        mask, triangles = self.rasteriser.mask, self.rasteriser.triangles
-        defines = {"MASKED": int(mask is not None), "FRONT": int(front is not None)}
-        kernels = device.build("fragments/build.cl", TILE=TILE, **defines)
-        alpha = (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments) if mask else ()
-        alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
-        if bins:
-            inputs += (bins.ends, bins.entries, bins.records, members, member)
-            count = (f"{stage}/count", kernels.count_fragments, picture.tiles)
-            device.launch(*count, *inputs, counts, *alpha, local=1)
-        offsets, total = exclusive_scan(device, counts, pixels + 1, f"{stage}/scan")
+        offsets = device.recycled(pixels + 1, np.int32)
+        if not bins:
+            device.fill(offsets, 0, f"{stage}/place")
+            return Fragments(
+                camera.width, camera.height, Samples.allocate(device, 0), device.recycled(1, np.float32), offsets
+            )
+        drawn, starts, total = self._draw(bins, picture, members, member, front, stage)
         samples = Samples.allocate(device, total)
         depth = device.recycled(len(samples.texel), np.float32)
-        if total:
-            results = (offsets, samples.triangle, depth)
-            write = (f"{stage}/write", kernels.write_fragments, picture.tiles)
-            device.launch(*write, *inputs, *results, *alpha, local=1)
-            lists = (offsets, samples.triangle, samples.texel, depth)
-            device.launch(f"{stage}/sort", kernels.sort_fragments, pixels, pixels, *lists)
+        device.fill(offsets[pixels:], total, f"{stage}/place")
+        size = (picture.tiles, picture.tiles_x, camera.width, camera.height)
+        results = (offsets, samples.triangle, samples.texel, depth)
+        kernel = self._kernels(0, 0).place_fragments
+        device.launch(f"{stage}/place", kernel, picture.tiles, *size, *drawn, starts, *results, local=1)
         locate_samples(device, triangles, samples, camera, f"{stage}/locate")
         return Fragments(camera.width, camera.height, samples, depth, offsets)
+
+    def _draw(
+        self, bins: Bins, picture: Picture, members: Array, member: int, front: Front | None, stage: str
+    ) -> tuple[tuple[Array, ...], Array, int]:
+        """Pages of fragments with what place_fragments needs to read them, where each tile's row of them begins in the
+        lists, and their number. Where the pool has too few pages, it grows and all is drawn again."""
+        device, camera, scratch = self.device, picture.camera, self._scratch
+        mask, triangles, tiles = self.rasteriser.mask, self.rasteriser.triangles, picture.tiles
+        alpha = (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments) if mask else ()
+        alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
+        kernel = self._kernels(int(mask is not None), int(front is not None)).draw_fragments
+        size = (tiles, picture.tiles_x, camera.width, camera.height)
+        listed = (device.chunks, bins.ends, bins.entries, bins.records, members, member)
+        rows = camera.height * picture.tiles_x
+        runs, taken = scratch.ints("runs", rows), scratch.ints("taken", 1)
+        firsts, counts = scratch.ints("firsts", tiles), scratch.ints("fragments per pixel", tiles * TILE * TILE)
+        self._pages = max(self._pages, 2 * tiles)
+        while True:
+            pool = (scratch.ints("pages", self._pages * 3 * PAGE), scratch.ints("links", self._pages * 2))
+            device.fill(taken, 0, f"{stage}/draw")
+            results = (self._pages, *pool, taken, firsts, counts, runs)
+            device.launch(f"{stage}/draw", kernel, tiles, *size, *listed, *results, *alpha, local=1)
+            starts, total = exclusive_scan(device, runs, rows, f"{stage}/scan")
+            needed = int(taken.get()[0])
+            if needed <= self._pages:
+                return (*pool, firsts, counts), starts, total
+            self._pages = needed + needed // 8
+
+    def _kernels(self, masked: int, front: int) -> Kernels:
+        return self.device.build("fragments/build.cl", TILE=TILE, PAGE=PAGE, MASKED=masked, FRONT=front)
 
 
 def build_twin(

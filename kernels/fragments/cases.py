@@ -37,9 +37,8 @@ def host(fragments: Fragments) -> tuple[np.ndarray, ...]:
 
 
 BUILDING = {
-    "build.count_fragments": Cost("pixels", "4*pixels + 52*t"),
-    "build.write_fragments": Cost("n", "8*n + 52*t"),
-    "build.sort_fragments": Cost("n", "4*pixels + 20*n"),
+    "build.draw_fragments": Cost("n", "4*pixels + 12*n + 52*t"),
+    "build.place_fragments": Cost("n", "8*pixels + 24*n"),
     "build.mark_members": Cost("t", "6*t"),
 }
 

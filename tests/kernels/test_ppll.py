@@ -79,10 +79,13 @@ def test_every_fragment_is_there_once_and_sorted(device, seed):
     assert (errors <= slopes * 2 / 256 + 3e-6).all()
 
 
-def test_the_nearest_fragments_are_what_the_rasteriser_shows(device):
+@pytest.mark.parametrize("size", [SIZE, (101, 71), (3, 130)])
+def test_the_nearest_fragments_are_what_the_rasteriser_shows(device, size):
     triangles = random_soup(device, np.random.default_rng(5), 2000)
-    visible = Rasteriser(device, triangles).draw(VIEW, perspective(), *SIZE)
-    offsets, triangle, depth, _ = host(build(device, triangles, Camera.of(VIEW, perspective(), *SIZE)))
+    visible = Rasteriser(device, triangles).draw(VIEW, perspective(), *size)
+    found = host(build(device, triangles, Camera.of(VIEW, perspective(), *size)))
+    assert_sorted(*found)
+    offsets, triangle, depth, _ = found
     used = np.diff(offsets) > 0
     nearest, depths = np.full(used.shape, -1), np.zeros(used.shape, np.float32)
     nearest[used], depths[used] = triangle[offsets[:-1][used]], depth[offsets[:-1][used]]
@@ -113,6 +116,20 @@ def test_hundreds_of_layers_equal_depths_and_slivers(device):
     found = host(build(device, triangles, Camera.of(VIEW, perspective(), *SIZE)))
     assert_sorted(*found)
     assert np.diff(found[0]).max() >= 400
+
+
+def test_the_pool_of_pages_changes_no_byte(device):
+    """Drawn again with more pages, and once with enough, the lists are the same; so are they with pages left over."""
+    triangles, camera = random_soup(device, np.random.default_rng(13), 3000), Camera.of(VIEW, perspective(), *SIZE)
+    builder, members = Builder(Rasteriser(device, triangles)), device.upload(np.ones(3000, np.uint8))
+    found = []
+    for _ in range(2):
+        with device.record() as record:
+            found.append(host(builder.build(*builder.bins(camera, "build"), members, 1, "build")))
+        found[-1] = [part.tobytes() for part in found[-1]], record.launches["build/draw"]
+    (first, drawn), (second, drawn_again) = found
+    assert drawn > drawn_again
+    assert first == second == [part.tobytes() for part in host(build(device, triangles, camera))]
 
 
 @pytest.mark.parametrize("corners", [np.zeros((0, 3, 3)), np.full((1, 3, 3), 40.0)])
