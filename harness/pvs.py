@@ -114,8 +114,8 @@ def _draw(scene: ServerScene, views: list[View]) -> PotentiallyVisibleSet:
 
 def _adds_nothing(scene: ServerScene, view: View, flags: Array) -> bool:
     """Whether every triangle of every cluster in the view's frustum is marked already."""
-    clusters, count = scene.rasteriser.in_frustum(view.view, view.projection)
+    clusters = scene.rasteriser.in_frustum(view.view, view.projection)
     size = scene.rasteriser.clusters.size
     marked = flags.get()[: scene.host.triangle_count]
     full = np.logical_and.reduceat(marked, np.arange(0, len(marked), size))
-    return bool(full[clusters.get()[:count]].all())
+    return bool(full[clusters].all())

@@ -10,6 +10,16 @@ typedef int4 __attribute__((aligned(4))) loose_int4;
 typedef int8 __attribute__((aligned(4))) loose_int8;
 typedef float8 __attribute__((aligned(4))) loose_float8;
 
+// Stores aligned vectors that are not read again soon past the caches, where the compiler knows how.
+#ifdef __has_builtin
+#if __has_builtin(__builtin_nontemporal_store)
+#define STREAM(value, pointer) __builtin_nontemporal_store(value, pointer)
+#endif
+#endif
+#ifndef STREAM
+#define STREAM(value, pointer) (*(pointer) = (value))
+#endif
+
 #define INLINE __attribute__((always_inline)) inline
 
 // Loops over the elements of small arrays must be unrolled, or the arrays go through memory.

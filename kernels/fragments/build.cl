@@ -1,5 +1,6 @@
 // The fragments of every pixel: drawn once by one work-item per tile, into pages in triangle order, then put in their
 // pixels and sorted by one per tile.
+#include "raster/bins.cl"
 #include "raster/shapes.cl"
 
 #define BLOCK 8
@@ -215,7 +216,7 @@ INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_
 // Draw the triangles with members[triangle] == member into pages; `first`: each tile's first page, or -1.
 // counts: fragments of each pixel, tile by tile, block by block. runs: of each tile's row, as they follow in the image.
 __kernel void draw_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
-                             __global const int *ends, __global const int *entries, __global const int *records,
+                             __global const int2 *tile_bins, __global const int *entries, __global const int *records,
                              __global const uchar *members, const int member, const int capacity,
                              __global int *pages, __global int2 *links, __global int *taken, __global int *firsts,
                              __global int *counts, __global int *runs ALPHA_PARAMETERS FRONT_PARAMETERS)
@@ -223,7 +224,6 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
     const int tile = get_global_id(0);
     if (tile >= tiles)
         return;
-    const int first = tile == 0 ? 0 : ends[(size_t)tile * chunks - 1], end = ends[(size_t)(tile + 1) * chunks - 1];
     Target target;
     target.origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
     target.width = width;
@@ -238,19 +238,22 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
     firsts[tile] = -1;
     for (int i = 0; i < TILE * BLOCKS / 2; i++)
         target.counts[i] = 0;
-    Fetched fetched;
-    if (first < end)
-        fetch_records(&fetched, records, entries + first, end - first);
-    for (int i = first; i < end; i += 8) {
-        int8 fields[RECORD];
-        Shapes shapes;
-        fields_of(&fetched, fields);
-        if (i + 8 < end) // ahead of their use, because they are seldom in the cache
-            fetch_records(&fetched, records, entries + i + 8, end - i - 8);
-        set_shapes(&shapes, fields, target.origin);
-        for (int lane = 0; lane < LESSER(end - i, 8); lane++)
-            if (members[AT(&shapes.id, int, lane) & ~MASK_BIT] == member)
-                add_lane(&target, &shapes, lane ALPHA_ARGUMENTS FRONT_ARGUMENTS);
+    Bins bins = bins_of(tile, chunks, tile_bins, entries);
+    int listed[BATCH];
+    for (int count; (count = next_batch(&bins, listed)) > 0;) {
+        Fetched fetched;
+        fetch_records(&fetched, records, listed, count);
+        for (int i = 0; i < count; i += 8) {
+            int8 fields[RECORD];
+            Shapes shapes;
+            fields_of(&fetched, fields);
+            if (i + 8 < count) // ahead of their use, because they are seldom in the cache
+                fetch_records(&fetched, records, listed + i + 8, count - i - 8);
+            set_shapes(&shapes, fields, target.origin);
+            for (int lane = 0; lane < LESSER(count - i, 8); lane++)
+                if (members[AT(&shapes.id, int, lane) & ~MASK_BIT] == member)
+                    add_lane(&target, &shapes, lane ALPHA_ARGUMENTS FRONT_ARGUMENTS);
+        }
     }
     if (target.page >= 0 && target.page < capacity)
         links[target.page] = (int2)(-1, target.filled);

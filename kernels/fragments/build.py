@@ -9,6 +9,7 @@ import numpy as np
 
 from kernels.common.scan import exclusive_scan
 from kernels.raster.camera import Camera
+from kernels.raster.clusters import EVER
 from kernels.raster.picture import Picture
 from kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
 from kernels.raster.resolve import locate_samples
@@ -69,7 +70,7 @@ class Builder:
 
     def __init__(self, rasteriser: Rasteriser) -> None:
         self.rasteriser, self.device = rasteriser, rasteriser.device
-        self._scratch = Scratch(self.device, 8192)
+        self._scratch = Scratch(self.device, 8192, 32768)
         self._pages = 0  # of the pool
 
     def members(self, pvs: Array, count: int, nodes: Array, stage: str) -> Array:
@@ -79,27 +80,23 @@ class Builder:
         self.device.launch(stage, self._kernels(0, 0).mark_members, count, count, pvs, nodes, members)
         return members
 
-    def bins(self, camera: Camera, stage: str) -> tuple[Bins | None, Picture]:
+    def bins(self, camera: Camera, stage: str) -> tuple[Bins, Picture]:
         """The tile lists of everything in the frustum; they serve all nodes until the next call."""
         picture = Picture.allocate(self.device, camera, TILE)
         clusters = self.rasteriser.clusters
-        chosen, count = clusters.seen_lately(camera, 0, np.iinfo(np.int32).max, f"{stage}/cull")
-        if not count:
-            return None, picture
-        return set_up(self.device, clusters, chosen, count, picture, False, self._scratch, stage), picture
+        chosen, _ = clusters.choose(camera, 0, EVER, f"{stage}/cull")
+        while True:
+            bins = set_up(self.device, clusters, chosen, picture, False, self._scratch, stage)
+            if self._scratch.fits(bins.needed):
+                return bins, picture
 
     def build(
-        self, bins: Bins | None, picture: Picture, members: Array, member: int, stage: str, front: Front | None = None
+        self, bins: Bins, picture: Picture, members: Array, member: int, stage: str, front: Front | None = None
     ) -> Fragments:
         """Fragments of the triangles whose entry in `members`, uint8 (T), is `member`, as far as `front` shows them."""
         device, camera, triangles = self.device, picture.camera, self.rasteriser.triangles
         pixels = camera.width * camera.height
         offsets = device.recycled(pixels + 1, np.int32)
-        if not bins:
-            device.fill(offsets, 0, f"{stage}/place")
-            return Fragments(
-                camera.width, camera.height, Samples.allocate(device, 0), device.recycled(1, np.float32), offsets
-            )
         drawn, starts, total = self._draw(bins, picture, members, member, front, stage)
         samples = Samples.allocate(device, total)
         depth = device.recycled(len(samples.texel), np.float32)
@@ -122,7 +119,7 @@ class Builder:
         alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
         kernel = self._kernels(int(mask is not None), int(front is not None)).draw_fragments
         size = (tiles, picture.tiles_x, camera.width, camera.height)
-        listed = (device.chunks, bins.ends, bins.entries, bins.records, members, member)
+        listed = (device.chunks, bins.bins, bins.entries, bins.records, members, member)
         rows = camera.height * picture.tiles_x
         runs, taken = scratch.ints("runs", rows), scratch.ints("taken", 1)
         firsts, counts = scratch.ints("firsts", tiles), scratch.ints("fragments per pixel", tiles * TILE * TILE)

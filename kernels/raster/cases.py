@@ -41,13 +41,14 @@ def camera(width: int = WIDTH) -> Camera:
 
 
 def records_of(device: Device, triangles: Triangles, picture: Picture, scratch: Scratch, clusters: Clusters):
-    """The set-up of all clusters: the bins, and the records of all chunks on the host."""
-    chosen = device.upload(np.arange(clusters.count, dtype=np.int32))
-    bins = set_up(device, clusters, chosen, clusters.count, picture, False, scratch, "raster")
-    written = scratch.arrays["written"].get()[: device.chunks]
-    records = bins.records.get()[: device.chunks * scratch.capacity * RECORD]
-    chunks = records.reshape(device.chunks, scratch.capacity, RECORD)
-    return bins, np.concatenate([chunk[:count] for chunk, count in zip(chunks, written, strict=True)])
+    """The set-up of all clusters in view: the bins, and the records of all chunks on the host."""
+    chosen, _ = clusters.choose(picture.camera, 0, EVER, "raster/cull")
+    bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
+    if not scratch.fits(bins.needed):
+        return records_of(device, triangles, picture, scratch, clusters)
+    records = bins.records.get()[: device.chunks * scratch.records * RECORD]
+    chunks = records.reshape(device.chunks, scratch.records, RECORD)
+    return bins, np.concatenate([c[:count] for c, count in zip(chunks, bins.needed.get()[:, 0], strict=True)])
 
 
 @case({"clusters.build_clusters": Cost("n", "(12 + 36 + 1 + 36)*n", "18*n")}, 200_000)
@@ -62,10 +63,9 @@ def building(device: Device, kind: str, size: int) -> Trial:
 
 
 CULLING = {
-    "clusters.clusters_seen_lately": Cost("c", "(32 + 4 + 4)*c", "8*3*7*c"),
-    "clusters.clusters_left": Cost("c", "(32 + 4 + 4)*c", "8*3*7*c"),
+    "clusters.choose_clusters": Cost("c", "(32 + 4 + 4)*c", "8*3*7*c"),
+    "clusters.strike_hidden": Cost("c/2", "(32 + 4 + 4)*c/2", "8*3*7*c/2"),
     "clusters.note_seen": Cost("pixels", "4*pixels"),
-    "clusters.list_clusters": Cost("2*c", "2*12*c"),
 }
 
 
@@ -73,23 +73,23 @@ CULLING = {
 def culling(device: Device, kind: str, size: int) -> Trial:
     """Two passes: half of the clusters were seen lately, the picture shows the first pass, the rest follows."""
     triangles, picture = room(device, kind, size), Picture.allocate(device, camera(), TILE)
-    clusters, scratch = Clusters.build(device, triangles, 8), Scratch(device, 4096)
+    clusters, scratch = Clusters.build(device, triangles, 8), Scratch(device, 4096, 16384)
     seen = np.where(np.arange(clusters.count) % 2, NEVER, 0).astype(np.int32)
     bins, _ = records_of(device, triangles, picture, scratch, clusters)
     draw_tiles(device, bins, picture, False, triangles, None, "raster/draw")
 
-    def run() -> tuple:
+    def run() -> None:
         clusters.last_seen.set(seen)
-        parts = clusters.seen_lately(picture.camera, 1, 3, "raster/cull"), clusters.left(picture, 1, 3, "raster/cull")
+        _, others = clusters.choose(picture.camera, 1, 3, "raster/cull")
+        clusters.strike_hidden(others, picture, "raster/cull")
         clusters.note_seen(picture, 1, "raster/cull")
-        return parts
 
     def results() -> list[Result]:
         run()
         inside = in_frustum_twin(boxes_twin(triangles, clusters.size), picture.camera)
-        chosen, count = clusters.seen_lately(picture.camera, 0, EVER, "raster/cull")
+        chosen, _ = clusters.choose(picture.camera, 0, EVER, "raster/cull")
         found, expected = np.zeros((2, clusters.count), np.int8)
-        found[chosen.get()[:count]] = expected[inside] = 1
+        found[chosen.numbers(clusters.count)] = expected[inside] = 1
         shown = picture.triangle.get()[1::4]  # the first draw looks at these rows
         after = seen.copy()
         after[np.unique(shown[shown >= 0]) // clusters.size] = 1
@@ -99,8 +99,7 @@ def culling(device: Device, kind: str, size: int) -> Trial:
 
 
 DRAWING = {
-    "setup.set_up": Cost("n", "37*n + 48*r", "150*n"),
-    "setup.fill_bins": Cost("r", "8*r + 4*r"),
+    "setup.set_up": Cost("n", "37*n + 48*r + 12*r", "150*n"),
     "tiles.draw_tiles": Cost("pixels", "8*pixels + 52*r", "8*covered"),
 }
 
@@ -109,14 +108,14 @@ DRAWING = {
 def drawing(device: Device, kind: str, size: int) -> Trial:
     """Compares the triangle and depth of pixels with the twin's from the same records."""
     triangles, at = room(device, kind, size), camera(WIDTH if size > 2000 else 240)
-    picture, scratch = Picture.allocate(device, at, TILE), Scratch(device, 4096)
+    picture, scratch = Picture.allocate(device, at, TILE), Scratch(device, 4096, 16384)
     clusters = Clusters.build(device, triangles, CLUSTER)
     _, records = records_of(device, triangles, picture, scratch, clusters)
-    chosen = device.upload(np.arange(clusters.count, dtype=np.int32))
     first, last = ((records[:, [k, k]] >> np.array([0, 16])) & 0xFFFF for k in (10, 11))
 
     def run() -> None:
-        bins = set_up(device, clusters, chosen, clusters.count, picture, False, scratch, "raster")
+        chosen, _ = clusters.choose(at, 0, EVER, "raster/cull")
+        bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
         draw_tiles(device, bins, picture, False, triangles, None, "raster/draw")
 
     def results() -> list[Result]:
@@ -132,7 +131,7 @@ def drawing(device: Device, kind: str, size: int) -> Trial:
 def setting_up(device: Device, kind: str, size: int) -> Trial:
     """The records of `drawing`, against the twin's in float64: corners in steps of 1/256 pixel."""
     triangles, at = room(device, kind, size), camera(240)
-    picture, scratch = Picture.allocate(device, at, TILE), Scratch(device, 4096)
+    picture, scratch = Picture.allocate(device, at, TILE), Scratch(device, 4096, 16384)
     clusters = Clusters.build(device, triangles, CLUSTER)
 
     def results() -> list[Result]:

@@ -1,5 +1,6 @@
 // Clusters: runs of CLUSTER triangles in file order, with their boxes, and their positions in groups of 8.
 #include "raster/camera.cl"
+#include "raster/chunks.cl"
 #include "raster/runs.cl"
 
 #define BLOCK 8
@@ -106,27 +107,50 @@ INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const 
     return 1;
 }
 
-// 1 for the clusters that may lie in the frustum and were last seen at most `recall` draws ago.
-__kernel void clusters_seen_lately(const int clusters, const float4 eye, const float16 rows, const int width,
-                                   const int height, __global const float8 *boxes, __global const int *last_seen,
-                                   const int now, const int recall, __global int *chosen)
+// The clusters that may lie in the frustum, ascending: those last seen at most `recall` draws ago in `recent`, the others
+// in `others`. One item looks at one chunk of all clusters, lists what it finds from the chunk's first place on, and
+// notes how many. Where it does not cull, all are recent.
+__kernel void choose_clusters(const int chunks, const int clusters, const float4 eye, const float16 rows,
+                              const int width, const int height, __global const float8 *boxes, const int culls,
+                              __global const int *last_seen, const int now, const int recall, __global int *recent,
+                              __global int *recent_counts, __global int *others, __global int *other_counts)
 {
-    const int cluster = get_global_id(0);
-    if (cluster < clusters)
-        chosen[cluster] = now - last_seen[cluster] <= recall && in_frustum(boxes[cluster], eye, rows, width, height);
+    const int chunk = get_global_id(0);
+    if (chunk >= chunks)
+        return;
+    const int first = chunk_start(clusters, chunk, chunks);
+    const int end = chunk_start(clusters, chunk + 1, chunks);
+    int seen = 0, unseen = 0;
+    for (int cluster = first; cluster < end; cluster++) {
+        if (culls && !in_frustum(boxes[cluster], eye, rows, width, height))
+            continue;
+        if (!culls || now - last_seen[cluster] <= recall)
+            recent[first + seen++] = cluster;
+        else
+            others[first + unseen++] = cluster;
+    }
+    recent_counts[chunk] = seen;
+    other_counts[chunk] = unseen;
 }
 
-// 1 for the others in the frustum, unless what is drawn already hides them.
-__kernel void clusters_left(const int clusters, const float4 eye, const float16 rows, const int width,
-                            const int height, __global const float8 *boxes, __global const int *last_seen,
-                            const int now, const int recall, const int tiles_x, __global const float *blocks,
-                            __global const float *tiles, __global int *chosen)
+// Strike from a list as `choose_clusters` makes it what the picture hides.
+__kernel void strike_hidden(const int chunks, const int clusters, const float4 eye, const float16 rows,
+                            const int width, const int height, __global const float8 *boxes, const int tiles_x,
+                            __global const float *blocks, __global const float *tiles, __global int *listed,
+                            __global int *counts)
 {
-    const int cluster = get_global_id(0);
-    if (cluster < clusters)
-        chosen[cluster] = now - last_seen[cluster] > recall &&
-                          in_frustum(boxes[cluster], eye, rows, width, height) &&
-                          !hidden(boxes[cluster], eye, rows, width, height, tiles_x, blocks, tiles);
+    const int chunk = get_global_id(0);
+    if (chunk >= chunks)
+        return;
+    const int first = chunk_start(clusters, chunk, chunks);
+    const int end = first + counts[chunk];
+    int kept = 0;
+    for (int i = first; i < end; i++) {
+        const int cluster = listed[i];
+        if (!hidden(boxes[cluster], eye, rows, width, height, tiles_x, blocks, tiles))
+            listed[first + kept++] = cluster;
+    }
+    counts[chunk] = kept;
 }
 
 // Note which clusters a picture shows, from every fourth row, in turn: what is missed costs time only. Items that note
@@ -148,12 +172,4 @@ __kernel void note_seen(const int height, const int width, __global const int *t
             before = row[i];
         }
     }
-}
-
-__kernel void list_clusters(const int clusters, __global const int *chosen, __global const int *offsets,
-                            __global int *list)
-{
-    const int cluster = get_global_id(0);
-    if (cluster < clusters && chosen[cluster])
-        list[offsets[cluster]] = cluster;
 }

@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kernels.common.scan import exclusive_scan
 from kernels.raster.camera import Camera
 from kernels.raster.picture import Picture
 from kernels.triangles import Triangles
@@ -19,6 +18,25 @@ if TYPE_CHECKING:
 
 NEVER = -(1 << 30)  # long before the first draw
 EVER = np.iinfo(np.int32).max  # a recall that leaves no cluster out
+
+
+@dataclass(frozen=True)
+class Chosen:
+    """Numbers of clusters, int32 (clusters), ascending: the first counts[c] from where chunk c of them all begins."""
+
+    listed: Array
+    counts: Array
+
+    @classmethod
+    def allocate(cls, device: Device, clusters: int) -> Chosen:
+        """An uninitialised list."""
+        return cls(device.recycled(clusters, np.int32), device.recycled(device.chunks, np.int32))
+
+    def numbers(self, clusters: int) -> np.ndarray:
+        """Those listed of `clusters`, on the host."""
+        listed, counts = self.listed.get(), self.counts.get()
+        starts = clusters * np.arange(len(counts)) // len(counts)
+        return np.concatenate([listed[start : start + count] for start, count in zip(starts, counts, strict=True)])
 
 
 @dataclass(frozen=True)
@@ -62,26 +80,23 @@ class Clusters:
             raise ValueError(f"{where} is NaN, infinite or beyond 1e18: remove such triangles first.")
         return clusters
 
-    def seen_lately(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Array, int]:
-        """Clusters that may be in the frustum and were seen at most `recall` draws ago: int32 (n) ascending, and n.
+    def choose(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Chosen, Chosen]:
+        """Clusters that may be in the frustum: those seen at most `recall` draws ago, and the others.
 
-        All of them where the clusters do not cull.
+        Where the clusters do not cull, the first has them all.
         """
-        if not self.culls:
-            return self.device.upload(np.arange(self.count, dtype=np.int32)), self.count
-        chosen = self.device.recycled(self.count, np.int32)
-        arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
-        self.device.launch(stage, self._kernels(8).clusters_seen_lately, self.count, *arguments, now, recall, chosen)
-        return self._listed(chosen, stage)
+        recent, others = (Chosen.allocate(self.device, self.count) for _ in range(2))
+        inputs = (*camera.arguments(), camera.width, camera.height, self.boxes, self.culls, self.last_seen, now, recall)
+        results = (recent.listed, recent.counts, others.listed, others.counts)
+        self._launch_chunks("choose_clusters", 8, stage, *inputs, *results)
+        return recent, others
 
-    def left(self, picture: Picture, now: int, recall: int, stage: str) -> tuple[Array, int]:
-        """The other clusters that may be in the frustum, less those that the picture so far hides."""
-        camera, chosen = picture.camera, self.device.recycled(self.count, np.int32)
-        arguments = (self.count, *camera.arguments(), camera.width, camera.height, self.boxes, self.last_seen)
+    def strike_hidden(self, chosen: Chosen, picture: Picture, stage: str) -> None:
+        """Strike from the list those that the picture so far hides."""
+        camera = picture.camera
+        inputs = (*camera.arguments(), camera.width, camera.height, self.boxes)
         drawn = (picture.tiles_x, picture.block_depth, picture.tile_depth)
-        kernel = self._kernels(picture.tile).clusters_left
-        self.device.launch(stage, kernel, self.count, *arguments, now, recall, *drawn, chosen)
-        return self._listed(chosen, stage)
+        self._launch_chunks("strike_hidden", picture.tile, stage, *inputs, *drawn, chosen.listed, chosen.counts)
 
     def note_seen(self, picture: Picture, now: int, stage: str) -> None:
         """Remember which clusters draw number `now` shows."""
@@ -90,12 +105,9 @@ class Clusters:
         local = 1 if self.device.is_cpu else None
         self.device.launch(stage, self._kernels(8).note_seen, -(-height // 4), *arguments, local=local)
 
-    def _listed(self, chosen: Array, stage: str) -> tuple[Array, int]:
-        offsets, total = exclusive_scan(self.device, chosen, self.count, stage)
-        clusters = self.device.recycled(total, np.int32)
-        kernel = self._kernels(8).list_clusters
-        self.device.launch(stage, kernel, self.count, self.count, chosen, offsets, clusters)
-        return clusters, total
+    def _launch_chunks(self, name: str, tile: int, stage: str, *arguments: Any) -> None:
+        chunks, kernel = self.device.chunks, self._kernels(tile).by_name[name]
+        self.device.launch(stage, kernel, chunks, chunks, self.count, *arguments, local=1)
 
     def _kernels(self, tile: int) -> Any:
         return self.device.build("raster/clusters.cl", CLUSTER=self.size, TILE=tile)

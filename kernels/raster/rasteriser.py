@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.raster.camera import SUBPIXELS, Camera
-from kernels.raster.clusters import EVER, Clusters
+from kernels.raster.clusters import EVER, Chosen, Clusters
 from kernels.raster.picture import BLOCK, Picture
 from kernels.raster.setup import Scratch, set_up
 from kernels.raster.tiles import draw_tiles
@@ -82,12 +82,14 @@ class Rasteriser:
         self.two_passes = cull and triangles.count >= two_passes_from
         self.clusters = Clusters.build(device, triangles, cluster, culls=cull)
         # All of a small scene's triangles have room at once; a large scene starts small.
-        self._scratch = Scratch(device, max(256, min(2 * -(-triangles.count // device.chunks), 8192)))
+        room = max(256, min(2 * -(-triangles.count // device.chunks), 8192))
+        self._scratch = Scratch(device, room, 4 * room)
         self._draws = 0
 
-    def in_frustum(self, view: np.ndarray, projection: np.ndarray) -> tuple[Array, int]:
-        """The clusters of consecutive triangles that may have a part in the frustum: int32 (n) ascending, and n."""
-        return self.clusters.seen_lately(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
+    def in_frustum(self, view: np.ndarray, projection: np.ndarray) -> np.ndarray:
+        """The clusters of consecutive triangles that may have a part in the frustum, int32, ascending."""
+        chosen, _ = self.clusters.choose(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
+        return chosen.numbers(self.clusters.count)
 
     def draw(
         self, view: np.ndarray, projection: np.ndarray, width: int, height: int, stage: str = "raster"
@@ -100,27 +102,26 @@ class Rasteriser:
         picture = Picture.allocate(self.device, Camera.of(view, projection, width, height), self.tile)
         two_passes = self.two_passes and self._draws > 0
         self._draws += 1
-        recall = RECALL if two_passes else EVER
-        chosen = self.clusters.seen_lately(picture.camera, self._draws, recall, f"{stage}/cull")
-        self._draw(chosen, picture, False, stage)
-        if two_passes:
-            chosen = self.clusters.left(picture, self._draws, recall, f"{stage}/cull")
-            self._draw(chosen, picture, True, stage)
-        if self.two_passes:
-            self.clusters.note_seen(picture, self._draws, f"{stage}/cull")
+        while not self._scratch.fits(*self._draw(picture, two_passes, stage)):
+            pass
         return Visibility(width, height, picture.triangle, picture.depth)
 
-    def _draw(self, chosen: tuple[Array, int], picture: Picture, resumes: bool, stage: str) -> None:
-        """One pass over the chosen clusters."""
-        clusters, count = chosen
-        if count:
-            bins = set_up(self.device, self.clusters, clusters, count, picture, resumes, self._scratch, stage)
-            draw_tiles(self.device, bins, picture, resumes, self.triangles, self.mask, f"{stage}/draw")
-        elif not resumes:
-            for image, nothing in ((picture.triangle, -1), (picture.depth, 0)):
-                self.device.fill(image, nothing, f"{stage}/draw")
-            for depth in (picture.block_depth, picture.tile_depth):
-                self.device.fill(depth, 0, f"{stage}/draw")
+    def _draw(self, picture: Picture, two_passes: bool, stage: str) -> list[Array]:
+        """Launch all of it; returns what the set-ups will have needed."""
+        cull = f"{stage}/cull"
+        recent, others = self.clusters.choose(picture.camera, self._draws, RECALL if two_passes else EVER, cull)
+        needed = [self._draw_clusters(recent, picture, False, stage)]
+        if two_passes:
+            self.clusters.strike_hidden(others, picture, cull)
+            needed.append(self._draw_clusters(others, picture, True, stage))
+        if self.two_passes:
+            self.clusters.note_seen(picture, self._draws, cull)
+        return needed
+
+    def _draw_clusters(self, chosen: Chosen, picture: Picture, resumes: bool, stage: str) -> Array:
+        bins = set_up(self.device, self.clusters, chosen, picture, resumes, self._scratch, stage)
+        draw_tiles(self.device, bins, picture, resumes, self.triangles, self.mask, f"{stage}/draw")
+        return bins.needed
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,6 @@
 // Triangle set-up: transform, near clip, snapping, culling; one work-item per chunk of the visible clusters.
 // Triangles are taken 8 at a time; those that cross the near plane or leave the guard band are clipped one by one.
+#include "raster/chunks.cl"
 #include "raster/record.cl"
 
 #define DOUBLE_SIDED 1
@@ -11,7 +12,7 @@ typedef struct {
     int width, height, tiles_x, capacity;
     __global int *records; // of this chunk
     __global int *counts;  // records per tile, of this chunk
-    int written;
+    int written, entries;  // records, and the tiles that they touch, added up
     int resumes;                   // whether farthest[] is filled
     __global const float *farthest; // drawn depth of each 8 x 8 block
 } Output;
@@ -60,9 +61,11 @@ INLINE void add_record(Output *out, const int2 a, int2 b, int2 c, const float da
         return;
     if (out->resumes && hidden(out, left, top, right, bottom, GREATER(da, GREATER(db, dc))))
         return;
-    for (int y = top / TILE; y <= bottom / TILE; y++)
-        for (int x = left / TILE; x <= right / TILE; x++)
+    const int4 tiles = (int4)(left / TILE, top / TILE, right / TILE, bottom / TILE);
+    for (int y = tiles.y; y <= tiles.w; y++)
+        for (int x = tiles.x; x <= tiles.z; x++)
             out->counts[y * out->tiles_x + x]++;
+    out->entries += (tiles.z - tiles.x + 1) * (tiles.w - tiles.y + 1);
     if (out->written < out->capacity) {
         __global int *record = out->records + (size_t)out->written * RECORD;
         *(__global loose_int8 *)record = (int8)(a, b, c, as_int(da), as_int(db));
@@ -248,45 +251,61 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
     }
 }
 
-// Records of a chunk of the listed clusters, in triangle order, and how many each tile gets from it.
-// counts (chunks, tiles) is scratch; tile_counts (tiles, chunks) and written (chunks) are results.
-__kernel void set_up(const int chunks, const int clusters, __global const int *list, __global const float8 *groups,
-                     __global const uint *flags, const float4 eye, const float16 rows, const int width,
-                     const int height, const int tiles_x, const int tiles, const int resumes,
-                     __global const float *farthest, const int capacity, __global int *records,
-                     __global int *counts, __global int *tile_counts, __global int *written)
+// Sort the chunk's records into tiles: the numbers of a tile's, in triangle order, are entries[bins[tile].x] to
+// entries[bins[tile].y], of which the chunk's begin at `first`.
+INLINE void fill_bins(const Output *out, const int tiles, const int chunks, const int chunk, const int first,
+                      __global int *entries, __global int2 *bins)
+{
+    int end = first;
+    for (int tile = 0; tile < tiles; tile++) {
+        const int begin = end;
+        end += out->counts[tile];
+        bins[(size_t)tile * chunks + chunk] = (int2)(begin, end);
+        out->counts[tile] = begin;
+    }
+    const int number = chunk * out->capacity;
+    for (int i = 0; i < out->written; i++) {
+        const int4 box = record_pixels(*(__global const int2 *)(out->records + (size_t)i * RECORD + 10));
+        for (int y = box.y / TILE; y <= box.w / TILE; y++)
+            for (int x = box.x / TILE; x <= box.z / TILE; x++)
+                entries[out->counts[y * out->tiles_x + x]++] = number + i;
+    }
+}
+
+// Records of a chunk of the listed clusters (see `choose_clusters`), in triangle order, sorted into tiles.
+// `needed` (chunks) is how many records and entries there are; beyond the capacities, a chunk's bins are empty.
+// bins (tiles, chunks) is where the numbers of a tile's records lie among `entries`; counts (chunks, tiles) is scratch.
+__kernel void set_up(const int chunks, const int clusters, __global const int *listed,
+                     __global const int *listed_counts, __global const float8 *groups, __global const uint *flags,
+                     const float4 eye, const float16 rows, const int width, const int height, const int tiles_x,
+                     const int tiles, const int resumes, __global const float *farthest, const int capacity,
+                     const int entry_capacity, __global int *records, __global int *entries, __global int *counts,
+                     __global int2 *bins, __global int2 *needed)
 {
     const int chunk = get_global_id(0);
     if (chunk >= chunks)
         return;
     Output out = {width, height, tiles_x, capacity, records + (size_t)chunk * capacity * RECORD,
-                  counts + (size_t)chunk * tiles, 0, resumes, farthest};
+                  counts + (size_t)chunk * tiles, 0, 0, resumes, farthest};
     for (int tile = 0; tile < tiles; tile++)
         out.counts[tile] = 0;
-    const int end = (long)clusters * (chunk + 1) / chunks;
-    for (int i = (long)clusters * chunk / chunks; i < end; i++)
+    int total = 0;
+    for (int part = 0; part < chunks; part++)
+        total += listed_counts[part];
+    int at = chunk_start(total, chunk, chunks), left = chunk_start(total, chunk + 1, chunks) - at, part = 0;
+    for (; left > 0; left--, at++) {
+        while (at >= listed_counts[part])
+            at -= listed_counts[part++];
+        const int cluster = listed[chunk_start(clusters, part, chunks) + at];
         for (int k = 0; k < CLUSTER; k += 8) {
-            const int triangle = list[i] * CLUSTER + k;
+            const int triangle = cluster * CLUSTER + k;
             add_group(&out, groups + (size_t)(triangle / 8) * 9, flags[triangle / 8], triangle, eye, rows);
         }
-    for (int tile = 0; tile < tiles; tile++)
-        tile_counts[(size_t)tile * chunks + chunk] = out.counts[tile];
-    written[chunk] = out.written;
-}
-
-// Each tile's list of records, in triangle order: a chunk's part begins at offsets[tile * chunks + chunk].
-__kernel void fill_bins(const int chunks, const int width, const int height, const int tiles_x, const int capacity,
-                        __global const int *records, __global const int *written, __global int *offsets,
-                        __global int *entries)
-{
-    const int chunk = get_global_id(0);
-    if (chunk >= chunks)
-        return;
-    const int first = chunk * capacity, end = first + written[chunk];
-    for (int i = first; i < end; i++) {
-        const int4 box = record_pixels(*(__global const int2 *)(records + (size_t)i * RECORD + 10));
-        for (int y = box.y / TILE; y <= box.w / TILE; y++)
-            for (int x = box.x / TILE; x <= box.z / TILE; x++)
-                entries[offsets[(size_t)(y * tiles_x + x) * chunks + chunk]++] = i;
     }
+    needed[chunk] = (int2)(out.written, out.entries);
+    if (out.written <= capacity && out.entries <= entry_capacity)
+        fill_bins(&out, tiles, chunks, chunk, chunk * entry_capacity, entries, bins);
+    else
+        for (int tile = 0; tile < tiles; tile++)
+            bins[(size_t)tile * chunks + chunk] = 0;
 }

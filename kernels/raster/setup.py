@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.common.scan import exclusive_scan
 from kernels.raster.camera import SUBPIXELS, Camera
-from kernels.raster.clusters import Clusters
+from kernels.raster.clusters import Chosen, Clusters
 from kernels.raster.coverage import covers_twin
 from kernels.raster.picture import Picture
 from kernels.triangles import Triangles
@@ -30,11 +29,12 @@ CLIPPING_PLANES = np.array([[0, 0, -1, 1], [-1, 0, 0, GUARD], [1, 0, 0, GUARD], 
 class Scratch:
     """Memory that set-up keeps from draw to draw, because fresh memory costs as much as writing to it.
 
-    capacity: records per chunk, which grows to what the views need.
+    records, entries: how many each chunk has room for; they grow to what the views need.
     """
 
     device: Device
-    capacity: int
+    records: int
+    entries: int
     arrays: dict[str, Array] = field(default_factory=dict)
 
     def ints(self, name: str, count: int) -> Array:
@@ -44,51 +44,50 @@ class Scratch:
             self.arrays[name] = self.device.empty(count + count // 4, np.int32)
         return self.arrays[name]
 
+    def fits(self, *needed: Array) -> bool:
+        """Wait for set-ups to say what they `needed`; where there was not room for all, make it, to set up again."""
+        records, entries = np.max([array.get() for array in needed], axis=(0, 1)).tolist()
+        fits = records <= self.records and entries <= self.entries
+        if records > self.records:
+            self.records = records + records // 4
+        if entries > self.entries:
+            self.entries = entries + entries // 4
+        return fits
+
 
 @dataclass(frozen=True)
 class Bins:
-    """Records (see record.cl) and, for each tile, the list of those whose box touches it.
+    """Records (see record.cl) and, for each tile, the numbers of those whose box touches it, in triangle order.
 
-    entries: record numbers, tile after tile; ends[(tile + 1) * chunks - 1] is where a tile's list ends.
+    They are entries[bins[tile, chunk, 0]] to entries[bins[tile, chunk, 1]] of each chunk in turn. needed: int32
+    (chunks, 2), how many records and entries each chunk had; if any is beyond its room in Scratch, bins are missing.
     """
 
     records: Array
     entries: Array
-    ends: Array
+    bins: Array
+    needed: Array
 
 
 def set_up(
-    device: Device,
-    clusters: Clusters,
-    chosen: Array,
-    count: int,
-    picture: Picture,
-    resumes: bool,
-    scratch: Scratch,
-    stage: str,
+    device: Device, clusters: Clusters, chosen: Chosen, picture: Picture, resumes: bool, scratch: Scratch, stage: str
 ) -> Bins:
-    """Set up the `count` clusters listed in `chosen`; if the picture `resumes`, leave out what it hides already."""
+    """Set up the `chosen` clusters; if the picture `resumes`, leave out what it hides already.
+
+    Waits for nothing: ask `Scratch.fits` afterwards. The bins last until the scratch memory is used again.
+    """
     chunks, tile, tiles_x, tiles = device.chunks, picture.tile, picture.tiles_x, picture.tiles
     size = (picture.camera.width, picture.camera.height)
     kernels = device.build("raster/setup.cl", CLUSTER=clusters.size, TILE=tile)
-    counts, tile_counts = (scratch.ints(name, tiles * chunks) for name in ("counts", "tile counts"))
-    written = scratch.ints("written", chunks)
-    inputs = (chosen, clusters.groups, clusters.flags, *picture.camera.arguments())
-    shape = (*size, tiles_x, tiles, resumes, picture.block_depth)
-    while True:
-        capacity = scratch.capacity
-        records = scratch.ints("records", chunks * capacity * RECORD)
-        results = (capacity, records, counts, tile_counts, written)
-        device.launch(f"{stage}/setup", kernels.set_up, chunks, chunks, count, *inputs, *shape, *results, local=1)
-        offsets, total = exclusive_scan(device, tile_counts, tiles * chunks, f"{stage}/scan")
-        most = int(written.get()[:chunks].max())
-        if most <= capacity:
-            break
-        scratch.capacity = most + most // 4
-    entries = scratch.ints("entries", total)
-    arguments = (chunks, *size, tiles_x, capacity, records, written, offsets, entries)
-    device.launch(f"{stage}/bin", kernels.fill_bins, chunks, *arguments, local=1)
-    return Bins(records, entries, offsets)
+    counts, bins = scratch.ints("counts", tiles * chunks), scratch.ints("bins", 2 * tiles * chunks)
+    records = scratch.ints("records", chunks * scratch.records * RECORD)
+    entries = scratch.ints("entries", chunks * scratch.entries)
+    needed = device.recycled((chunks, 2), np.int32)
+    inputs = (clusters.count, chosen.listed, chosen.counts, clusters.groups, clusters.flags)
+    shape = (*picture.camera.arguments(), *size, tiles_x, tiles, resumes, picture.block_depth)
+    results = (scratch.records, scratch.entries, records, entries, counts, bins, needed)
+    device.launch(f"{stage}/setup", kernels.set_up, chunks, chunks, *inputs, *shape, *results, local=1)
+    return Bins(records, entries, bins, needed)
 
 
 def set_up_twin(triangles: Triangles, camera: Camera) -> np.ndarray:

@@ -26,7 +26,7 @@ typedef struct {
 } Fetched;
 
 // The records listed at `numbers`, of which there are `count`; beyond, the last again.
-INLINE void fetch_records(Fetched *fetched, __global const int *records, __global const int *numbers, const int count)
+INLINE void fetch_records(Fetched *fetched, __global const int *records, const int *numbers, const int count)
 {
     UNROLL
     for (int i = 0; i < 8; i++) {

@@ -1,4 +1,5 @@
 // Drawing: one work-item per tile walks the tile's records in triangle order, with a hierarchical Z of 8 x 8 blocks.
+#include "raster/bins.cl"
 #include "raster/shapes.cl"
 
 #define BLOCK 8
@@ -43,26 +44,49 @@ INLINE void hold_block(Tile *tile, const int bx, const int by)
     }
 }
 
-// Write row `y` of a tile to the images: the blocks held, and where it does not resume nothing for the others.
-INLINE void store_row(const Tile *tile, const int y)
+// Write 8 pixels of a row to the images, as far as they lie in them.
+INLINE void store_pixels(const Tile *tile, const int x, const int y, const float8 depth, const int8 ids)
 {
-    for (int bx = 0; bx < BLOCKS; bx++) {
-        const int block = y / BLOCK * BLOCKS + bx, x = tile->origin.x + bx * BLOCK;
-        if (x >= tile->width || (tile->resumes && !tile->held[block]))
-            continue;
-        const float8 depth = tile->held[block] ? ((float8 *)tile->depth)[block * BLOCK + y % BLOCK] : (float8)0.0f;
-        const int8 ids = tile->held[block] ? ((int8 *)tile->ids)[block * BLOCK + y % BLOCK] : (int8)-1;
-        const size_t to = (size_t)(tile->origin.y + y) * tile->width + x;
-        if (x + BLOCK <= tile->width) {
-            *(__global loose_float8 *)(tile->depths + to) = depth;
-            *(__global loose_int8 *)(tile->triangles + to) = ids;
-            continue;
-        }
-        for (int i = 0; i < tile->width - x; i++) {
-            tile->depths[to + i] = ((const float *)&depth)[i];
-            tile->triangles[to + i] = ((const int *)&ids)[i];
-        }
+    const size_t to = (size_t)y * tile->width + x;
+    if (x + BLOCK <= tile->width) {
+        *(__global loose_float8 *)(tile->depths + to) = depth;
+        *(__global loose_int8 *)(tile->triangles + to) = ids;
+        return;
     }
+    for (int i = 0; i < tile->width - x; i++) {
+        tile->depths[to + i] = ((const float *)&depth)[i];
+        tile->triangles[to + i] = ((const int *)&ids)[i];
+    }
+}
+
+// Write a tile to the images: all of it, or the blocks that were held if it resumes.
+INLINE void store_tile(Tile *tile)
+{
+    const int rows = LESSER(TILE, tile->height - tile->origin.y), columns = tile->width - tile->origin.x;
+    for (int block = 0; block < BLOCKS * BLOCKS; block++)
+        if (!tile->held[block] && !tile->resumes)
+            hold_block(tile, block % BLOCKS, block / BLOCKS);
+    const float8 *depth = (const float8 *)tile->depth;
+    const int8 *ids = (const int8 *)tile->ids;
+    if (!tile->resumes && columns >= TILE && tile->width % 8 == 0) {
+        for (int y = 0; y < rows; y++) {
+            const size_t to = (size_t)(tile->origin.y + y) * tile->width + tile->origin.x;
+            const int from = y / BLOCK * BLOCKS * BLOCK + y % BLOCK;
+            UNROLL
+            for (int bx = 0; bx < BLOCKS; bx++)
+                STREAM(depth[from + bx * BLOCK], (__global float8 *)(tile->depths + to + bx * BLOCK));
+            UNROLL
+            for (int bx = 0; bx < BLOCKS; bx++)
+                STREAM(ids[from + bx * BLOCK], (__global int8 *)(tile->triangles + to + bx * BLOCK));
+        }
+        return;
+    }
+    for (int y = 0; y < rows; y++)
+        for (int bx = 0; bx * BLOCK < columns && bx < BLOCKS; bx++) {
+            const int block = y / BLOCK * BLOCKS + bx, row = block * BLOCK + y % BLOCK;
+            if (tile->held[block])
+                store_pixels(tile, tile->origin.x + bx * BLOCK, tile->origin.y + y, depth[row], ids[row]);
+        }
 }
 
 // Whether a box of few blocks (left, top, right, bottom) lies behind what is drawn.
@@ -220,15 +244,17 @@ INLINE void draw_lane(Tile *tile, const Shapes *shapes, const int lane ALPHA_PAR
 // The nearest triangle (-1: none) and its depth at each pixel; of equal depths the lowest triangle. `blocks` and `far`
 // get the farthest depth of each 8 x 8 block and of each tile. Where it resumes, the tiles hold an earlier pass's.
 __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
-                         const int resumes, __global const int *ends, __global const int *entries,
+                         const int resumes, __global const int2 *tile_bins, __global const int *entries,
                          __global const int *records, __global int *triangles, __global float *depths,
                          __global float *blocks, __global float *far ALPHA_PARAMETERS)
 {
     const int id = get_global_id(0);
     if (id >= tiles)
         return;
-    const int first = id == 0 ? 0 : ends[(size_t)id * chunks - 1], end = ends[(size_t)(id + 1) * chunks - 1];
-    if (resumes && first == end)
+    Bins bins = bins_of(id, chunks, tile_bins, entries);
+    int numbers[BATCH];
+    int count = next_batch(&bins, numbers);
+    if (resumes && count == 0)
         return;
     const int2 corner = (int2)(id % tiles_x, id / tiles_x);
     const int pitch = tiles_x * BLOCKS;
@@ -244,18 +270,19 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
         tile.held[i] = 0;
         ((float *)tile.farthest)[i / BLOCKS * 8 + i % BLOCKS] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
     }
-    Fetched fetched;
-    if (first < end)
-        fetch_records(&fetched, records, entries + first, end - first);
-    for (int i = first; i < end; i += 8) {
-        int8 fields[RECORD];
-        Shapes shapes;
-        fields_of(&fetched, fields);
-        if (i + 8 < end) // ahead of their use, because they are seldom in the cache
-            fetch_records(&fetched, records, entries + i + 8, end - i - 8);
-        set_shapes(&shapes, fields, tile.origin);
-        for (int lane = 0; lane < LESSER(end - i, 8); lane++)
-            draw_lane(&tile, &shapes, lane ALPHA_ARGUMENTS);
+    for (; count > 0; count = next_batch(&bins, numbers)) {
+        Fetched fetched;
+        fetch_records(&fetched, records, numbers, count);
+        for (int i = 0; i < count; i += 8) {
+            int8 fields[RECORD];
+            Shapes shapes;
+            fields_of(&fetched, fields);
+            if (i + 8 < count) // ahead of their use, because they are seldom in the cache
+                fetch_records(&fetched, records, numbers + i + 8, count - i - 8);
+            set_shapes(&shapes, fields, tile.origin);
+            for (int lane = 0; lane < LESSER(count - i, 8); lane++)
+                draw_lane(&tile, &shapes, lane ALPHA_ARGUMENTS);
+        }
     }
 
     float farthest = INFINITY;
@@ -265,6 +292,5 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
         farthest = LESSER(deepest, farthest);
     }
     far[id] = farthest;
-    for (int y = 0; y < TILE && tile.origin.y + y < height; y++)
-        store_row(&tile, y);
+    store_tile(&tile);
 }

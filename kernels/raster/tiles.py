@@ -33,7 +33,7 @@ def draw_tiles(
     kernel = device.build("raster/tiles.cl", TILE=picture.tile, MASKED=int(mask is not None)).draw_tiles
     size = (picture.tiles, picture.tiles_x, picture.camera.width, picture.camera.height, device.chunks, resumes)
     images = (picture.triangle, picture.depth, picture.block_depth, picture.tile_depth)
-    arguments = (*size, bins.ends, bins.entries, bins.records, *images)
+    arguments = (*size, bins.bins, bins.entries, bins.records, *images)
     if mask:
         arguments += (*picture.camera.arguments(), triangles.positions, triangles.indices, *mask.arguments)
     device.launch(stage, kernel, picture.tiles, *arguments, local=1)

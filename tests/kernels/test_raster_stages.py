@@ -5,6 +5,7 @@ import pytest
 
 from kernels.inputs.soups import look_at, perspective, pixel_points, random_soup, soup
 from kernels.raster.camera import Camera
+from kernels.raster.clusters import EVER
 from kernels.raster.picture import Picture
 from kernels.raster.rasteriser import TILE, Rasteriser
 from kernels.raster.setup import MASK_BIT, RECORD, Scratch, set_up, set_up_twin
@@ -16,15 +17,15 @@ SIZE = (256, 128)
 
 def stages(device, triangles, camera):
     """Records int32 (n, RECORD), and triangle and depth images, of the kernels."""
-    picture, scratch = Picture.allocate(device, camera, TILE), Scratch(device, 4096)
-    clusters = Rasteriser(device, triangles).clusters
-    chosen = device.upload(np.arange(clusters.count, dtype=np.int32))
-    bins = set_up(device, clusters, chosen, clusters.count, picture, False, scratch, "raster")
+    picture, scratch = Picture.allocate(device, camera, TILE), Scratch(device, 4096, 16384)
+    clusters = Rasteriser(device, triangles, cull=False).clusters
+    chosen, _ = clusters.choose(camera, 0, EVER, "raster/cull")
+    bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
     draw_tiles(device, bins, picture, False, triangles, None, "raster/draw")
-    written = scratch.arrays["written"].get()[: device.chunks]
-    records = bins.records.get()[: device.chunks * scratch.capacity * RECORD]
-    chunks = records.reshape(device.chunks, scratch.capacity, RECORD)
-    parts = [chunk[:count] for chunk, count in zip(chunks, written, strict=True)]
+    assert scratch.fits(bins.needed)
+    records = bins.records.get()[: device.chunks * scratch.records * RECORD]
+    chunks = records.reshape(device.chunks, scratch.records, RECORD)
+    parts = [chunk[:count] for chunk, count in zip(chunks, bins.needed.get()[:, 0], strict=True)]
     return np.concatenate(parts), picture.triangle.get(), picture.depth.get()
 
 
