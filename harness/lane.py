@@ -104,12 +104,14 @@ class Measured:
 
 @dataclass
 class Drawn:
-    """The columns that come from drawing, by (codec, CRF), the pictures, and host milliseconds spent on metrics."""
+    """The columns that come from drawing, by (codec, CRF), the pictures, host milliseconds spent on metrics, and what
+    was left out of these."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
     metrics_ms: float = 0.0
     lossless: np.ndarray | None = None
+    skipped: frozenset[str] = frozenset()
 
     def row(self, key: Key) -> dict[str, Any]:
         """The columns of one row; none where that rate is not displayed."""
@@ -119,6 +121,8 @@ class Drawn:
 class Lane:
     """A packer with its clients, encoders and history; `dead` is the status and reason once it has stopped.
 
+    A frame goes through `pack`, `advance`, `draw` and `measure`. `pack` and `draw` time the device: nothing may run
+    beside them. `advance` and `measure` may run beside those of other lanes.
     `pack` and `advance` carry all state from frame to frame; `measure` carries only the history of the atlas, so a
     resumed run replays finished frames through `pack` and `advance` alone.
     """
@@ -213,13 +217,13 @@ class Lane:
     def advance(self, payload: Payload) -> Sent:
         """Encode the payload, decode it as the clients would, and hand it to them."""
         planes = {name: plane.get() for name, plane in payload.planes.items()}
-        start = time.perf_counter()
+        start = time.thread_time()
         blobs, lists = pack_lz4(payload.blobs), pack_lz4(payload.lists)
         geometry = pack_lz4({"geometry": payload.geometry})
-        middle = time.perf_counter()
+        middle = time.thread_time()
         received, shapes = unpack_lz4(blobs), unpack_lz4(geometry)["geometry"]
         fragments = unpack_lz4(lists)
-        end = time.perf_counter()
+        end = time.thread_time()
         sent = Sent(
             planes,
             {},
@@ -271,10 +275,39 @@ class Lane:
         payload = self.pack(work.frame).payload
         self.remember(payload, self.packer.owners(payload), self.advance(payload))
 
+    def draw(self, novel: NovelView, metrics: Metrics) -> Drawn:
+        """Draw the novel view with both clients and compare with the reference."""
+        drawn = Drawn(skipped=metrics.skipped)
+        for key, client in (("none", None), self.lossless), (self.display_key, self.displayed):
+            if client is None:
+                continue
+            image, milliseconds = self._draw_once(client, novel)
+            start = time.perf_counter()
+            values = metrics.compare(image.rgb)
+            drawn.metrics_ms += (time.perf_counter() - start) * 1000
+            holes = (image.triangle.get() < 0) & (novel.visibility >= 0)
+            drawn.rows[key] = {
+                **{name: values[name] for name in QUALITIES},
+                "client_ms": milliseconds,
+                "holes_px": float(holes.mean()),
+            }
+            rgb = image.rgb.get()[..., :3]
+            if client is self.lossless:
+                drawn.lossless = rgb
+            # What the report shows is the displayed client, which is drawn last.
+            flip = metrics.flip_map()
+            drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
+        return drawn
+
+    def _draw_once(self, client: Client, novel: NovelView) -> tuple[Image, float]:
+        with self.scene.device.record() as record:
+            image = client.draw(novel.view)
+        return image, sum(record.milliseconds.values())
+
     def measure(
-        self, work: Work, novel: NovelView, metrics: Metrics, packed: Packed, sent: Sent, pictured: bool
+        self, work: Work, novel: NovelView, packed: Packed, sent: Sent, drawn: Drawn, pictured: bool
     ) -> Measured:
-        """Check and measure one packed and sent frame; pictured: with the pictures that the report shows."""
+        """Check and measure one packed, sent and drawn frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
         owners = self.packer.owners(payload)
         located = self.lossless.locate(novel.triangle, novel.bary)
@@ -294,11 +327,10 @@ class Lane:
             "pvs_ms": work.pvs_ms,
             "wall_ms": packed.wall_ms,
             "missing_px": novel.missing,
-            "skipped": "; ".join(sorted(self.scene.skips.always | metrics.skipped | work.skipped | packed.skipped)),
+            "skipped": "; ".join(sorted(self.scene.skips.always | drawn.skipped | work.skipped | packed.skipped)),
             **self.remember(payload, owners, sent),
             **self._stretch(novel, located),
         }
-        drawn = self._draw(novel, metrics)
         plane = next(iter(sent.planes.values()), None)
         peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
         rows = [{**common, "peak_mb": peak, **sent.row(key), **drawn.row(key)} for key in self.keys()]
@@ -347,35 +379,6 @@ class Lane:
         located = device.upload(positions.reshape(height, width, 2))
         l2, linf, _ = stretch(device, device.upload(novel.visibility), located)
         return {"stretch_l2": l2, "stretch_linf": linf} if wanted else {}
-
-    def _draw(self, novel: NovelView, metrics: Metrics) -> Drawn:
-        """Draw the novel view with both clients and compare with the reference."""
-        drawn = Drawn()
-        for key, client in (("none", None), self.lossless), (self.display_key, self.displayed):
-            if client is None:
-                continue
-            image, milliseconds = self._draw_once(client, novel)
-            start = time.perf_counter()
-            values = metrics.compare(image.rgb)
-            drawn.metrics_ms += (time.perf_counter() - start) * 1000
-            holes = (image.triangle.get() < 0) & (novel.visibility >= 0)
-            drawn.rows[key] = {
-                **{name: values[name] for name in QUALITIES},
-                "client_ms": milliseconds,
-                "holes_px": float(holes.mean()),
-            }
-            rgb = image.rgb.get()[..., :3]
-            if client is self.lossless:
-                drawn.lossless = rgb
-            # What the report shows is the displayed client, which is drawn last.
-            flip = metrics.flip_map()
-            drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
-        return drawn
-
-    def _draw_once(self, client: Client, novel: NovelView) -> tuple[Image, float]:
-        with self.scene.device.record() as record:
-            image = client.draw(novel.view)
-        return image, sum(record.milliseconds.values())
 
 
 def _speed(packed: Packed, payload: Payload, novel: NovelView) -> dict[str, float]:

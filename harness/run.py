@@ -11,7 +11,7 @@ import signal
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from datetime import datetime
@@ -28,7 +28,7 @@ from harness.console import InputError, make_console, show_summary
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
-from harness.lane import Lane, Measured, stopped_rows
+from harness.lane import Drawn, Lane, Measured, Packed, stopped_rows
 from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
@@ -41,7 +41,8 @@ from reports import csv_files, html
 from reports.store import Store
 
 RUNS = Path("runs")
-WRITERS = 2  # threads that write pictures
+WORKERS = 2  # threads for what only the host does
+TOGETHER = 4  # lanes that go through a frame together: that many payloads are in memory at a time
 PREPARE = 10  # packings' time that preparing may take: charts of millions of triangles need minutes
 PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
 
@@ -197,20 +198,23 @@ class Run:
                 self._commit_stopped(lane, index)
         unfinished = [lane for lane in alive if finished[lane.method, lane.variant] < self.frames]
         replayed = [lane for lane in unfinished if lane not in fresh]
-        novel = None
-        if replayed or any(not lane.dead for lane in fresh):
-            progress.update(task, description=f"frame {index + 1}: visible set")
-            work = self.session.source.work(index)
-        for lane in alive:
+        lanes = [lane for lane in fresh if not lane.dead]
+        if not (replayed or lanes):
+            progress.advance(task, len(alive))
+            return
+        progress.update(task, description=f"frame {index + 1}: visible set")
+        work = self.session.source.work(index)
+        for lane in replayed:
             progress.update(task, description=f"frame {index + 1}: {lane.method}")
-            if lane in replayed:
-                with self._guarded(lane, f"replaying frame {index}"):
-                    lane.replay(work)
-            elif lane in fresh:
-                if novel is None:
-                    novel = self._novel_view(work)
-                self._measure(lane, work, novel)
-            progress.advance(task)
+            with self._guarded(lane, f"replaying frame {index}"):
+                lane.replay(work)
+        progress.advance(task, len(alive) - len(lanes))
+        novel = self._novel_view(work) if lanes else None
+        for first in range(0, len(lanes), TOGETHER):
+            some = lanes[first : first + TOGETHER]
+            progress.update(task, description=f"frame {index + 1}: {', '.join(lane.method for lane in some)}")
+            self._measure(some, work, novel)
+            progress.advance(task, len(some))
 
     def _novel_view(self, work: Work) -> NovelView:
         novel = draw_novel_view(self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
@@ -218,18 +222,40 @@ class Run:
             self._write_picture("reference", work.frame.index, "", novel.rgb[..., :3])
         return novel
 
-    def _measure(self, lane: Lane, work: Work, novel: NovelView) -> None:
+    def _measure(self, lanes: list[Lane], work: Work, novel: NovelView) -> None:
+        """One frame of some lanes. What the device's time is taken of runs alone; the rest runs beside each other."""
         index = work.frame.index
-        with self._guarded(lane, f"frame {index}"):
-            with self._limited(lane, index, packs=1 + len(lane.repeated)):
-                packed = lane.pack(work.frame)
-            sent = lane.advance(packed.payload)
-            measured = lane.measure(work, novel, self.metrics, packed, sent, index in self.pictured)
-        if lane.dead:
-            self._commit_stopped(lane, index)
-            return
+        packed: dict[Lane, Packed] = {}
+        drawn: dict[Lane, Drawn] = {}
+        for lane in lanes:
+            with self._guarded(lane, f"frame {index}"), self._limited(lane, index, packs=1 + len(lane.repeated)):
+                packed[lane] = lane.pack(work.frame)
+        sent = self._beside(packed, index, lambda lane: lane.advance(packed[lane].payload))
+        for lane in sent:
+            with self._guarded(lane, f"frame {index}"):
+                drawn[lane] = lane.draw(novel, self.metrics)
+        given = (index in self.pictured,)
+        measured = self._beside(
+            drawn, index, lambda lane: lane.measure(work, novel, packed[lane], sent[lane], drawn[lane], *given)
+        )
         # Pictures first: a frame that is committed is never worked on again.
-        self._write_pictures(lane, work, novel, measured)
+        self._write_pictures(measured, work, novel)
+        for lane in lanes:
+            if lane.dead:
+                self._commit_stopped(lane, index)
+            else:
+                self._commit(lane, index, measured[lane])
+
+    def _beside(self, lanes: Iterable[Lane], index: int, work: Callable[[Lane], Any]) -> dict[Lane, Any]:
+        """What `work` gives for each lane, several at a time; lanes that fail are stopped and left out."""
+        done = {}
+        with ThreadPoolExecutor(WORKERS) as pool:
+            for lane, task in [(lane, pool.submit(work, lane)) for lane in lanes]:
+                with self._guarded(lane, f"frame {index}"):
+                    done[lane] = task.result()
+        return done
+
+    def _commit(self, lane: Lane, index: int, measured: Measured) -> None:
         self.store.commit_frame(
             lane.method,
             lane.variant,
@@ -266,34 +292,37 @@ class Run:
             self._commit_stopped(lane, index)
         self.start_again()
 
-    def _write_pictures(self, lane: Lane, work: Work, novel: NovelView, measured: Measured) -> None:
+    def _write_pictures(self, measured: dict[Lane, Measured], work: Work, novel: NovelView) -> None:
+        """The pictures of a frame, and its dump."""
         index = work.frame.index
-        if index in self.pictured:
-            group = folder_name(lane.method, lane.variant)
-            with ThreadPoolExecutor(WRITERS) as pool:
-                for _ in pool.map(lambda named: self._write_picture(group, index, *named), measured.pictures.items()):
-                    pass
-            known = {
-                folder_name(other.method, other.variant): {"method": other.method, "variant": other.variant}
-                for other in self.lanes
-            }
+        groups = {lane: folder_name(lane.method, lane.variant) for lane in self.lanes}
+        named = [(groups[lane], index, *shown) for lane, found in measured.items() for shown in found.pictures.items()]
+        with ThreadPoolExecutor(WORKERS) as pool:
+            for _ in pool.map(lambda picture: self._write_picture(*picture), named):
+                pass
+        if named:
+            known = {group: {"method": lane.method, "variant": lane.variant} for lane, group in groups.items()}
             csv_files.replace_file(self.folder / "pictures" / "pictures.json", json.dumps(known, indent=2))
         if self.settings.dump:
-            dump_scene(self.folder / "dump", self.session.scene.host)
-            dump_frame(
-                self.folder / "dump",
-                lane.method,
-                lane.variant,
-                index,
-                atlas=measured.plane,
-                alpha=measured.alpha,
-                owners=measured.owners,
-                client=measured.lossless,
-                reference=novel.rgb,
-                visibility=novel.visibility,
-                novel=novel.view,
-                details=measured.details,
-            )
+            for lane, found in measured.items():
+                self._dump(lane, work, novel, found)
+
+    def _dump(self, lane: Lane, work: Work, novel: NovelView, measured: Measured) -> None:
+        dump_scene(self.folder / "dump", self.session.scene.host)
+        dump_frame(
+            self.folder / "dump",
+            lane.method,
+            lane.variant,
+            work.frame.index,
+            atlas=measured.plane,
+            alpha=measured.alpha,
+            owners=measured.owners,
+            client=measured.lossless,
+            reference=novel.rgb,
+            visibility=novel.visibility,
+            novel=novel.view,
+            details=measured.details,
+        )
 
     def _write_picture(self, group: str, index: int, name: str, rgb: Any) -> None:
         path = self.folder / "pictures" / group / f"frame_{index:04d}{name and '_'}{name}.png"

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -191,6 +192,7 @@ class Device:
         self._programs: dict[tuple, Any] = {}
         self._names: dict[cl.Kernel, str] = {}
         self._records: list[Record] = []
+        self._launching = Lock()  # a kernel keeps its arguments until it is enqueued, and threads share kernels
 
     @classmethod
     def open(cls, name: str | None = None, variant: str = "default") -> Device:
@@ -256,15 +258,16 @@ class Device:
 
         The global size is padded to the work-group size, so a kernel must return when its id is >= its item count.
         Python ints go as int32 and floats as float32; arrays as their buffers. `local=1` suits one item per chunk or
-        tile; the default suits one item per element. Nothing runs for `items` = 0.
+        tile; the default suits one item per element. Nothing runs for `items` = 0. Any thread may launch.
         """
         if items <= 0:
             return
         cl = _opencl()
         local = local or self.local_size
         padded = -(-items // local) * local
-        kernel.set_args(*(_argument(value) for value in args))
-        event = cl.enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
+        with self._launching:
+            kernel.set_args(*(_argument(value) for value in args))
+            event = cl.enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
         for record in self._records:
             record._events.append((stage, self._names.get(kernel), event))
 
@@ -318,7 +321,10 @@ class Device:
 
     @contextmanager
     def record(self) -> Iterator[Record]:
-        """Collect the device time of every launch inside the block; nested records all see their launches."""
+        """Collect the device time of every launch inside the block; nested records all see their launches.
+
+        Those of other threads too: nothing else may use the device while it is timed.
+        """
         record = Record()
         self._records.append(record)
         try:

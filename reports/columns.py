@@ -72,8 +72,8 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     _time("gather_ms", "device time of computing the shading samples"),
     _time("server_ms", "structs_ms + gather_ms: all the server does for a frame but visibility and encoding"),
     _time("client_ms", "device time of decoding metadata and drawing the novel view on the client"),
-    _time("encode_ms", "host time of encoding planes, metadata and geometry"),
-    _time("decode_ms", "host time of decoding planes, metadata and geometry"),
+    _time("encode_ms", "processor time, of one core, of encoding planes, metadata and geometry"),
+    _time("decode_ms", "processor time, of one core, of decoding planes, metadata and geometry"),
     _time("wall_ms", "host time of packing the frame, from start to end, without encoding and metrics"),
     Column("bytes_video", "bytes", "encoded planes, or fragment lists after LZ4", "size", int, "lower"),
     Column(
@@ -368,7 +368,9 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "value that does not exist (a quality of a rate that was not displayed, the PSNR of equal pictures) or "
             "was not reached; it never stands for zero. A row that is not ok says why in `reason`. With `--repeat`, "
             "times are medians over the repetitions, and every repetition is kept in the table `repeats` of "
-            "results.sqlite. Device time is measured by the device's own events, host time by a clock on the host.",
+            "results.sqlite. Device time is measured by the device's own events, and nothing else runs meanwhile; host "
+            "time by a clock on the host; processor time by that of the thread that codes, because others code "
+            "beside it.",
             FRAME_COLUMNS,
         ),
         (
