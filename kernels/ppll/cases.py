@@ -21,6 +21,7 @@ from kernels.ppll.lists import (
     splice_twin,
 )
 from kernels.ppll.match import (
+    apply_differences,
     differences_twin,
     find_differences,
     merge_differences,
@@ -146,13 +147,14 @@ def splicing(device: Device, kind: str, size: int) -> Trial:
 
 
 MATCHING = {
-    "match.move_fragments": Cost("n", "48*n", "60*n"),
-    "match.list_moved": Cost("n", "12*n"),
-    "match.sort_moved": Cost("n", "48*n + 4*pixels"),
-    "match.count_differences": Cost("n", "40*n + 12*pixels"),
-    "match.write_differences": Cost("n", "60*n + 12*pixels"),
+    "match.move_fragments": Cost("n", "32*n", "60*n"),
+    "match.list_moved": Cost("n", "16*n"),
+    "match.sort_moved": Cost("n", "48*n + 4*pixels", "30*n"),
+    "match.find_differences": Cost("n", "44*n + 12*pixels"),
+    "match.write_differences": Cost("n", "44*n + 12*pixels"),
     "match.remove_fragments": Cost("n", "41*n + 12*pixels"),
     "match.merge_fragments": Cost("n", "61*n + 12*pixels"),
+    "match.apply_differences": Cost("n", "62*n + 12*pixels"),
 }
 
 
@@ -167,10 +169,11 @@ def matching(device: Device, kind: str, size: int) -> Trial:
     def run() -> tuple:
         moved = move_lists(device, held, turn, projection, "match")
         changes = find_differences(device, moved, fresh, 0.03, 60, "match")
-        return moved, changes, merge_differences(device, moved, changes, None, "match")
+        merged = merge_differences(device, moved, changes, None, "match")
+        return moved, changes, merged, apply_differences(device, moved, changes, fresh, "match")
 
     def results() -> list[Result]:
-        moved, changes, merged = run()
+        moved, changes, merged, applied = run()
         _, _, distance = move_twin(held.host(), turn, projection, *shape)
         rows = moved.host()[1]
         expected = differences_twin(moved.host(), fresh.host(), 0.03, 60)
@@ -178,7 +181,7 @@ def matching(device: Device, kind: str, size: int) -> Trial:
         return [
             Result(rows[:, 4].copy().view(np.float32), distance[rows[:, 1]]),
             Result(np.diff(changes.host()[0]), np.array([len(entries) for entries in expected])),
-            *(Result(*pair) for pair in zip(merged.host(), whole, strict=True)),
+            *(Result(*pair) for lists in (merged, applied) for pair in zip(lists.host(), whole, strict=True)),
         ]
 
     return Trial({"n": held.count, "pixels": held.pixels}, run, results)

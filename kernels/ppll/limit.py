@@ -31,7 +31,7 @@ def limit_fragments(
     kernels = device.build("ppll/limit.cl", BLENDED=len(blended))
     pixels = fragments.pixels
     counts = device.recycled(pixels + 1, np.int32)
-    device.fill(counts, 0, stage)
+    device.fill(counts[pixels:], 0, stage)
     limits = (int(layers), float(threshold))
     device.launch(stage, kernels.count_kept, pixels, pixels, fragments.offsets, *limits, counts, *blended)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)

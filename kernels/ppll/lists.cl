@@ -50,15 +50,19 @@ INLINE int differs(const uint a, const uint b, const int tolerance)
     return most > tolerance;
 }
 
-// How many fragments a pixel sends: its list where the blended colour changed, one transparent one if that is empty.
-__kernel void count_changed_colours(const int pixels, const int tolerance, __global const uint *held,
+// How many fragments a pixel sends: its list where the blended colour changed, one transparent one if that is empty. What
+// is shown becomes what is shown then.
+__kernel void count_changed_colours(const int pixels, const int tolerance, __global uint *shown,
                                     __global const uint *now, __global const int *offsets, __global int *counts)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
         return;
     const int count = offsets[pixel + 1] - offsets[pixel];
-    counts[pixel] = differs(held[pixel], now[pixel], tolerance) ? (count ? count : 1) : 0;
+    const int changed = differs(shown[pixel], now[pixel], tolerance);
+    counts[pixel] = changed ? (count ? count : 1) : 0;
+    if (changed)
+        shown[pixel] = now[pixel];
 }
 
 // The same where any fragment's colour changed, or its depth by more than a share.

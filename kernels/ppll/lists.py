@@ -50,7 +50,7 @@ def cut_lists(device: Device, lists: Lists, counts: Array, stage: str) -> Lists:
     """The first counts[p] fragments of each pixel, int32 (P + 1) with a 0 at the end; transparent ones, all zero,
     where there are fewer."""
     offsets, total = exclusive_scan(device, counts, lists.pixels + 1, stage)
-    rows = device.empty((total, lists.words), np.uint32)
+    rows = device.recycled((total, lists.words), np.uint32)
     inputs = (lists.pixels, lists.words, lists.offsets, lists.rows, offsets, rows)
     device.launch(stage, device.build("ppll/lists.cl").cut_lists, lists.pixels, *inputs)
     return Lists(lists.width, lists.height, total, lists.words, offsets, rows)
@@ -60,21 +60,24 @@ def splice_lists(device: Device, held: Lists, fresh: Lists, stage: str) -> Lists
     """`held` with the lists that `fresh` has in place of its own."""
     kernels, pixels = device.build("ppll/lists.cl"), held.pixels
     counts = device.recycled(pixels + 1, np.int32)
-    device.fill(counts, 0, stage)
+    device.fill(counts[pixels:], 0, stage)
     device.launch(stage, kernels.count_spliced, pixels, pixels, held.offsets, fresh.offsets, counts)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
-    rows = device.empty((total, held.words), np.uint32)
+    rows = device.recycled((total, held.words), np.uint32)
     inputs = (held.offsets, held.rows, fresh.offsets, fresh.rows, offsets, rows)
     device.launch(stage, kernels.splice_lists, pixels, pixels, held.words, *inputs)
     return Lists(held.width, held.height, total, held.words, offsets, rows)
 
 
-def changed_colours(device: Device, lists: Lists, held: Array, now: Array, tolerance: int, stage: str) -> Lists:
-    """The lists of pixels whose blended colours, uint8 (P, 4), differ by more than `tolerance` in any channel."""
+def changed_colours(device: Device, lists: Lists, shown: Array, now: Array, tolerance: int, stage: str) -> Lists:
+    """The lists of pixels whose blended colours, uint8 (P, 4), differ by more than `tolerance` in any channel.
+
+    shown: what is held, blended; becomes that of what is held with the changed lists spliced in. now: `lists` blended.
+    """
     counts = device.recycled(lists.pixels + 1, np.int32)
-    device.fill(counts, 0, stage)
+    device.fill(counts[lists.pixels :], 0, stage)
     kernel = device.build("ppll/lists.cl").count_changed_colours
-    device.launch(stage, kernel, lists.pixels, lists.pixels, tolerance, held, now, lists.offsets, counts)
+    device.launch(stage, kernel, lists.pixels, lists.pixels, tolerance, shown, now, lists.offsets, counts)
     return cut_lists(device, lists, counts, stage)
 
 
@@ -82,7 +85,7 @@ def changed_lists(device: Device, lists: Lists, held: Lists, tolerance: int, sha
     """The lists of colours and depths that differ from those held: in number, by more than `tolerance` in a channel of
     a colour, or by more than `share` of a depth."""
     counts = device.recycled(lists.pixels + 1, np.int32)
-    device.fill(counts, 0, stage)
+    device.fill(counts[lists.pixels :], 0, stage)
     inputs = (tolerance, float(share), held.offsets, held.rows, lists.offsets, lists.rows, counts)
     device.launch(stage, device.build("ppll/lists.cl").count_changed_lists, lists.pixels, lists.pixels, *inputs)
     return cut_lists(device, lists, counts, stage)

@@ -40,18 +40,18 @@ def move_lists(device: Device, held: Lists, turn: np.ndarray, projection: np.nda
     from pyopencl import cltypes
 
     kernels, pixels, count = device.build("ppll/match.cl"), held.pixels, held.count
-    rows, keys = device.recycled((count, NORMAL_WORDS), np.uint32), device.recycled(count, np.float32)
-    pixel, counts = device.recycled(count, np.int32), device.recycled(pixels + 1, np.int32)
+    keys, pixel, earlier = (device.recycled(count, dtype) for dtype in (np.float32, np.int32, np.int32))
+    counts = device.recycled(pixels + 1, np.int32)
     device.fill(counts, 0, stage)
-    camera = (cltypes.make_float4(*row) for row in (*turn[:3], lens(projection, held.width, held.height)))
-    size = (held.width, held.height, float(projection[2, 3]))
-    device.launch(stage, kernels.move_fragments, count, count, held.rows, *camera, *size, rows, keys, pixel, counts)
+    to = [cltypes.make_float4(*row) for row in turn[:3]]
+    seen = (cltypes.make_float4(*lens(projection, held.width, held.height)), held.width, held.height)
+    results = (float(projection[2, 3]), keys, pixel, earlier, counts)
+    device.launch(stage, kernels.move_fragments, count, count, held.rows, *to, *seen, *results)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
-    numbers, cursor = device.recycled(total, np.int32), offsets.copy()
-    device.launch(stage, kernels.list_moved, count, count, pixel, cursor, numbers)
-    ordered = device.empty((total, NORMAL_WORDS), np.uint32)
-    device.launch(stage, kernels.sort_moved, pixels, pixels, offsets, numbers, keys, rows, ordered)
-    return Lists(held.width, held.height, total, NORMAL_WORDS, offsets, ordered)
+    numbers, rows = device.recycled(total, np.int32), device.recycled((total, NORMAL_WORDS), np.uint32)
+    device.launch(stage, kernels.list_moved, count, count, pixel, earlier, offsets, numbers)
+    device.launch(stage, kernels.sort_moved, pixels, pixels, offsets, numbers, keys, held.rows, *to, rows)
+    return Lists(held.width, held.height, total, NORMAL_WORDS, offsets, rows)
 
 
 def find_differences(device: Device, moved: Lists, fresh: Lists, share: float, tolerance: int, stage: str) -> Lists:
@@ -61,13 +61,13 @@ def find_differences(device: Device, moved: Lists, fresh: Lists, share: float, t
     more than `tolerance`. A removal is a transparent fragment with the distance of what it removes.
     """
     kernels, pixels = device.build("ppll/match.cl"), moved.pixels
-    inputs = (pixels, moved.offsets, moved.rows, fresh.offsets, fresh.rows, float(share), tolerance)
-    counts = device.recycled(pixels + 1, np.int32)
-    device.fill(counts, 0, stage)
-    device.launch(stage, kernels.count_differences, pixels, *inputs, counts)
+    inputs = (pixels, moved.offsets, moved.rows, fresh.offsets, fresh.rows)
+    entries, counts = device.recycled(moved.count + fresh.count, np.int32), device.recycled(pixels + 1, np.int32)
+    device.fill(counts[pixels:], 0, stage)
+    device.launch(stage, kernels.find_differences, pixels, *inputs, float(share), tolerance, entries, counts)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
-    rows = device.empty((total, NORMAL_WORDS), np.uint32)
-    device.launch(stage, kernels.write_differences, pixels, *inputs, offsets, rows)
+    rows = device.recycled((total, NORMAL_WORDS), np.uint32)
+    device.launch(stage, kernels.write_differences, pixels, *inputs, entries, offsets, rows)
     return Lists(moved.width, moved.height, total, NORMAL_WORDS, offsets, rows)
 
 
@@ -81,13 +81,26 @@ def merge_differences(device: Device, moved: Lists, changes: Lists, accepting: f
     inputs = (pixels, moved.offsets, moved.rows, changes.offsets, changes.rows)
     stays: list[Array] = [device.recycled(lists.count, np.uint8) for lists in (moved, changes)]
     counts = device.recycled(pixels + 1, np.int32)
-    device.fill(counts, 0, stage)
+    device.fill(counts[pixels:], 0, stage)
     rule = (accepting is not None, float(accepting or 0))
     device.launch(stage, kernels.remove_fragments, pixels, *inputs, *rule, *stays, counts)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
-    rows = device.empty((total, NORMAL_WORDS), np.uint32)
+    rows = device.recycled((total, NORMAL_WORDS), np.uint32)
     device.launch(stage, kernels.merge_fragments, pixels, *inputs, *stays, offsets, rows)
     return Lists(moved.width, moved.height, total, NORMAL_WORDS, offsets, rows)
+
+
+def apply_differences(device: Device, moved: Lists, changes: Lists, fresh: Lists, stage: str) -> Lists:
+    """What merge_differences gives exactly, of changes that find_differences found between `moved` and `fresh`.
+
+    The sender knows from `fresh` how many fragments each pixel then has, so nothing is counted.
+    """
+    kernel, pixels = device.build("ppll/match.cl").apply_differences, moved.pixels
+    inputs = (pixels, moved.offsets, moved.rows, changes.offsets, changes.rows)
+    stays = [device.recycled(lists.count, np.uint8) for lists in (moved, changes)]
+    rows = device.recycled((fresh.count, NORMAL_WORDS), np.uint32)
+    device.launch(stage, kernel, pixels, *inputs, *stays, fresh.offsets, rows)
+    return Lists(moved.width, moved.height, fresh.count, NORMAL_WORDS, fresh.offsets, rows)
 
 
 def move_twin(held: Host, turn: np.ndarray, projection: np.ndarray, width: int, height: int) -> tuple[np.ndarray, ...]:

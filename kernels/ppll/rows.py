@@ -61,7 +61,7 @@ def normal_rows(
     surface = (samples.triangle, samples.bary1, samples.bary2, triangles.indices, vertices, rows, *blended)
     inputs = (fragments.count, colours, fragments.depth, samples.texel)
     kernel = device.build("ppll/rows.cl", BLENDED=len(blended)).normal_rows
-    device.launch(stage, kernel, fragments.count, *inputs, *view, *surface)
+    device.launch(stage, kernel, -(-fragments.count // 8), *inputs, *view, *surface)
     return rows
 
 

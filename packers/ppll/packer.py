@@ -5,16 +5,21 @@ See README.md in this folder for what is as published and what is ours.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from kernels.fragments.blend import blend_lists
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
 from kernels.ppll.lists import Lists, changed_colours, changed_lists, splice_lists
-from kernels.ppll.match import find_differences, merge_differences, move_lists, turning
+from kernels.ppll.match import apply_differences, find_differences, move_lists, turning
 from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene, View
 from packers.ppll.client import ListClient
 from packers.ppll.server import Depth, ListRenderer, NodeLists
 from packers.ppll.wire import LAYOUTS, MERGES, MODES, MOST_NODES, Message, encode
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
 
 DEPTH_SHARE = 1e-4  # of a depth: less than this is no change of a list
 
@@ -109,6 +114,7 @@ class PerPixelLinkedLists(Packer):
         depth = Depth(layers, self.opacity if limited else NO_THRESHOLD)
         self.renderer = ListRenderer(scene, self.nodes, depth, self.preblend)
         self.held: list[Lists] = []
+        self.shown: dict[int, Array] = {}  # by node, what blending `held` gives, where differences are of colours
         self.view: View | None = None
 
     def settled(self) -> bool:
@@ -151,7 +157,7 @@ class PerPixelLinkedLists(Packer):
         for node, part in enumerate(lists):
             moved = move_lists(device, held[node], turn, view.projection, "structs/transform")
             changes = find_differences(device, moved, part, self.threshold, self.drift, "structs/match")
-            held[node] = merge_differences(device, moved, changes, None, "structs/hold")
+            held[node] = apply_differences(device, moved, changes, part, "structs/hold")
             sent.append(changes)
         self.held = held
         return sent
@@ -168,7 +174,9 @@ class PerPixelLinkedLists(Packer):
             if self.detect == "list":
                 changed = changed_lists(device, part, held, tolerance, DEPTH_SHARE, "structs/difference")
             else:
-                pictures = [self._picture(each) for each in (held, part)]
+                if node not in self.shown:
+                    self.shown[node] = self._picture(held)
+                pictures = (self.shown[node], self._picture(part))
                 changed = changed_colours(device, part, *pictures, tolerance, "structs/difference")
             self.held[node] = splice_lists(device, held, changed, "structs/hold")
             sent.append(changed)
@@ -177,7 +185,7 @@ class PerPixelLinkedLists(Packer):
     def _picture(self, lists: Lists):
         """What a node sees of its lists, over nothing."""
         device = self.renderer.device
-        picture = device.recycled((lists.height, lists.width, 4), np.uint8)
+        picture = device.recycled((lists.pixels, 4), np.uint8)
         device.fill(picture, 0, "structs/blend")
         blended = (lists.pixels, lists.offsets, lists.rows, lists.words, picture, picture)
         blend_lists(device, *blended, "structs/blend")

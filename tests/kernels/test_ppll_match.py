@@ -6,6 +6,7 @@ import pytest
 from kernels.inputs.fragments import PROJECTION, SIZE, normal_lists
 from kernels.inputs.soups import look_at
 from kernels.ppll.match import (
+    apply_differences,
     differences_twin,
     find_differences,
     merge_differences,
@@ -69,6 +70,16 @@ def test_merging_equals_its_twin(device, accepting):
     changes = find_differences(device, moved, fresh, 0.03, 60, "match")
     merged = merge_differences(device, moved, changes, accepting, "merge")
     assert_same(merged.host(), merge_twin(moved.host(), changes.host(), accepting))
+
+
+@pytest.mark.parametrize(("share", "tolerance"), [(0.0, 0), (0.02, 40), (0.1, 255), (1.0, 255)])
+def test_the_sender_applies_changes_as_the_display_merges_them(device, share, tolerance):
+    """Also where distances are equal, and what is removed is another one than was meant."""
+    rng = np.random.default_rng(7)
+    moved, fresh = normal_lists(device, rng, most=12), normal_lists(device, rng, most=12)
+    changes = find_differences(device, moved, fresh, share, tolerance, "match")
+    applied = apply_differences(device, moved, changes, fresh, "hold")
+    assert_same(applied.host(), merge_differences(device, moved, changes, None, "merge").host())
 
 
 def test_exact_changes_give_the_new_lists(device):
