@@ -65,7 +65,7 @@ def building(device: Device, kind: str, size: int) -> Trial:
 CULLING = {
     "clusters.choose_clusters": Cost("c", "(32 + 4 + 4)*c", "8*3*7*c"),
     "clusters.strike_hidden": Cost("c/2", "(32 + 4 + 4)*c/2", "8*3*7*c/2"),
-    "clusters.note_seen": Cost("pixels", "4*pixels"),
+    "clusters.note_seen": Cost("pixels/8", "4*pixels/8"),
 }
 
 
@@ -90,7 +90,7 @@ def culling(device: Device, kind: str, size: int) -> Trial:
         chosen, _ = clusters.choose(picture.camera, 0, EVER, "raster/cull")
         found, expected = np.zeros((2, clusters.count), np.int8)
         found[chosen.numbers(clusters.count)] = expected[inside] = 1
-        shown = picture.triangle.get()[1::4]  # the first draw looks at these rows
+        shown = picture.triangle.get()[1::8]  # the first draw looks at these rows
         after = seen.copy()
         after[np.unique(shown[shown >= 0]) // clusters.size] = 1
         return [Result(found, expected), Result(clusters.last_seen.get(), after)]

@@ -153,12 +153,12 @@ __kernel void strike_hidden(const int chunks, const int clusters, const float4 e
     counts[chunk] = kept;
 }
 
-// Note which clusters a picture shows, from every fourth row, in turn: what is missed costs time only. Items that note
+// Note which clusters a picture shows, from every eighth row, in turn: what is missed costs time only. Items that note
 // the same cluster write the same value.
 __kernel void note_seen(const int height, const int width, __global const int *triangles, const int now,
                         __global int *last_seen)
 {
-    const int y = get_global_id(0) * 4 + now % 4;
+    const int y = get_global_id(0) * 8 + now % 8;
     if (y >= height)
         return;
     __global const int *row = triangles + (size_t)y * width;

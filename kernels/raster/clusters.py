@@ -103,7 +103,7 @@ class Clusters:
         height, width = picture.camera.height, picture.camera.width
         arguments = (height, width, picture.triangle, now, self.last_seen)
         local = 1 if self.device.is_cpu else None
-        self.device.launch(stage, self._kernels(8).note_seen, -(-height // 4), *arguments, local=local)
+        self.device.launch(stage, self._kernels(8).note_seen, -(-height // 8), *arguments, local=local)
 
     def _launch_chunks(self, name: str, tile: int, stage: str, *arguments: Any) -> None:
         chunks, kernel = self.device.chunks, self._kernels(tile).by_name[name]
