@@ -130,11 +130,11 @@ def check(
     """
     if owners is None or not payload.planes:
         return [*_check_unplaced(frame, payload, None), *_check_lists(payload.details)]
-    plane = next(iter(payload.planes.values())).get()
+    height, width = next(iter(payload.planes.values())).shape[:2]
     found = _check_ids(frame, owners)
     if found:
         return found  # nothing else can be computed with wrong ids
-    atlas = _Atlas(owners, plane.shape[1], plane.shape[0])
+    atlas = _Atlas(owners, width, height)
     found = [*atlas.violations(), *_check_planes(payload, atlas)]
     anchors = client.locate(np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
     if anchors is None:
@@ -198,7 +198,7 @@ def _check_lists(details: dict[str, np.ndarray]) -> Iterator[Violation]:
             )
             yield Violation("once", max(1, stray.size), sentence, texels=_first(stray))
             continue
-        pixel = np.repeat(np.arange(len(count)), count)
+        pixel = np.repeat(np.arange(len(count), dtype=np.int32), count)
         seen = rows[:, 0] >> 24 > 0
         pixel, far = pixel[seen], np.ascontiguousarray(rows[seen, -1]).view(np.float32)
         far = -far if rows.shape[1] == 2 else far  # a depth falls with distance
@@ -209,29 +209,41 @@ def _check_lists(details: dict[str, np.ndarray]) -> Iterator[Violation]:
 
 
 class _Atlas:
-    """Who owns each texel, with a border of one texel around, so that lookups at the edge need no special case."""
+    """Which sample lies in each texel, with a border of one texel around, so that lookups at the edge need no special
+    case.
+
+    sample: int32, by place in the plane with its border, row by row. triangle: int32, and bary: float32 (2, ...), by
+    sample, and after the last one what stands where there is none: UNOWNED or BORDER, and zeros.
+    """
 
     def __init__(self, owners: Owners, width: int, height: int) -> None:
         self.width, self.height, self.stride = width, height, width + 2
         self._owners = owners
         self._inside = self._contains(owners.texel)
-        owner = np.full((height + 2, width + 2), BORDER, np.int32)
-        owner[1:-1, 1:-1] = UNOWNED
-        self.owner = owner.reshape(-1)
-        self.bary = np.zeros((2, owner.size), np.float32)
-        everything = bool(self._inside.all())
-        texel, triangle, bary = owners.texel, owners.triangle, owners.bary
-        if not everything:
-            texel, triangle, bary = texel[self._inside], triangle[self._inside], bary[self._inside]
-        padded = self.padded(texel)
-        self.owner[padded] = triangle
-        self.bary[0][padded], self.bary[1][padded] = bary[:, 0], bary[:, 1]
-        self._listed = len(texel)
+        self._count = count = len(owners.texel)
+        within = np.full(width * height, count, np.int32)
+        if self._inside.all():
+            self._listed = count
+            within[owners.texel] = np.arange(count, dtype=np.int32)
+        else:
+            listed = np.flatnonzero(self._inside)
+            self._listed = len(listed)
+            within[owners.texel[listed]] = listed
+        plane = np.full((height + 2, width + 2), count + 1, np.int32)
+        plane[1:-1, 1:-1] = within.reshape(height, width)
+        self.sample = plane.reshape(-1)
+        self.triangle = np.append(owners.triangle, np.array([UNOWNED, BORDER], np.int32))
+        self.bary = np.zeros((2, count + 2), np.float32)
+        self.bary[:, :count] = owners.bary.T
 
     @property
     def owned(self) -> np.ndarray:
         """bool (height, width)."""
-        return self.owner.reshape(self.height + 2, self.stride)[1:-1, 1:-1] >= 0
+        return self.sample.reshape(self.height + 2, self.stride)[1:-1, 1:-1] < self._count
+
+    def owner(self, at: np.ndarray) -> np.ndarray:
+        """Triangles of texels in the plane with its border."""
+        return self.triangle[self.sample[at]]
 
     def unpadded(self, padded: np.ndarray) -> np.ndarray:
         """row * width + column of texels in the plane with its border."""
@@ -240,12 +252,12 @@ class _Atlas:
     def beside(self, texel: np.ndarray, triangle: np.ndarray, others: np.ndarray) -> np.ndarray:
         """Whether one of the four texels next to each texel (n) is among `others` and has the same owner: bool (n)."""
         at, other = (self.padded(inside[self._contains(inside)]) for inside in (texel, others))
-        among = np.zeros(self.owner.size, bool)
+        among = np.zeros(self.sample.size, bool)
         among[other] = True
         found = np.zeros(len(texel), bool)
         kept = self._contains(texel)
         for step in (1, -1, self.stride, -self.stride):
-            found[kept] |= among[at + step] & (self.owner[at + step] == triangle[kept])
+            found[kept] |= among[at + step] & (self.owner(at + step) == triangle[kept])
         return found
 
     def towards_neighbours(
@@ -260,8 +272,9 @@ class _Atlas:
         for across, down in np.array([[2, 1], [1, 2], [-2, 1], [-1, 2], [2, -1], [1, -2], [-2, -1], [-1, -2]]):
             moved = bary.astype(np.float64)
             for step, count in ((np.sign(across), abs(across)), (np.sign(down) * self.stride, abs(down))):
-                own = self.owner[at + step] == triangle
-                moved += np.where(own, count * PART * (self.bary[:, at + step] - bary.T), 0).T
+                beside = self.sample[at + step]
+                own = self.triangle[beside] == triangle
+                moved += np.where(own, count * PART * (self.bary[:, beside] - bary.T), 0).T
             yield moved.astype(np.float32), centre + PART * np.array([across, down])
 
     def near_inside(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
@@ -270,22 +283,24 @@ class _Atlas:
         found = np.zeros(len(texel), bool)
         for step in np.ndindex(2 * reach + 1, 2 * reach + 1):
             line = np.clip(row + step[0] - reach, 0, self.height - 1)
-            at = self.padded(line * self.width + np.clip(column + step[1] - reach, 0, self.width - 1))
-            inside = (self.bary[:, at].min(axis=0) >= -1e-4) & (self.bary[:, at].sum(axis=0) <= 1 + 1e-4)
-            found |= inside & (self.owner[at] == triangle)
+            beside = self.sample[self.padded(line * self.width + np.clip(column + step[1] - reach, 0, self.width - 1))]
+            bary = self.bary[:, beside]
+            inside = (bary.min(axis=0) >= -1e-4) & (bary.sum(axis=0) <= 1 + 1e-4)
+            found |= inside & (self.triangle[beside] == triangle)
         return found
 
     def is_smooth(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
         """Whether each texel (n) continues three neighbours of its triangle, in a row or a square, as a plane does, to
         half of their differences: bool (n)."""
         at, sides = self.padded(texel), (1, -1, self.stride, -self.stride)
+        own = self.bary[:, self.sample[at]]
         smooth = np.zeros(len(texel), bool)
         for one, other in [(a, b) for a in sides for b in sides if a != -b]:
-            three = np.clip(at + np.array([[one], [other], [one + other]]), 0, self.owner.size - 1)
+            three = self.sample[np.clip(at + np.array([[one], [other], [one + other]]), 0, self.sample.size - 1)]
             a, b, c = np.moveaxis(self.bary[:, three], 1, 0)
-            off = np.abs(self.bary[:, at] - (a + b - c)).sum(axis=0)
+            off = np.abs(own - (a + b - c)).sum(axis=0)
             step = np.maximum(np.abs(a - c).sum(axis=0), np.abs(b - c).sum(axis=0))
-            smooth |= (self.owner[three] == triangle).all(axis=0) & (off <= step / 2)
+            smooth |= (self.triangle[three] == triangle).all(axis=0) & (off <= step / 2)
         return smooth
 
     def centre(self, texel: np.ndarray) -> np.ndarray:
@@ -307,7 +322,7 @@ class _Atlas:
             out = np.flatnonzero(~self._inside)
             sentence = f"{out.size} samples lie outside the atlas of {self.width} x {self.height} texels."
             found.append(Violation("inside", out.size, sentence, _first(triangle[out]), _first(texel[out])))
-        if np.count_nonzero(self.owner >= 0) < self._listed:
+        if np.count_nonzero(self.sample < self._count) < self._listed:
             values, counts = np.unique(texel[self._inside], return_counts=True)
             twice = values[counts > 1]
             culprits = triangle[np.isin(texel, twice[:FIRST])]
@@ -391,16 +406,17 @@ class _Table:
 
 def _outside(owners: Owners, table: _Table) -> np.ndarray:
     """Samples whose barycentrics are not finite or lie too far outside their triangle, as one of one height."""
-    b1, b2 = owners.bary[:, 0], owners.bary[:, 1]
-    lowest = np.minimum(np.minimum(b1, b2), 1 - b1 - b2)
-    bad = np.flatnonzero(~(lowest >= -1))  # NaN and infinities fail any comparison; -1 is allowed to all
-    if bad.size:
-        rows = table.row[owners.triangle[bad]]
-        weights = np.stack([1 - b1[bad] - b2[bad], b1[bad], b2[bad]], axis=1)
-        heights = np.where((rows >= 0)[:, None], table.heights(rows), 1)
+    found = [np.empty(0, np.int64)]
+    for start in range(0, len(owners.triangle), CHUNK):
+        b1, b2 = owners.bary[start : start + CHUNK].T
+        lowest = np.minimum(np.minimum(b1, b2), 1 - b1 - b2)
+        bad = np.flatnonzero(~(lowest >= -1))  # NaN and infinities fail any comparison; -1 is allowed to all
+        rows = table.row[owners.triangle[start + bad]]
+        weights = np.stack([1 - b1[bad] - b2[bad], b1[bad], b2[bad]])
+        heights = np.where(rows >= 0, table.heights(rows).T, 1)
         allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
-        bad = bad[~(allowed & np.isfinite(weights)).all(axis=1)]
-    return bad
+        found.append(start + bad[~(allowed & np.isfinite(weights)).all(axis=0)])
+    return np.concatenate(found)
 
 
 def _check_barycentrics(owners: Owners, outside: np.ndarray, atlas: _Atlas, client: Client) -> list[Violation]:
@@ -441,23 +457,24 @@ def _continues(triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray, atlas:
 
 def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
     turns = _turns(len(owners.triangle), budget)
-    chosen = np.flatnonzero(owners.triangle % turns == frame.index % turns)
+    has_turn = np.arange(frame.scene.triangles.count) % turns == frame.index % turns
+    chosen = np.flatnonzero(has_turn[owners.triangle])
     triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
-    within = (bary.min(axis=1) >= -1e-4) & (bary.sum(axis=1) <= 1 + 1e-4)
+    b1, b2 = bary.T
+    within = (np.minimum(b1, b2) >= -1e-4) & (b1 + b2 <= 1 + 1e-4)
     triangle, bary, texel = triangle[within], bary[within], texel[within]
-    located = client.locate(triangle, bary)
     centre = atlas.centre(texel)
-    distance = np.abs(located - centre).max(axis=1)
+    distance = _apart(client.locate(triangle, bary), centre)
     stray = distance > DISTANCE  # False where a triangle has no place
     for side in SIDES:
         strays = np.flatnonzero(stray)
         beside = client.locate(triangle[strays], bary[strays] + side) if strays.size else centre[strays]
-        distance[strays] = np.fmin(distance[strays], np.abs(beside - centre[strays]).max(axis=1))
+        distance[strays] = np.fmin(distance[strays], _apart(beside, centre[strays]))
         stray[strays] = distance[strays] > DISTANCE
     strays = np.flatnonzero(stray)
     for point, at in atlas.towards_neighbours(triangle[strays], bary[strays], texel[strays]):
         beside = client.locate(triangle[strays], point)
-        distance[strays] = np.fmin(distance[strays], np.abs(beside - at).max(axis=1))
+        distance[strays] = np.fmin(distance[strays], _apart(beside, at))
     stray[strays] = distance[strays] > DISTANCE
     stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
     if stray.any():
@@ -556,7 +573,8 @@ class _Lookups:
         texels = line * np.int32(atlas.stride) + column + self._offsets
         touched = weights > WEIGHT
         weights *= touched
-        owner = atlas.owner[texels]
+        samples = atlas.sample[texels]
+        owner = atlas.triangle[samples]
         own = (owner == triangles) | ~touched
         whole = own.all(axis=0)
         if self._gaps:
@@ -565,9 +583,9 @@ class _Lookups:
             touched, own = touched & ~excused, own | excused
         if owner.min() < 0:
             self._note_gaps(rows, texels, owner, touched)
-        self._check_location(rows, bary, texels, weights, whole)
+        self._check_location(rows, bary, samples, weights, whole)
         if not own.all():
-            self._check_others(rows, bary, texels, owner, ~own & (owner >= 0))
+            self._check_others(rows, bary, samples, ~own & (owner >= 0))
 
     def _note_gaps(self, rows: np.ndarray, texels: np.ndarray, owner: np.ndarray, touched: np.ndarray) -> None:
         self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
@@ -576,12 +594,12 @@ class _Lookups:
         self._unwritten.append(np.unique(texels[gaps]))
 
     def _check_location(
-        self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, weights: np.ndarray, whole: np.ndarray
+        self, rows: np.ndarray, bary: np.ndarray, samples: np.ndarray, weights: np.ndarray, whole: np.ndarray
     ) -> None:
         """Lookups whose texels are all the triangle's own: interpolated against true barycentrics, in texels."""
         total = weights.sum(axis=0)
         off1, off2 = (
-            (weights * plane[texels]).sum(axis=0) / total - bary[:, i] for i, plane in enumerate(self._atlas.bary)
+            (weights * plane[samples]).sum(axis=0) / total - bary[:, i] for i, plane in enumerate(self._atlas.bary)
         )
         to_column, to_row = self._table.jacobian[:, rows]
         column, row = to_column[:, 0] * off1 + to_column[:, 1] * off2, to_row[:, 0] * off1 + to_row[:, 1] * off2
@@ -589,30 +607,30 @@ class _Lookups:
         if bad.size:
             off = np.stack([off1[bad], off2[bad]], axis=1)
             ignored = ~(weights[:, bad] > 0).all(axis=0) & (np.abs(off).max(axis=1) <= 2 * WEIGHT)  # too light to touch
-            ignored |= self._torn(texels[:, bad]) if self._gaps else False
+            ignored |= self._torn(samples[:, bad]) if self._gaps else False
             bad, off = bad[~ignored], off[~ignored]
             touched = weights[:, bad] > 0
-            own = self._atlas.owner[texels[:, bad]] == self._table.pvs[rows[bad]]
+            own = self._atlas.triangle[samples[:, bad]] == self._table.pvs[rows[bad]]
             touched |= own & (touched.sum(axis=0) == 1)  # one alone shows no step, its neighbours do
-            steps = self._steps(texels[:, bad], touched)
+            steps = self._steps(samples[:, bad], touched)
             self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
 
-    def _torn(self, texels: np.ndarray) -> np.ndarray:
-        """Whether the four texels (4, n) around a lookup are of several parts of a triangle: bool (n)."""
-        bary = self._atlas.bary[:, texels]
+    def _torn(self, samples: np.ndarray) -> np.ndarray:
+        """Whether the four samples (4, n) around a lookup are of several parts of a triangle: bool (n)."""
+        bary = self._atlas.bary[:, samples]
         twist = np.abs(bary[:, 0] - bary[:, 1] - bary[:, 2] + bary[:, 3])  # 0 on one plane, gentle in perspective
         return (twist > np.ptp(bary, axis=1) / 2).any(axis=0)
 
-    def _steps(self, texels: np.ndarray, touched: np.ndarray) -> np.ndarray:
+    def _steps(self, samples: np.ndarray, touched: np.ndarray) -> np.ndarray:
         """Changes of both barycentrics from a texel to the next column and to the next row: float64 (n, 2, 2).
 
-        The larger of those between the four texels (4, n) around a lookup that it touches, because one may be a copy of
-        another. A direction without is taken to be at right angles to the other one, and as long.
+        The larger of those between the four samples (4, n) around a lookup that it touches, because one may be a copy
+        of another. A direction without is taken to be at right angles to the other one, and as long.
         """
-        steps = np.empty((texels.shape[1], 2, 2))
+        steps = np.empty((samples.shape[1], 2, 2))
         for axis, pairs in enumerate([((0, 1), (2, 3)), ((0, 2), (1, 3))]):
             one, other = (
-                np.where(touched[i] & touched[j], np.diff(self._atlas.bary[:, texels[[i, j]]], axis=1)[:, 0], 0).T
+                np.where(touched[i] & touched[j], np.diff(self._atlas.bary[:, samples[[i, j]]], axis=1)[:, 0], 0).T
                 for i, j in pairs
             )
             larger = np.abs(one).sum(axis=1) >= np.abs(other).sum(axis=1)
@@ -622,14 +640,13 @@ class _Lookups:
             steps[alone, :, axis] = steps[alone, :, 1 - axis][:, ::-1] * [-1, 1]
         return steps
 
-    def _check_others(
-        self, rows: np.ndarray, bary: np.ndarray, texels: np.ndarray, owner: np.ndarray, other: np.ndarray
-    ) -> None:
-        """Texels of other owners, `other` (4, n): the distance between their surface point and the one looked up."""
+    def _check_others(self, rows: np.ndarray, bary: np.ndarray, samples: np.ndarray, other: np.ndarray) -> None:
+        """Samples of other owners, `other` (4, n): the distance between their surface point and the one looked up."""
         table = self._table
         corner, point = np.nonzero(other)
-        triangle, texel, row = owner[corner, point], texels[corner, point], rows[point]
-        there = _surface_points(table.corners(triangle), self._atlas.bary[:, texel].T)
+        sample, row = samples[corner, point], rows[point]
+        triangle = self._atlas.triangle[sample]
+        there = _surface_points(table.corners(triangle), self._atlas.bary[:, sample].T)
         here = _surface_points(table.corners(table.pvs[row]), bary[point])
         other_row = table.row[triangle]
         size = np.where(other_row >= 0, table.texel_size[other_row], table.texel_size[row])
@@ -655,6 +672,12 @@ class _Lookups:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
             found.append(Violation("surface", misplaced.size, sentence, _first(misplaced)))
         return found
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Texels between positions (n, 2), in the direction where it is more: (n)."""
+    column, row = np.abs(one - other).T  # NumPy's reductions are slow over axes of two
+    return np.maximum(column, row)
 
 
 def _far(x: np.ndarray, y: np.ndarray) -> np.ndarray:
