@@ -130,12 +130,13 @@ def check(
     """
     if owners is None or not payload.planes:
         return [*_check_unplaced(frame, payload, None), *_check_lists(payload.details)]
-    height, width = next(iter(payload.planes.values())).shape[:2]
+    planes = {name: plane.get() for name, plane in payload.planes.items()}
+    height, width = next(iter(planes.values())).shape[:2]
     found = _check_ids(frame, owners)
     if found:
         return found  # nothing else can be computed with wrong ids
     atlas = _Atlas(owners, width, height)
-    found = [*atlas.violations(), *_check_planes(payload, atlas)]
+    found = [*atlas.violations(), *_check_planes(planes, atlas)]
     anchors = client.locate(np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
     if anchors is None:
         return [*found, *_check_unplaced(frame, payload, np.isin(frame.pvs, owners.triangle))]
@@ -331,10 +332,9 @@ class _Atlas:
         return found
 
 
-def _check_planes(payload: Payload, atlas: _Atlas) -> list[Violation]:
+def _check_planes(planes: dict[str, np.ndarray], atlas: _Atlas) -> list[Violation]:
     found = []
-    for position, (name, array) in enumerate(payload.planes.items()):
-        plane = array.get()
+    for position, (name, plane) in enumerate(planes.items()):
         if plane.dtype.kind == "f" and not np.isfinite(plane).all():
             bad = np.flatnonzero(~np.isfinite(plane).all(axis=-1))
             sentence = f"{bad.size} texels of the plane {name!r} are not finite."
