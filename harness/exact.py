@@ -110,7 +110,8 @@ def _visible(triangles: Triangles, camera: Camera) -> tuple[np.ndarray, np.ndarr
     for number, box in _boxes(triangles, camera, screen):
         at = centres[box]
         depth, edges = at @ screen.depth[number], at @ screen.edges[number].T
-        wins = (edges >= 0).all(axis=-1) & (depth > nearest[box] * TIED) & (depth <= 1)
+        inside = (edges >= 0).all(axis=-1) & (edges.sum(axis=-1) > 0)  # a triangle seen as a point covers nothing
+        wins = inside & (depth > nearest[box] * TIED) & (depth <= 1)
         if wins.any():
             triangle[box][wins], nearest[box][wins] = number, depth[wins]
             bary[box][wins] = edges[wins][:, 1:] / edges[wins].sum(axis=-1)[:, None]
