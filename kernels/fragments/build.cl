@@ -22,8 +22,8 @@
 // fragments' pixels in the tile (block by block, row by row), then their triangles, then their depths.
 // links: of each page the next (-1: none), and how many fragments it holds.
 typedef struct {
-    int16 counts[TILE * BLOCKS / 2]; // fragments of each pixel, two rows of 8 per vector
-    int2 origin;                     // the tile's first pixel
+    int8 rows[BLOCKS]; // fragments of each row of pixels
+    int2 origin;       // the tile's first pixel
     int width, height;
     int capacity; // of the pool, pages
     int page, filled;
@@ -104,6 +104,15 @@ INLINE uint bits_of_two(const int16 first, const int16 second)
     return (uint)(two.x | two.y);
 }
 
+// How many bits of each byte are set, from the lowest byte on.
+INLINE int8 bits_per_byte(ulong bits)
+{
+    bits -= (bits >> 1) & 0x5555555555555555;
+    bits = (bits & 0x3333333333333333) + ((bits >> 2) & 0x3333333333333333);
+    bits = (bits + (bits >> 4)) & 0x0f0f0f0f0f0f0f0f;
+    return convert_int8(as_uchar8(bits));
+}
+
 // Add the fragments of a shape in a block, at the pixels and depths that the rasteriser gives it; z0 is its depth at the
 // block's first pixel.
 INLINE void add_block(Target *target, const Shape *shape, const int bx, const int by,
@@ -145,10 +154,7 @@ INLINE void add_block(Target *target, const Shape *shape, const int bx, const in
     ulong left = bits_of_two(draw[0], draw[1]) | (ulong)bits_of_two(draw[2], draw[3]) << 32;
     if (left == 0)
         return;
-    int16 *counts = target->counts + block * (BLOCK / 2);
-    UNROLL
-    for (int j = 0; j < BLOCK / 2; j++)
-        counts[j] -= draw[j];
+    target->rows[by] += bits_per_byte(left);
     if (target->filled > PAGE - BLOCK * BLOCK)
         turn_page(target);
     __global int *to = target->pages + (size_t)target->page * (3 * PAGE) + target->filled;
@@ -214,12 +220,12 @@ INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_
 }
 
 // Draw the triangles with members[triangle] == member into pages; `first`: each tile's first page, or -1.
-// counts: fragments of each pixel, tile by tile, block by block. runs: of each tile's row, as they follow in the image.
+// runs: fragments of each tile's rows, as those follow in the image.
 __kernel void draw_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
                              __global const int2 *tile_bins, __global const int *entries, __global const int *records,
                              __global const uchar *members, const int member, const int capacity,
                              __global int *pages, __global int2 *links, __global int *taken, __global int *firsts,
-                             __global int *counts, __global int *runs ALPHA_PARAMETERS FRONT_PARAMETERS)
+                             __global int *runs ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
@@ -236,8 +242,8 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
     target.taken = taken;
     target.first = firsts + tile;
     firsts[tile] = -1;
-    for (int i = 0; i < TILE * BLOCKS / 2; i++)
-        target.counts[i] = 0;
+    for (int i = 0; i < BLOCKS; i++)
+        target.rows[i] = 0;
     Bins bins = bins_of(tile, chunks, tile_bins, entries);
     int listed[BATCH];
     for (int count; (count = next_batch(&bins, listed)) > 0;) {
@@ -258,16 +264,8 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
     if (target.page >= 0 && target.page < capacity)
         links[target.page] = (int2)(-1, target.filled);
 
-    __global int16 *to = (__global int16 *)(counts + (size_t)tile * (TILE * TILE));
-    for (int i = 0; i < TILE * BLOCKS / 2; i++)
-        to[i] = target.counts[i];
-    for (int y = 0; y < TILE && target.origin.y + y < height; y++) {
-        int8 row = 0;
-        for (int bx = 0; bx < BLOCKS; bx++)
-            row += ((const int8 *)target.counts)[(y / BLOCK * BLOCKS + bx) * BLOCK + y % BLOCK];
-        const int4 four = row.lo + row.hi;
-        runs[(size_t)(target.origin.y + y) * tiles_x + tile % tiles_x] = (four.x + four.y) + (four.z + four.w);
-    }
+    for (int y = 0; y < TILE && target.origin.y + y < height; y++)
+        runs[(size_t)(target.origin.y + y) * tiles_x + tile % tiles_x] = AT(target.rows, int, y);
 }
 
 // A fragment as a number that is less the nearer it is (the greater its depth, which is positive), and of equal depths
@@ -321,40 +319,64 @@ INLINE void sort_list(const int count, __global int *ids, __global float *depths
     }
 }
 
+// Write 8 pixels' values to an image, as far as they lie in it.
+INLINE void store_pixels(__global int *image, const int width, const int x, const int y, const int8 values)
+{
+    __global int *to = image + (size_t)y * width + x;
+    if (x + BLOCK <= width)
+        *(__global loose_int8 *)to = values;
+    else
+        for (int lane = 0; lane < width - x; lane++)
+            to[lane] = AT(&values, int, lane);
+}
+
 // Each pixel's fragments from `offsets` on, sorted, and whose they are. starts: where each tile's row of them begins.
 __kernel void place_fragments(const int tiles, const int tiles_x, const int width, const int height,
                               __global const int *pages, __global const int2 *links, __global const int *firsts,
-                              __global const int *counts, __global const int *starts, __global int *offsets,
-                              __global int *triangle, __global int *owner, __global float *depth)
+                              __global const int *starts, __global int *offsets, __global int *triangle,
+                              __global int *owner, __global float *depth)
 {
     const int tile = get_global_id(0);
     if (tile >= tiles)
         return;
-    const int8 lanes = (int8)(0, 1, 2, 3, 4, 5, 6, 7), none = 0;
     const int2 origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
-    __global const int8 *rows = (__global const int8 *)(counts + (size_t)tile * (TILE * TILE));
-    int8 places[TILE * BLOCKS]; // each pixel's next free place
-    for (int y = 0; y < TILE && origin.y + y < height; y++) {
-        const size_t line = (size_t)(origin.y + y) * width;
+    const int rows = LESSER(TILE, height - origin.y), columns = LESSER(TILE, width - origin.x);
+    if (firsts[tile] < 0) {
+        for (int y = 0; y < rows; y++)
+            for (int x = 0; x < columns; x += BLOCK)
+                store_pixels(offsets, width, origin.x + x, origin.y + y,
+                             (int8)starts[(size_t)(origin.y + y) * tiles_x + tile % tiles_x]);
+        return;
+    }
+
+    int8 places[TILE * BLOCKS]; // of each pixel, how many fragments, then its next free place
+    uchar several[TILE * BLOCKS]; // which of 8 pixels have more than one
+    for (int i = 0; i < TILE * BLOCKS; i++)
+        places[i] = 0;
+    int *next = (int *)places;
+    int2 link;
+    for (int page = firsts[tile]; page >= 0; page = link.x) {
+        link = links[page];
+        for (int i = 0; i < link.y; i++)
+            next[pages[(size_t)page * (3 * PAGE) + i]]++;
+    }
+    const int8 none = 0;
+    for (int y = 0; y < rows; y++) {
         int start = starts[(size_t)(origin.y + y) * tiles_x + tile % tiles_x];
-        for (int bx = 0; bx < BLOCKS && origin.x + bx * BLOCK < width; bx++) {
-            const int at = (y / BLOCK * BLOCKS + bx) * BLOCK + y % BLOCK, x = origin.x + bx * BLOCK;
-            int8 sum = rows[at]; // becomes that of the lanes up to each
+        for (int x = 0; x < columns; x += BLOCK) {
+            const int at = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
+            const int8 counts = places[at];
+            several[at] = (uchar)bits_of(counts > 1);
+            int8 sum = counts; // becomes that of the lanes up to each
             sum += (int8)(0, sum.s0123, sum.s45, sum.s6);
             sum += (int8)(0, 0, sum.s0123, sum.s45);
             sum += (int8)(none.lo, sum.lo);
-            places[at] = start + sum - rows[at];
+            places[at] = start + sum - counts;
             start += sum.s7;
-            if (x + BLOCK <= width)
-                *(__global loose_int8 *)(offsets + line + x) = places[at];
-            else
-                for (int lane = 0; lane < width - x; lane++)
-                    offsets[line + x + lane] = AT(&places[at], int, lane);
+            store_pixels(offsets, width, origin.x + x, origin.y + y, places[at]);
         }
     }
     const int corner = origin.y * width + origin.x;
-    int *next = (int *)places;
-    int2 link;
     for (int page = firsts[tile]; page >= 0; page = link.x) {
         __global const int *from = pages + (size_t)page * (3 * PAGE);
         link = links[page];
@@ -367,17 +389,19 @@ __kernel void place_fragments(const int tiles, const int tiles_x, const int widt
             owner[to] = corner + y * width + x;
         }
     }
-    for (int at = 0; at < TILE * BLOCKS; at++) {
-        uint several = bits_of(rows[at] > 1);
-        for (; several; several &= several - 1) {
-            const int lane = 31 - clz(several & (0u - several));
-            const int count = ((__global const int *)&rows[at])[lane], begin = AT(&places[at], int, lane) - count;
-            if (count <= NETWORK)
-                sort_few(count, triangle + begin, depth + begin);
-            else
-                sort_list(count, triangle + begin, depth + begin);
+    for (int y = 0; y < rows; y++)
+        for (int x = 0; x < columns; x += BLOCK) {
+            const int at = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
+            for (uint left = several[at]; left; left &= left - 1) {
+                const int lane = 31 - clz(left & (0u - left));
+                const int begin = offsets[(size_t)(origin.y + y) * width + origin.x + x + lane];
+                const int count = AT(&places[at], int, lane) - begin;
+                if (count <= NETWORK)
+                    sort_few(count, triangle + begin, depth + begin);
+                else
+                    sort_list(count, triangle + begin, depth + begin);
+            }
         }
-    }
 }
 
 // members[id] = node[id] + 1 for the listed triangles.

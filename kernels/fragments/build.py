@@ -122,17 +122,17 @@ class Builder:
         listed = (device.chunks, bins.bins, bins.entries, bins.records, members, member)
         rows = camera.height * picture.tiles_x
         runs, taken = scratch.ints("runs", rows), scratch.ints("taken", 1)
-        firsts, counts = scratch.ints("firsts", tiles), scratch.ints("fragments per pixel", tiles * TILE * TILE)
+        firsts = scratch.ints("firsts", tiles)
         self._pages = max(self._pages, 2 * tiles)
         while True:
             pool = (scratch.ints("pages", self._pages * 3 * PAGE), scratch.ints("links", self._pages * 2))
             device.fill(taken, 0, f"{stage}/draw")
-            results = (self._pages, *pool, taken, firsts, counts, runs)
+            results = (self._pages, *pool, taken, firsts, runs)
             device.launch(f"{stage}/draw", kernel, tiles, *size, *listed, *results, *alpha, local=1)
             starts, total = exclusive_scan(device, runs, rows, f"{stage}/scan")
             needed = int(taken.get()[0])
             if needed <= self._pages:
-                return (*pool, firsts, counts), starts, total
+                return (*pool, firsts), starts, total
             self._pages = needed + needed // 8
 
     def _kernels(self, masked: int, front: int) -> Kernels:
