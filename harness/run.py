@@ -11,6 +11,7 @@ import signal
 import threading
 import time
 import traceback
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
@@ -113,6 +114,7 @@ class Run:
         self.pictured = {0, self.frames // 2, self.frames - 1} if pictures else set()
         self.start_again = start_again or partial(restart, "--out", str(folder))
         self.common = self._common_columns()
+        self.spent: defaultdict[str, Counter[Lane]] = defaultdict(Counter)  # seconds of each lane by step, last frame
 
     def _common_columns(self) -> dict[str, Any]:
         """The columns that are the same in every row."""
@@ -230,13 +232,16 @@ class Run:
         for lane in lanes:
             with self._guarded(lane, f"frame {index}"), self._limited(lane, index, packs=1 + len(lane.repeated)):
                 packed[lane] = lane.pack(work.frame)
-        sent = self._beside(packed, index, lambda lane: lane.advance(packed[lane].payload))
+        sent = self._beside("sending", packed, index, lambda lane: lane.advance(packed[lane].payload))
         for lane in sent:
             with self._guarded(lane, f"frame {index}"):
                 drawn[lane] = lane.draw(novel, self.metrics)
-        given = (index in self.pictured,)
+        pictured = index in self.pictured
         measured = self._beside(
-            drawn, index, lambda lane: lane.measure(work, novel, packed[lane], sent[lane], drawn[lane], *given)
+            "measuring",
+            drawn,
+            index,
+            lambda lane: lane.measure(work, novel, packed[lane], sent[lane], drawn[lane], pictured),
         )
         # Pictures first: a frame that is committed is never worked on again.
         self._write_pictures(measured, work, novel)
@@ -246,13 +251,23 @@ class Run:
             else:
                 self._commit(lane, index, measured[lane])
 
-    def _beside(self, lanes: Iterable[Lane], index: int, work: Callable[[Lane], Any]) -> dict[Lane, Any]:
+    def _beside(self, step: str, lanes: Iterable[Lane], index: int, work: Callable[[Lane], Any]) -> dict[Lane, Any]:
         """What `work` gives for each lane, several at a time; lanes that fail are stopped and left out."""
+        spent = self.spent[step]
+
+        def timed(lane: Lane) -> Any:
+            start = time.perf_counter()
+            result = work(lane)
+            spent[lane] = time.perf_counter() - start
+            return result
+
         done = {}
         with ThreadPoolExecutor(WORKERS) as pool:
-            for lane, task in [(lane, pool.submit(work, lane)) for lane in lanes]:
+            # What took longest in the last frame comes first, so that all threads end at about the same time.
+            tasks = {lane: pool.submit(timed, lane) for lane in sorted(lanes, key=lambda lane: -spent[lane])}
+            for lane in lanes:
                 with self._guarded(lane, f"frame {index}"):
-                    done[lane] = task.result()
+                    done[lane] = tasks[lane].result()
         return done
 
     def _commit(self, lane: Lane, index: int, measured: Measured) -> None:
