@@ -150,9 +150,11 @@ def run(
 
     with guarded():
         if preset:
-            from harness.ppll_2014 import experiment_of, run_experiment
+            from harness.ppll_2014 import experiment_of, run_experiment, show_experiment
 
-            run_experiment(experiment_of(preset, context.params), out or Path("runs") / preset)
+            (show_experiment if dry_run else run_experiment)(
+                experiment_of(preset, context.params), out or Path("runs") / preset
+            )
             return
         wanted = _settings_of(context.params)
         if dry_run:

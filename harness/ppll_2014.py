@@ -85,6 +85,17 @@ def run_experiment(wanted: Experiment, out: Path) -> None:
     console.print(f"{out}/report.html  " + "  ".join(f"{table}.csv" for table in tables))
 
 
+def show_experiment(wanted: Experiment, out: Path) -> None:
+    """Print what `run_experiment` would measure; runs no kernel."""
+    device, console = Device.open(wanted.device), make_console()
+    sizes = ", ".join(f"{width}x{height}" for width, height in wanted.sizes)
+    console.print(f"models {', '.join(MODELS)}; sizes {sizes}; modes {', '.join(MODES)}; {wanted.frames} frames each")
+    if note := stand_ins():
+        console.print(note)
+    console.print(f"device {device.name}")
+    console.print(f"{len(MODELS) * len(wanted.sizes) * len(MODES) * wanted.frames} frames; results in {out}")
+
+
 def model_file(name: str) -> Path:
     """Where a model is looked for: in the folder of real scenes (BENCH_SCENES, or ../shared/scenes)."""
     return Path(os.environ.get("BENCH_SCENES", "../shared/scenes")) / MODELS[name]

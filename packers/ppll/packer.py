@@ -214,8 +214,8 @@ def list_view(frame: Frame) -> View:
 def statistics(nodes: list[NodeLists], message: Message) -> dict[str, float]:
     """What the report shows of a frame's lists, over all nodes."""
     built = sum(node.built for node in nodes)
-    rows = np.concatenate([rows for _, rows in message.nodes])
-    deleted = int(np.count_nonzero(rows[:, 0] >> 24 == 0))
+    sent = sum(len(rows) for _, rows in message.nodes)
+    deleted = sum(int(np.count_nonzero(rows[:, 0] < 1 << 24)) for _, rows in message.nodes)
     longest = max(len(node.pixels_by_layers) for node in nodes)
     histogram = sum(np.pad(node.pixels_by_layers, (0, longest - len(node.pixels_by_layers))) for node in nodes)
     layers = {f"pixels_of_{k}_layers": int(n) for k, n in enumerate(histogram[:16])}
@@ -224,9 +224,9 @@ def statistics(nodes: list[NodeLists], message: Message) -> dict[str, float]:
         "most_layers": longest - 1,
         "fragments_built": built,
         "fragments_kept": sum(node.lists.count for node in nodes),
-        "fragments_sent": len(rows),
+        "fragments_sent": sent,
         "fragments_deleted": deleted,
-        "share_saved": 1 - len(rows) / built if built else 0.0,
+        "share_saved": 1 - sent / built if built else 0.0,
         "header_bytes": 4 * message.width * message.height * len(nodes),
         "list_bytes": message.raw_bytes - 4 * message.width * message.height * len(nodes),
         "padded_bytes": message.padded_bytes,
@@ -239,7 +239,8 @@ def details(message: Message) -> dict[str, np.ndarray]:
     `list_projection` float64 (4, 4) are the lists' camera."""
     arrays = {"list_view": message.view, "list_projection": message.projection}
     for node, (offsets, rows) in enumerate(message.nodes):
-        header = np.stack([offsets[:-1], np.diff(offsets)], axis=1).astype(np.uint32)
-        arrays[f"header{node or ''}"] = header.reshape(message.height, message.width, 2)
+        header = np.empty((message.height, message.width, 2), np.uint32)
+        header[..., 0], header[..., 1] = (part.reshape(header.shape[:2]) for part in (offsets[:-1], np.diff(offsets)))
+        arrays[f"header{node or ''}"] = header
         arrays[f"fragments{node or ''}"] = rows
     return arrays

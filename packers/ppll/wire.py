@@ -77,7 +77,8 @@ class Message:
 
 def encode(message: Message) -> tuple[bytes, bytes]:
     """The head and the lists."""
-    lists = b"".join(_encode_node(*node, message.layout) for node in message.nodes)
+    encoded = [_encode_node(*node, message.layout) for node in message.nodes]
+    lists = encoded[0] if len(encoded) == 1 else b"".join(encoded)
     words = message.nodes[0][1].shape[1]
     numbers = [VERSION, MODES.index(message.mode), LAYOUTS.index(message.layout), message.width, message.height]
     numbers += [words, len(message.nodes), zlib.crc32(lists), MERGES.index(message.merge)]
@@ -93,10 +94,14 @@ def _encode_node(offsets: np.ndarray, rows: np.ndarray, layout: str) -> bytes:
     if layout == "shuffled":
         fields = [(counts > 0).astype(np.uint32), *rows.T, follows]
         return b"".join(shuffle(np.ascontiguousarray(field)) for field in fields)
-    header = np.where(counts > 0, offsets[:-1] + 1, 0).astype("<u4")
-    following = np.where(follows, np.arange(2, len(rows) + 2), 0)
-    fragments = np.concatenate([rows, following[:, None]], axis=1).astype("<u4")
-    return header.tobytes() + fragments.tobytes()
+    pixels = len(counts)
+    data = np.empty(pixels + rows.size + len(rows), "<u4")  # written once: lists are the largest thing of a frame
+    data[:pixels] = np.where(counts > 0, offsets[:-1] + 1, 0)
+    fragments = data[pixels:].reshape(len(rows), rows.shape[1] + 1)
+    for field in range(rows.shape[1]):  # a column at a time, which is faster than rows of few numbers
+        fragments[:, field] = rows[:, field]
+    fragments[:, -1] = np.arange(2, len(rows) + 2, dtype=np.uint32) * follows
+    return data.tobytes()
 
 
 def decode(head: bytes, lists: bytes) -> Message:
@@ -141,13 +146,14 @@ def _decode_node(data: bytes, layout: str, pixels: int, words: int) -> tuple[np.
     else:
         header = np.frombuffer(data, "<u4", pixels)
         fragments = np.frombuffer(data, "<u4", count * (words + 1), 4 * pixels).reshape(count, words + 1)
-        rows, following = fragments[:, :-1].astype(np.uint32), fragments[:, -1]
-        follows = (following > 0).astype(np.uint32)
-        used = (header > 0).astype(np.uint32)
-        if (following[follows > 0] != np.flatnonzero(follows) + 2).any():
+        rows, following = np.empty((count, words), np.uint32), fragments[:, -1]
+        for field in range(words):
+            rows[:, field] = fragments[:, field]
+        follows, used = following > 0, header > 0
+        if (following != np.arange(2, count + 2, dtype=np.uint32) * follows).any():
             raise WireError("The lists are damaged: a fragment's next one does not follow it.")
     offsets = _offsets(used, follows)
-    if layout == "paper" and (header[used > 0] != offsets[:-1][used > 0] + 1).any():
+    if layout == "paper" and (header != (offsets[:-1] + 1) * used).any():
         raise WireError("The lists are damaged: a pixel points to the wrong fragment.")
     _check_values(rows)
     return offsets, rows
@@ -165,6 +171,6 @@ def _offsets(used: np.ndarray, follows: np.ndarray) -> np.ndarray:
 
 def _check_values(rows: np.ndarray) -> None:
     """Depths, distances and positions are finite; depths and distances are not negative."""
-    reals = np.ascontiguousarray(rows[:, 1:] if rows.shape[1] == 2 else rows[:, 2:]).view(np.float32)
+    reals = rows.view(np.float32)[:, 1 if rows.shape[1] == 2 else 2 :]
     if not np.isfinite(reals).all() or (reals[:, -1] < 0).any():
         raise WireError("The lists are damaged: a fragment lies nowhere.")

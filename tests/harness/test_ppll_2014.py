@@ -73,3 +73,16 @@ def test_options_of_the_preset():
     assert experiment_of("ppll-2014", {}).sizes == ((1024, 768), (1280, 720), (1600, 900))
     with pytest.raises(InputError, match="Known: ppll-2014"):
         experiment_of("ppll-2015", {})
+
+
+def test_a_dry_run_says_what_would_be_measured(tmp_path):
+    from typer.testing import CliRunner
+
+    from harness.cli import app
+
+    out = tmp_path / "out"
+    shown = CliRunner().invoke(app, ["run", "--preset", "ppll-2014", "--frames", "2", "--dry-run", "--out", str(out)])
+    assert shown.exit_code == 0
+    assert "54 frames" in shown.output
+    assert "1600x900" in shown.output
+    assert not out.exists()
