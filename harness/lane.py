@@ -275,8 +275,8 @@ class Lane:
         payload = self.pack(work.frame).payload
         self.remember(payload, self.packer.owners(payload), self.advance(payload))
 
-    def draw(self, novel: NovelView, metrics: Metrics) -> Drawn:
-        """Draw the novel view with both clients and compare with the reference."""
+    def draw(self, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
+        """Draw the novel view with both clients and compare with the reference; pictured: keep the pictures."""
         drawn = Drawn(skipped=metrics.skipped)
         for key, client in (("none", None), self.lossless), (self.display_key, self.displayed):
             if client is None:
@@ -294,9 +294,9 @@ class Lane:
             rgb = image.rgb.get()[..., :3]
             if client is self.lossless:
                 drawn.lossless = rgb
-            # What the report shows is the displayed client, which is drawn last.
-            flip = metrics.flip_map()
-            drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
+            if pictured:  # the report shows the displayed client, which is drawn last
+                flip = metrics.flip_map()
+                drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
         return drawn
 
     def _draw_once(self, client: Client, novel: NovelView) -> tuple[Image, float]:

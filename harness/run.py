@@ -229,14 +229,14 @@ class Run:
         index = work.frame.index
         packed: dict[Lane, Packed] = {}
         drawn: dict[Lane, Drawn] = {}
+        pictured = index in self.pictured
         for lane in lanes:
             with self._guarded(lane, f"frame {index}"), self._limited(lane, index, packs=1 + len(lane.repeated)):
                 packed[lane] = lane.pack(work.frame)
         sent = self._beside("sending", packed, index, lambda lane: lane.advance(packed[lane].payload))
         for lane in sent:
             with self._guarded(lane, f"frame {index}"):
-                drawn[lane] = lane.draw(novel, self.metrics)
-        pictured = index in self.pictured
+                drawn[lane] = lane.draw(novel, self.metrics, pictured)
         measured = self._beside(
             "measuring",
             drawn,
