@@ -106,15 +106,19 @@ def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], s
     """One frame for the viewer, and how many bytes its pictures have."""
     reference = pictures.references.get(frame)
     entry: dict = {"frame": frame, "reference": reference and _data_url(reference, exact), "methods": {}}
+    asked = []
     for key, by_frame in sorted(pictures.methods.items()):
         files = by_frame.get(frame, {})
         names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
-        if names and key in labels:
-            asked = [(files[n], exact and n not in REDUCED, ATLAS_SIDE if n in REDUCED else None) for n in names]
-            with ThreadPoolExecutor(WORKERS) as pool:
-                entry["methods"][labels[key]] = dict(
-                    zip(names, pool.map(_data_url, *zip(*asked, strict=True)), strict=True)
-                )
+        if key in labels:
+            asked += [(labels[key], name, files[name]) for name in names]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        coded = [
+            pool.submit(_data_url, path, exact and name not in REDUCED, ATLAS_SIDE if name in REDUCED else None)
+            for _, name, path in asked
+        ]
+        for (label, name, _), url in zip(asked, coded, strict=True):
+            entry["methods"].setdefault(label, {})[name] = url.result()
     urls = [entry["reference"] or "", *(url for layers in entry["methods"].values() for url in layers.values())]
     return entry, sum(len(url) * 3 // 4 for url in urls)
 
