@@ -302,7 +302,7 @@ def times_table(frames: list[Row]) -> list[Row]:
             "rate_ratio_published": None,
             "building_over_opaque": _median(groups[key], "building_ms", "opaque_ms"),
             "layers": _median(groups[key], "fragments_built", "pixels_covered"),
-            "encoding_over_building": _median(groups[key], "encoding_ms", "building_ms"),
+            "encoding_over_building": _median(groups[key], "encoding_ms", "building_ms") or None,  # none to do
         }
         if tuple(size) in SIZES:
             at = SIZES.index(tuple(size))

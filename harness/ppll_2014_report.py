@@ -13,6 +13,7 @@ from reports.tables import NONE, number, table
 Row = dict[str, Any]
 COLOURS = {"bunny": "#0a84c6", "dragon": "#e08a00", "buddha": "#009e73"}
 DASHES = ("solid", "dot", "dashdot")
+WRAPPED = "thead th { white-space: normal; } tbody td { white-space: nowrap; }"  # so that twelve columns fit
 HEADINGS = {
     "uncompressed_kib": "raw, KiB",
     "padded_kib": "padded, KiB",
@@ -62,7 +63,7 @@ def write_report(folder: Path, tables: dict[str, list[Row]], note: str = "") -> 
     body = "\n".join(f"<section><h2>{escape(title)}</h2>{content}</section>" for title, content in parts)
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>ppll-2014</title>'
-        f"<style>{style}</style><script>{get_plotlyjs()}</script></head><body><main>"
+        f"<style>{style} {WRAPPED}</style><script>{get_plotlyjs()}</script></head><body><main>"
         "<h1>Per-pixel linked lists: the experiment of 2014</h1>"
         "<p>Half transparent models turn by 5 degrees per frame. The thesis ran on other machines and other versions "
         "of the models, and left the header out of its sizes: compare ratios. The first frame, which sends everything, "
