@@ -58,18 +58,6 @@ typedef struct {
 #endif
 } Shape;
 
-#if MASKED
-// Clear the lanes of two rows of 8 pixels from (x, y) of the tile that fall into the mask's holes.
-INLINE int16 rows_without_holes(int16 draw, const Shape *shape, const int x, const int y ALPHA_PARAMETERS)
-{
-    const float8 px = shape->middle.x + (x + (float8)(0, 1, 2, 3, 4, 5, 6, 7)) * SUBPIXELS;
-    const float py = shape->middle.y + y * SUBPIXELS;
-    draw.lo = without_holes(draw.lo, &shape->masked, px, py ALPHA_ARGUMENTS);
-    draw.hi = without_holes(draw.hi, &shape->masked, px, py + SUBPIXELS ALPHA_ARGUMENTS);
-    return draw;
-}
-#endif
-
 #if FRONT
 // Clear the lanes of a row of 8 pixels from (x, y) of the tile where the picture shows something nearer.
 INLINE int8 in_front(int8 draw, const Target *target, const int x, const int y, const float8 z,
@@ -141,7 +129,7 @@ INLINE void add_block(Target *target, const Shape *shape, const int bx, const in
                   (2 * j + rows_down < target->height - target->origin.y - py);
 #if MASKED
         if (shape->is_masked)
-            draw[j] = rows_without_holes(draw[j], shape, px, py + 2 * j ALPHA_ARGUMENTS);
+            draw[j] = rows_without_holes(draw[j], &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
 #endif
 #if FRONT
         draw[j].lo = in_front(draw[j].lo, target, px, py + 2 * j, z[j].lo, shape->id FRONT_ARGUMENTS);

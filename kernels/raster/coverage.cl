@@ -103,4 +103,15 @@ INLINE int8 without_holes(int8 draw, const MaskedTriangle *masked, const float8 
             ((int *)&draw)[lane] = 0;
     return draw;
 }
+
+// The same for two rows of 8 pixels from (x, y) of a tile; middle: its first pixel's centre, from the image's.
+INLINE int16 rows_without_holes(int16 draw, const MaskedTriangle *masked, const float2 middle, const int x,
+                                const int y ALPHA_PARAMETERS)
+{
+    const float8 px = middle.x + (x + (float8)(0, 1, 2, 3, 4, 5, 6, 7)) * SUBPIXELS;
+    const float py = middle.y + y * SUBPIXELS;
+    draw.lo = without_holes(draw.lo, masked, px, py ALPHA_ARGUMENTS);
+    draw.hi = without_holes(draw.hi, masked, px, py + SUBPIXELS ALPHA_ARGUMENTS);
+    return draw;
+}
 #endif

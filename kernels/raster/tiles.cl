@@ -112,18 +112,6 @@ typedef struct {
 #endif
 } Shape;
 
-#if MASKED
-// Clear the lanes of two rows of 8 pixels from (x, y) of the tile that fall into the mask's holes.
-INLINE int16 rows_without_holes(int16 draw, const Shape *shape, const int x, const int y ALPHA_PARAMETERS)
-{
-    const float8 px = shape->middle.x + (x + (float8)(0, 1, 2, 3, 4, 5, 6, 7)) * SUBPIXELS;
-    const float py = shape->middle.y + y * SUBPIXELS;
-    draw.lo = without_holes(draw.lo, &shape->masked, px, py ALPHA_ARGUMENTS);
-    draw.hi = without_holes(draw.hi, &shape->masked, px, py + SUBPIXELS ALPHA_ARGUMENTS);
-    return draw;
-}
-#endif
-
 // Draw the part of a shape that lies in a block; z0 is its depth at the block's first pixel. All rows, also those that
 // the shape does not reach: a branch that cannot be foreseen costs more.
 INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int by, const float z0 ALPHA_PARAMETERS)
@@ -155,7 +143,7 @@ INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int b
                      ((z > before) | ((z == before) & (shape->id < ids[j])));
 #if MASKED
         if (shape->is_masked)
-            draw = rows_without_holes(draw, shape, px, py + 2 * j ALPHA_ARGUMENTS);
+            draw = rows_without_holes(draw, &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
 #endif
         const float16 after = draw ? z : before;
         depth[j] = after;
