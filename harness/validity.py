@@ -56,8 +56,8 @@ MARGIN = 2.0  # texels that barycentrics may lie outside: a lookup reaches at mo
 EXACT = 0.1  # texels
 DISTANCE = 1.0  # texels between a sample and where its surface point is looked up
 STRAYS = 1 / 3
-# Steps from a point to its six sides, in barycentrics 1 and 2: between the directions of edges, along which cuts run.
 PART = 0.2  # texels: a step on the surface as long as so much of the way to the next texel, whatever a part's size
+# Steps from a point to its six sides, in barycentrics 1 and 2: between the directions of edges, along which cuts run.
 SIDES = 1e-4 * np.array([[2, -1], [-2, 1], [-1, 2], [1, -2], [-1, -1], [1, 1]], np.float32)
 # Texels; exact maps give 0, the cells on the diagonals of L-packing up to 1/4 (their samples are no parallelogram), a
 # client that forgets the half-texel offset 1/2.
