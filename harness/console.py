@@ -61,7 +61,8 @@ def show_catalogue() -> None:
     """Print packers with their parameters, scenes, paths, devices and metrics."""
     from harness.metrics import METRICS
     from harness.plugins import find_packers
-    from kernels.device import list_devices
+    from kernels.device import kernels_digest
+    from kernels.runtime.opencl import find_devices, noted_death
     from scenes.load import list_scenes
     from scenes.paths import list_paths
 
@@ -81,9 +82,11 @@ def show_catalogue() -> None:
             table.add_row(name, text)
         console.print(table)
         console.print()
-    table = make_table("devices (the first is the default)", "device", "platform")
-    for device in list_devices():
-        table.add_row(device.name.strip(), f"{device.platform.name} {device.platform.version}")
+    table = make_table("devices (the first without a remark is the default)", "device", "platform", "remark")
+    for found in find_devices():
+        platform = f"{found.device.platform.name} {found.device.platform.version.split(',')[0]}"
+        remark = found.refused() or noted_death(found.key, kernels_digest()) or ""
+        table.add_row(found.device.name.strip(), platform, remark)
     console.print(table)
     console.print()
     table = make_table("metrics", "name", "unit", "better", "meaning")

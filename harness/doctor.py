@@ -11,7 +11,6 @@ import tempfile
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, requires, version
-from typing import Any
 
 import numpy as np
 
@@ -95,26 +94,30 @@ def _linker() -> Iterator[Finding]:
 
 
 def _devices() -> Iterator[Finding]:
-    from kernels.device import list_devices
+    from kernels.device import kernels_digest
+    from kernels.runtime.opencl import find_devices, forget_death, noted_death
 
-    devices = list_devices()
+    devices = find_devices()
     if not devices:
         yield Finding("OpenCL", False, "No OpenCL device was found: pip install 'pyopencl[pocl]' brings one.")
-    for place, device in enumerate(devices):
-        role = "default" if place == 0 else "also present"
-        text = f"{device.name.strip()}, {_platform(device)}, driver {device.driver_version.strip()}"
-        yield Finding("OpenCL", True, f"{role}: {text}")
-    names = [_platform(device) for device in devices]
-    pocls = list(dict.fromkeys(name for name in names if "PoCL" in name))
+    default = True
+    for found in devices:
+        text = f"{found.device.name.strip()}, {found.platform}, driver {found.device.driver_version.strip()}"
+        if refused := found.refused():
+            yield Finding("OpenCL", None, f"passed over: {text}. {refused}")
+            continue
+        death = noted_death(found.key, kernels_digest())
+        if death:
+            forget_death(found.key, kernels_digest())
+            yield Finding("OpenCL", None, f"tried again in the next run: {text}. {death}")
+        role = "default" if default else "also present"
+        default = False
+        yield Finding("OpenCL", True, f"{role}: {text}, built-ins: {found.builtins}")
+    pocls = list(dict.fromkeys(found.platform for found in devices if found.is_pocl))
     if len(pocls) > 1:
         yield Finding(
             "OpenCL", True, f"{len(pocls)} PoCLs: the newest is used ({pocls[0]}), not {', '.join(pocls[1:])}."
         )
-
-
-def _platform(device: Any) -> str:
-    """The platform's version without the list of how it was built."""
-    return " ".join(device.platform.version.split(",")[0].split())
 
 
 def _kernel() -> Iterator[Finding]:
