@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.markup import escape
 
-from harness.console import InputError, make_console
+from harness.console import InputError, make_console, tell_passed_over
 from harness.fuzz import hunt, save_soup
 from harness.stress_catalogue import CATALOGUE, facing, grid, room, scattered, scene_of, still, walk
 from harness.trial import Case, Finding, Stage, describe, refuses, try_method
@@ -253,6 +253,7 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
     except Exception as error:
         raise InputError(f"{spec} cannot be made: {describe(error)}") from error
     opened = Device.open(device)
+    tell_passed_over(opened)
     stages: dict[Any, Stage] = {}
     passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
     return all(passed)

@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from kernels.device import Device
     from reports.compare import Comparison
     from reports.store import Store
 
@@ -48,6 +49,13 @@ def guarded() -> Iterator[None]:
     except known as error:
         make_console(stderr=True).print(f"[bold red]bench:[/] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
+
+
+def tell_passed_over(device: Device) -> None:
+    """Say on stderr which device is used where better ones were passed over, and why."""
+    for reason in device.passed_over:
+        text = f"[yellow]warning[/] {escape(reason)} Used instead: {escape(device.name)}."
+        make_console(stderr=True).print(text, soft_wrap=True)
 
 
 def make_table(title: str, *columns: str) -> Table:

@@ -24,7 +24,7 @@ import numpy as np
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from harness.console import InputError, make_console, show_summary
+from harness.console import InputError, make_console, show_summary, tell_passed_over
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
@@ -73,6 +73,7 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None, explai
         )
         again = resume or folder
         journal().note(again=["--out", str(again)])
+        tell_passed_over(session.device)
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {again} resumes.")
         if session.device.is_new:
             console.print(f"[dim]First run on {session.device.name}: all kernels are built, a minute or so.[/]")

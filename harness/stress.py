@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from harness.console import InputError, make_console, make_table
+from harness.console import InputError, make_console, make_table, tell_passed_over
 from harness.plan import source_digest
 from harness.plugins import folder_name, nearest, variant_string
 from harness.stress_catalogue import CATALOGUE, StressTest
@@ -95,6 +95,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
     """
     chosen, rows = chosen_tests(tests), contenders(methods or ("all",))
     opened = Device.open(device)
+    tell_passed_over(opened)
     plan = {
         "tests": [test.name for test in chosen],
         "quick": quick,

@@ -38,6 +38,7 @@ CRASHES = {
     for name in ("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP")
     if hasattr(signal, name)
 }
+ILLEGAL = {getattr(signal, "SIGILL", 4)}  # instructions that the processor lacks: always the compiler's fault
 WINDOWS_CRASH = 0xC0000000  # exit codes from here on are exceptions of Windows
 
 
@@ -110,12 +111,19 @@ class Supervisor:
         if overdue:
             return self._blame(overdue, "timeout", "it did not end")
         building, device = list(state["building"].values()), state["device"]
+        steps = list(state["steps"].values())
         if building and device and (crashed(code) or code > 0):
-            if not self.deaths[device["key"]] or not _compiled(building[0]["kernel"]):
+            # The second time a kernel dies running, where only a method's step can have given it what it died of.
+            methods_fault = (
+                self.deaths[device["key"]]
+                and any(step["ended"] for step in steps)
+                and -code not in ILLEGAL
+                and _compiled(building[0]["kernel"])
+            )
+            if not methods_fault:
                 return self._compiler_died(building[0]["what"], device)
         elif not crashed(code):
             return _passed_on(code)
-        steps = list(state["steps"].values())
         if sum(step["ended"] is not None for step in steps) > 1 and not self.serial:
             self.serial = True  # which of them it was shows when they run one after the other
             return None
@@ -140,8 +148,8 @@ class Supervisor:
 
         sentence = f"{device['name']} died while it built {what}."
         self.deaths[device["key"]] += 1
+        kernel_cache.discard(pocl_cache())
         if self.deaths[device["key"]] == 1:
-            kernel_cache.discard(pocl_cache())
             _say(f"{sentence} Its kernel cache is thrown away, and it starts once more.")
             return None
         note_death(device["key"], device["kernels"], f"{sentence} `bench doctor` tries it again.")

@@ -9,7 +9,7 @@ from typing import Any
 
 from rich.progress import Progress
 
-from harness.console import make_console
+from harness.console import make_console, tell_passed_over
 from harness.lane import Lane
 from harness.plan import FREE, check_folder, make_plan, source_digest
 from harness.run import Run, folder_for, locked, show_progress, stops_kept, write_notes
@@ -50,6 +50,7 @@ def sweep(wanted: Wanted, out: Path | None) -> bool:
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
         replace_file(folder / FILE, json.dumps(describe(wanted, grid), indent=2) + "\n")
+        tell_passed_over(session.device)
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
         journal().note(again=["--out", str(folder)])
         with stops_kept(folder):
