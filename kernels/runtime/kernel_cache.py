@@ -38,6 +38,8 @@ def heal(folder: Path) -> int:
     }
     for program in damaged:
         shutil.rmtree(program, ignore_errors=True)
+    if damaged:
+        seal(folder)  # which forgets theirs
     return len(damaged)
 
 
