@@ -10,7 +10,9 @@ import shutil
 import struct
 import tempfile
 import zlib
+from collections.abc import Callable
 from pathlib import Path
+from typing import BinaryIO
 
 import platformdirs
 
@@ -44,24 +46,29 @@ def cache_folder(kind: str) -> Path:
     return folder
 
 
-def write_checked(path: Path, content: bytes) -> None:
-    """Write a cached file for `read_checked`, replacing what is there, so that concurrent runs never read half of it.
+def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
+    """Write a cached file through a temporary file and a rename, so that concurrent runs never read half of it.
 
-    Where it cannot be written (a full disk, a folder without permission) it is only made again next time.
+    It replaces what is there. Where it cannot be written (a full disk, a folder without permission) it is only made
+    again next time.
     """
     with contextlib.suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(content)
-                file.write(_seal(path, content))
+                write(file)
             if path.is_dir():  # a file cannot replace a folder; nothing of a concurrent run's is one
                 shutil.rmtree(path, ignore_errors=True)
             os.replace(temporary, path)
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+
+
+def write_checked(path: Path, content: bytes) -> None:
+    """`write_atomically` of what `read_checked` then reads."""
+    write_atomically(path, lambda file: file.writelines([content, _seal(path, content)]))
 
 
 def read_checked(path: Path) -> bytes | None:
