@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from harness.views import CellFrustum, Pose, rotation
-from kernels.cache import cache_folder, write_atomically
+from kernels.cache import cache_root, read_checked, write_checked
 from kernels.device import kernels_digest
 from kernels.raster.mark import mark_visible
 from packers.interface import ServerScene, View
@@ -75,15 +75,12 @@ def potentially_visible(
         ).encode()
     )
     key.update(kernels_digest().encode())
-    file = cache_folder("pvs") / f"{key.hexdigest()[:32]}.npy"
+    file = cache_root() / "pvs" / key.hexdigest()[:32]
     planned = [view for eye in cell_eyes(pose, radius) for view in frustum.frusta(eye, near, frustum.density * density)]
-    try:
-        if cached:
-            return PotentiallyVisibleSet(np.load(file), 0, len(planned), None)
-    except (OSError, ValueError, EOFError):  # not there, or damaged
-        pass
+    if cached and (content := read_checked(file)) is not None:
+        return PotentiallyVisibleSet(np.frombuffer(content, np.int32).copy(), 0, len(planned), None)
     found = _draw(scene, [_fitted(view) for view in planned])
-    write_atomically(file, lambda out: np.save(out, found.ids))
+    write_checked(file, found.ids.tobytes())
     return found
 
 
