@@ -21,8 +21,8 @@ class Generator(np.random.Generator):
 
     def uniform(self, low=0.0, high=1.0, size=None):
         """Like NumPy's."""
-        low, range_ = np.asarray(low, np.float64), np.subtract(high, low, dtype=np.float64)
-        return (low + range_ * self.random(np.broadcast_shapes(low.shape, range_.shape) if size is None else size))[()]
+        wide = np.subtract(high, low)
+        return low + wide * self.random(np.shape(wide) if size is None and np.ndim(wide) else size)
 
     def standard_normal(self, size=None):
         """Like NumPy's, but at most 3.654 from 0."""
@@ -30,9 +30,8 @@ class Generator(np.random.Generator):
 
     def normal(self, loc=0.0, scale=1.0, size=None):
         """Like NumPy's, but at most 3.654 deviations from its mean."""
-        loc, scale = np.asarray(loc, np.float64), np.asarray(scale, np.float64)
-        shape = np.broadcast_shapes(loc.shape, scale.shape) if size is None else size
-        return (loc + scale * self.standard_normal(shape))[()]
+        shape = np.broadcast_shapes(np.shape(loc), np.shape(scale)) or None
+        return loc + scale * self.standard_normal(shape if size is None else size)
 
     def exponential(self, scale=1.0, size=None):
         """Like NumPy's, but at most 7.697 times its mean."""

@@ -55,6 +55,13 @@ def determinant(matrix) -> np.ndarray:
     return dot(matrix[..., 0, :], np.cross(matrix[..., 1, :], matrix[..., 2, :]))
 
 
+def cofactors(matrix) -> np.ndarray:
+    """Cofactors of matrices (..., 3, 3), float64: the inverse's transpose times the determinant."""
+    matrix = np.asarray(matrix, np.float64)
+    next_, last = matrix[..., [1, 2, 0], :], matrix[..., [2, 0, 1], :]
+    return next_[..., [1, 2, 0]] * last[..., [2, 0, 1]] - next_[..., [2, 0, 1]] * last[..., [1, 2, 0]]
+
+
 def inverse(matrix) -> np.ndarray:
     """Inverses of matrices (..., N, N) by elimination with the largest pivot; ValueError for a singular one."""
     matrix = np.asarray(matrix, np.float64)

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from arithmetic.functions import cos, sin_cos
-from arithmetic.matrices import dot, product, transform
+from arithmetic.matrices import dot, transform
 from scenes.features import content_digest, find_features
 from scenes.model import Material, Scene, Texture
 from scenes.normals import tangents
@@ -94,11 +94,10 @@ def placement(points, yaw=0.0, scale=1.0, tilt=0.0) -> np.ndarray:
     sine, cosine = sin_cos(np.radians(angles))
     scale = np.asarray(scale, np.float64)
     scale = np.broadcast_to(scale[:, None] if scale.ndim == 1 and len(scale) == count else scale, (count, 3))
-    turn, lean = np.zeros((2, count, 3, 3))
-    turn[:, 0, 0], turn[:, 0, 2], turn[:, 2, 0], turn[:, 2, 2] = cosine[0], sine[0], -sine[0], cosine[0]
-    turn[:, 1, 1] = lean[:, 0, 0] = 1
-    lean[:, 1, 1], lean[:, 1, 2], lean[:, 2, 1], lean[:, 2, 2] = cosine[1], -sine[1], sine[1], cosine[1]
-    matrices[:, :3, :3] = product(turn, lean) * scale[:, None, :]
+    matrices[:, 0, 0], matrices[:, 2, 0] = cosine[0], -sine[0]
+    matrices[:, :3, 1] = np.stack([sine[0] * sine[1], cosine[1], cosine[0] * sine[1]], axis=1)
+    matrices[:, :3, 2] = np.stack([sine[0] * cosine[1], -sine[1], cosine[0] * cosine[1]], axis=1)
+    matrices[:, :3, :3] *= scale[:, None, :]
     return matrices
 
 

@@ -42,12 +42,31 @@ def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tu
     amplitude = exp(-slope * log(1 + np.sqrt(fu * fu + fv * fv)))
     amplitude[0, 0] = 0
     amplitude = np.concatenate([amplitude, amplitude[half - 1 : 0 : -1]])  # negative frequencies along v
-    phase = rng.random(amplitude.shape, np.float32).astype(np.float64)
-    sine, cosine = sin_cos(2 * np.pi * phase)
-    noise = inverse_real(np.stack([amplitude * cosine, amplitude * sine]))
+    spectrum = _directions(rng, amplitude.shape)
+    spectrum *= amplitude
+    noise = inverse_real(spectrum)
     noise *= 0.2 / noise.std()
     noise += 0.5
     return np.clip(noise, 0, 1, out=noise).astype(np.float32)
+
+
+def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Cosines and sines (2, *shape) of random angles: of 2 ** 24, as sums of a coarse and a fine one from a table."""
+    angle = (rng.random(shape, np.float32) * 2**24).astype(np.int64)
+    (coarse_x, coarse_y), (fine_x, fine_y) = (
+        [row.take(part) for row in table] for table, part in zip(_angles(), (angle >> 12, angle & 4095), strict=True)
+    )
+    out = np.empty((2, *shape))
+    np.subtract(coarse_x * fine_x, coarse_y * fine_y, out=out[0])
+    np.add(coarse_y * fine_x, coarse_x * fine_y, out=out[1])
+    return out
+
+
+@functools.cache
+def _angles() -> tuple[np.ndarray, np.ndarray]:
+    """Cosines and sines (2, 4096) of the multiples of a turn's 4096th part, and of that part's 4096th part."""
+    steps = np.arange(4096) * (2 * np.pi)
+    return tuple(np.stack(sin_cos(steps / parts)[::-1]) for parts in (2**12, 2**24))
 
 
 def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -68,7 +87,10 @@ def _mix(a, b, t) -> np.ndarray:
 def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     """uint8 (H, W, 4) of colours (H, W, 3) and alpha (H, W) in 0..1."""
     out = np.full((*colour.shape[:2], 4), 255, np.uint8)
-    out[..., :3] = np.clip(colour, 0, 1) * 255 + 0.5
+    bytes_ = np.clip(colour, 0, 1)
+    bytes_ *= 255
+    bytes_ += 0.5
+    out[..., :3] = bytes_
     if alpha is not None:
         out[..., 3] = np.clip(alpha, 0, 1) * 255 + 0.5
     return out
@@ -399,8 +421,9 @@ def _stamped(size: int, leaves: list[tuple[float, float, float, float, float, tu
         x0, y0 = int(cx * size), int(cy * size)
         rows = slice(max(0, y0 - reach_y), min(size, y0 + reach_y))
         columns = slice(max(0, x0 - reach_x), min(size, x0 + reach_x))
-        v, u = np.mgrid[rows, columns].astype(np.float32)
-        u, v = (u + 0.5) / size - cx, (v + 0.5) / size - cy
+        u, v = np.ogrid[columns, rows]
+        u = (u.reshape(1, -1).astype(np.float32) + 0.5) / size - cx
+        v = (v.reshape(-1, 1).astype(np.float32) + 0.5) / size - cy
         along = (u * cosine + v * sine) / (length / 2)
         across = (v * cosine - u * sine) / (width / 2)
         inside = np.abs(across) < 1 - along * along
