@@ -421,9 +421,8 @@ def _stamped(size: int, leaves: list[tuple[float, float, float, float, float, tu
         x0, y0 = int(cx * size), int(cy * size)
         rows = slice(max(0, y0 - reach_y), min(size, y0 + reach_y))
         columns = slice(max(0, x0 - reach_x), min(size, x0 + reach_x))
-        u, v = np.ogrid[columns, rows]
-        u = (u.reshape(1, -1).astype(np.float32) + 0.5) / size - cx
-        v = (v.reshape(-1, 1).astype(np.float32) + 0.5) / size - cy
+        u = (np.arange(columns.start, columns.stop) + 0.5)[None, :] / size - cx
+        v = (np.arange(rows.start, rows.stop) + 0.5)[:, None] / size - cy
         along = (u * cosine + v * sine) / (length / 2)
         across = (v * cosine - u * sine) / (width / 2)
         inside = np.abs(across) < 1 - along * along
