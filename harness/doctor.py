@@ -186,8 +186,10 @@ def _cache() -> Iterator[Finding]:
 
 
 def _calm() -> Iterator[Finding]:
+    from harness.machine import load
     from harness.noise import noise_warnings
 
     warnings = noise_warnings()
-    load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    yield Finding("calm", None if warnings else True, " ".join(warnings) or load)
+    yield Finding(
+        "calm", None if warnings else True, " ".join(warnings) or f"load {load():.1f} on {os.cpu_count()} cores"
+    )

@@ -136,7 +136,7 @@ def remember_pace(session: Session, seconds_per_frame: float, methods: int) -> N
 def expected_pace(settings: Settings, scene_hash: str) -> float:
     """Seconds per frame and method: as measured by the last such run here, else a guess from the sizes."""
     try:
-        return float(json.loads(_pace_file(settings, scene_hash).read_text()))
+        return float(json.loads(_pace_file(settings, scene_hash).read_text(encoding="utf-8")))
     except (OSError, ValueError):
         pixels = settings.width * settings.height / 1e6
         texels = settings.atlas_width * settings.atlas_height / 1e6

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import itertools
 import json
 import os
@@ -19,10 +18,11 @@ from datetime import datetime
 from functools import partial
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 import typer
+from filelock import FileLock, Timeout
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from harness.console import InputError, make_console, show_summary
@@ -420,17 +420,16 @@ def stops_kept(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[TextIO]:
-    """Keep two processes from writing one run; the lock ends with the process, however that ends."""
+def locked(folder: Path) -> Iterator[None]:
+    """Keep two processes from writing one run; the lock ends with the process, however that ends.
+
+    Raises InputError if another process has it, or if the folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with open(folder / ".lock", "w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise InputError(
-                    f"{folder} is in use by another bench run: wait for it, or give another --out."
-                ) from None
-            yield lock
+        with FileLock(folder / ".lock", timeout=0):
+            yield
+    except Timeout:
+        raise InputError(f"{folder} is in use by another bench run: wait for it, or give another --out.") from None
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error

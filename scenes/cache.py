@@ -45,7 +45,7 @@ def store(folder: Path, scene: Scene) -> None:
             arrays |= {f"{part}{number}": getattr(animation, part) for part in ("times", "positions", "orientations")}
         for name, array in arrays.items():
             np.save(temporary / f"{name}.npy", np.ascontiguousarray(array))
-        (temporary / _RECORD).write_text(json.dumps(_record(scene)))
+        (temporary / _RECORD).write_text(json.dumps(_record(scene)), encoding="utf-8")
         if fetch(folder) is None:
             shutil.rmtree(folder, ignore_errors=True)  # damaged, or not there at all
             with contextlib.suppress(OSError):  # another run was faster
@@ -57,7 +57,7 @@ def store(folder: Path, scene: Scene) -> None:
 def fetch(folder: Path) -> Scene | None:
     """The scene stored as `folder`, its arrays mapped read-only; None where there is none or it cannot be read."""
     try:
-        record = json.loads((folder / _RECORD).read_text())
+        record = json.loads((folder / _RECORD).read_text(encoding="utf-8"))
         arrays = {name: _mapped(folder, name) for name in _ARRAYS if (folder / f"{name}.npy").is_file()}
         textures = [
             Texture(entry["name"], _mapped(folder, f"texture{number}"), *entry["settings"])

@@ -106,7 +106,7 @@ def test_a_missing_package(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     file = tmp_path / "file"
-    file.write_text("")
+    file.write_text("", encoding="utf-8")
     monkeypatch.setenv("XDG_CACHE_HOME", str(file))
     (cache,) = doctor._cache()
     assert cache.ok is False

@@ -25,9 +25,9 @@ def assert_same(a, b) -> None:
 
 def textured_obj(folder, png: bytes):
     (folder / "a.png").write_bytes(png)
-    (folder / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n")
+    (folder / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n", encoding="utf-8")
     text = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
-    (folder / "a.obj").write_text(text)
+    (folder / "a.obj").write_text(text, encoding="utf-8")
     return folder / "a.obj"
 
 
@@ -79,7 +79,7 @@ def test_repair_counts_what_it_drops(tmp_path):
     edge = box.faces[0][:2]
     faces = np.vstack([box.faces, box.faces[:1], [[1, 1, 2]], [[*edge, 8]]])
     text = "\n".join(["v {} {} {}".format(*v) for v in vertices] + ["f {} {} {}".format(*f) for f in faces + 1])
-    (tmp_path / "a.obj").write_text(text)
+    (tmp_path / "a.obj").write_text(text, encoding="utf-8")
     assert load_scene(str(tmp_path / "a.obj")).triangle_count == 14
     scene = load_scene(str(tmp_path / "a.obj"), repair=True)
     assert scene.triangle_count == 12
@@ -105,7 +105,7 @@ def test_decimation_keeps_shape_and_texture_coordinates(tmp_path):
     corners = np.stack([number[:-1, :-1], number[1:, :-1], number[1:, 1:], number[:-1, 1:]], axis=-1).reshape(-1, 4)
     lines = [f"v {x} {y} {z}\nvt {x} {y}" for x, y, z in points]
     lines += ["f " + " ".join(f"{corner}/{corner}" for corner in face) for face in corners]
-    (tmp_path / "a.obj").write_text("\n".join(lines))
+    (tmp_path / "a.obj").write_text("\n".join(lines), encoding="utf-8")
     scene = load_scene(str(tmp_path / "a.obj"), decimate=0.2)
     assert 500 <= scene.triangle_count <= 660
     positions = scene.positions + scene.origin
