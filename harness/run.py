@@ -13,10 +13,10 @@ import traceback
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from datetime import datetime
 from functools import partial
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
@@ -366,7 +366,8 @@ def write_notes(store: Store, session: Session) -> None:
     notes["environment/system"] = platform.platform()
     notes["environment/python"] = platform.python_version()
     for name in PACKAGES:
-        notes[f"environment/{name}"] = version(name)
+        with suppress(PackageNotFoundError):  # those of an extra need not be there
+            notes[f"environment/{name}"] = version(name)
     for key, value in session.device.description.items():
         notes[f"device/{key}"] = value
     for number, text in enumerate([*scene.notes, *session.path.notes]):
