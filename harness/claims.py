@@ -190,7 +190,7 @@ class Work:
 
     def begin(self) -> None:
         """Take over what an earlier call left, look at the folders to reuse, and write the first state."""
-        before = json.loads((self.folder / FILE).read_text())["runs"] if is_claims(self.folder) else {}
+        before = json.loads((self.folder / FILE).read_text(encoding="utf-8"))["runs"] if is_claims(self.folder) else {}
         fitting = self._reusable()
         text = (self.wanted.file or DEFAULT_FILE).read_text(encoding="utf-8")
         replace_file(self.folder / COPY, text)

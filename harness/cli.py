@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -280,6 +281,14 @@ for command in (check, stress, kernels, claims):
 def main() -> None:
     """Run the command line in this process."""
     end_with_supervisor()
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape
+            stream.reconfigure(errors="backslashreplace")
+    for argument in sys.argv[1:]:
+        if any("\ud800" <= letter <= "\udfff" for letter in argument):  # bytes that Python could not decode
+            encoding = sys.getfilesystemencoding()
+            print(f"bench: {argument} is not a name in {encoding}: rename it, or use a UTF-8 locale.", file=sys.stderr)
+            sys.exit(UNUSABLE)
     try:
         app()
     except KeyboardInterrupt:

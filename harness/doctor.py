@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import platform
-import re
 import shutil
 import sys
 import tempfile
@@ -14,17 +13,12 @@ from importlib.metadata import PackageNotFoundError, requires, version
 
 import numpy as np
 
+from scenes.model import SceneError
+from scenes.repair import load_pymeshlab
+from scenes.system_libraries import missing_library
+
 DISTRIBUTION = "shading-atlas-bench"
 LARGEST_VIDEO_ERROR = 4  # levels of 255, of flat colours at a rate factor of 5
-LIBRARIES = {  # shared libraries that a fresh Debian or Ubuntu lacks, and the packages that bring them
-    "libGL.so.1": "libgl1",
-    "libOpenGL.so.0": "libopengl0",
-    "libEGL.so.1": "libegl1",
-    "libGLU.so.1": "libglu1-mesa",
-    "libX11.so.6": "libx11-6",
-    "libxcb.so.1": "libxcb1",
-    "libgomp.so.1": "libgomp1",
-}
 
 
 @dataclass(frozen=True)
@@ -62,12 +56,8 @@ def examine() -> list[Finding]:
 def remedy(error: Exception) -> str:
     """A sentence about an error; for a missing shared library the Debian package that brings it."""
     text = " ".join(str(error).split()) or type(error).__name__
-    missing = re.search(r"(lib[\w+-]+\.so[.\d]*)", text) if isinstance(error, ImportError | OSError) else None
-    if missing is None:
-        return text
-    package = LIBRARIES.get(missing[1])
-    install = f"install {package} (Debian, Ubuntu: apt install {package})" if package else "install what brings it"
-    return f"The system library {missing[1]} is missing: {install}."
+    missing = missing_library(error)
+    return f"The system library {missing[0]} is missing: {missing[1]}." if missing else text
 
 
 def _python() -> Iterator[Finding]:
@@ -76,7 +66,10 @@ def _python() -> Iterator[Finding]:
 
 
 def _packages() -> Iterator[Finding]:
-    needed = [re.match(r"[\w.-]+", line)[0] for line in requires(DISTRIBUTION) or [] if "extra ==" not in line]
+    from packaging.requirements import Requirement
+
+    lines = map(Requirement, requires(DISTRIBUTION) or [])
+    needed = {line.name for line in lines if line.marker is None or line.marker.evaluate({"extra": ""})}
     found, missing = [], []
     for name in sorted(needed, key=str.lower):
         try:
@@ -161,9 +154,9 @@ def _pictures() -> Iterator[Finding]:
 
 def _mesh_repair() -> Iterator[Finding]:
     try:
-        import pymeshlab
-    except (ImportError, OSError) as error:
-        yield Finding("mesh repair", None, f"--repair and --decimate do not work. {remedy(error)}")
+        pymeshlab = load_pymeshlab()
+    except SceneError as error:
+        yield Finding("mesh repair", None, str(error))
         return
     filters = len(pymeshlab.filter_list())
     yield Finding("mesh repair", True, f"pymeshlab {version('pymeshlab')} with {filters} filters")
@@ -189,8 +182,10 @@ def _cache() -> Iterator[Finding]:
 
 
 def _calm() -> Iterator[Finding]:
+    from harness.machine import load
     from harness.noise import noise_warnings
 
     warnings = noise_warnings()
-    load = f"load {os.getloadavg()[0]:.1f} on {os.cpu_count()} cores"
-    yield Finding("calm", None if warnings else True, " ".join(warnings) or load)
+    yield Finding(
+        "calm", None if warnings else True, " ".join(warnings) or f"load {load():.1f} on {os.cpu_count()} cores"
+    )

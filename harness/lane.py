@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import resource
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -16,6 +15,7 @@ from harness.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpa
 from harness.coherence import AtlasHistory
 from harness.dump import owner_plane
 from harness.frames import Work
+from harness.machine import peak_memory
 from harness.metrics import Metrics
 from harness.novel_view import NovelView
 from harness.plugins import variant_string
@@ -332,8 +332,7 @@ class Lane:
             **self._stretch(novel, located),
         }
         plane = next(iter(sent.planes.values()), None)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
-        rows = [{**common, "peak_mb": peak, **sent.row(key), **drawn.row(key)} for key in self.keys()]
+        rows = [{**common, "peak_mb": peak_memory() / 1e6, **sent.row(key), **drawn.row(key)} for key in self.keys()]
         for row, (codec, crf) in zip(rows, self.keys(), strict=True):
             row.update(codec=codec, crf=crf)
         return Measured(

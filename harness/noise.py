@@ -7,6 +7,8 @@ import time
 
 import numpy as np
 
+from harness.machine import load
+
 SPREAD = 0.25  # interquartile range over median of equal work, above which times are called noisy
 BUSY = 0.5  # processes per core that run before the suite does anything
 
@@ -15,10 +17,10 @@ def noise_warnings() -> list[str]:
     """Sentences about load and about the spread of 21 timings of the same few milliseconds of work; none when calm."""
     warnings = []
     cores = os.cpu_count() or 1
-    load = os.getloadavg()[0]
-    if load > BUSY * cores:
+    busy = load()
+    if busy > BUSY * cores:
         warnings.append(
-            f"The machine was busy before the run: load {load:.1f} on {cores} cores. Compare ratios, not times."
+            f"The machine was busy before the run: load {busy:.1f} on {cores} cores. Compare ratios, not times."
         )
     work = np.arange(1 << 19, dtype=np.float32)
     times = []

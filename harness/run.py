@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import fcntl
 import itertools
 import json
 import os
@@ -14,14 +13,15 @@ import traceback
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import AbstractContextManager, contextmanager
+from contextlib import AbstractContextManager, contextmanager, suppress
 from datetime import datetime
-from importlib.metadata import version
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 import numpy as np
 import typer
+from filelock import FileLock, Timeout
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from harness.console import InputError, make_console, show_summary, tell_passed_over
@@ -374,7 +374,8 @@ def write_notes(store: Store, session: Session) -> None:
     notes["environment/system"] = platform.platform()
     notes["environment/python"] = platform.python_version()
     for name in PACKAGES:
-        notes[f"environment/{name}"] = version(name)
+        with suppress(PackageNotFoundError):  # those of an extra need not be there
+            notes[f"environment/{name}"] = version(name)
     for number, text in enumerate(session.device.passed_over):
         notes[f"warning/device{number:02d}"] = text
     for key, value in session.device.description.items():
@@ -430,17 +431,16 @@ def stops_kept(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[TextIO]:
-    """Keep two processes from writing one run; the lock ends with the process, however that ends."""
+def locked(folder: Path) -> Iterator[None]:
+    """Keep two processes from writing one run; the lock ends with the process, however that ends.
+
+    Raises InputError if another process has it, or if the folder cannot be written.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with open(folder / ".lock", "w") as lock:
-            try:
-                fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except BlockingIOError:
-                raise InputError(
-                    f"{folder} is in use by another bench run: wait for it, or give another --out."
-                ) from None
-            yield lock
+        with FileLock(folder / ".lock", timeout=0):
+            yield
+    except Timeout:
+        raise InputError(f"{folder} is in use by another bench run: wait for it, or give another --out.") from None
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error

@@ -159,7 +159,7 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
 def read_settings(path: Path) -> Settings:
     """The settings saved in a run.json. Raises SettingsError if it cannot be read."""
     try:
-        content = json.loads(path.read_text())
+        content = json.loads(path.read_text(encoding="utf-8"))
         return Settings.from_json(content["settings"], str(path))
     except OSError as error:
         raise SettingsError(f"{path} cannot be read: {error.strerror}.") from error

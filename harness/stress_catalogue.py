@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 
@@ -501,11 +502,12 @@ def nan_path(magnitude: float) -> Case:
 
     scene = scene_of(room())
     poses = poisoned(np.tile([0.0, 0.0, 2.0, 0.0, 0.0, 0.0, 1.0], (12, 1)), magnitude)
-    with tempfile.NamedTemporaryFile("w", suffix=".txt") as file:
-        file.writelines(f"{16 * k} {' '.join(str(x) for x in pose)}\n" for k, pose in enumerate(poses))
-        file.flush()
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "path.txt")
+        lines = [f"{16 * k} {' '.join(str(x) for x in pose)}\n" for k, pose in enumerate(poses)]
+        file.write_text("".join(lines), encoding="utf-8")
         try:
-            path = make_path(scene, file.name, 2, 0)
+            path = make_path(scene, str(file), 2, 0)
         except PathError as error:
-            raise PathError(str(error).replace(file.name, "The path")) from error
+            raise PathError(str(error).replace(str(file), "The path")) from error
     return Case(scene, tuple(Pose(p, q) for p, q in zip(path.positions[:2], path.orientations[:2], strict=True)))

@@ -36,7 +36,7 @@ def main(arguments: list[str]) -> int:
                 if not (out / "frames.csv").is_file():
                     return code
                 worst = max(worst, code)
-                with (out / "frames.csv").open(newline="") as file:
+                with (out / "frames.csv").open(newline="", encoding="utf-8") as file:
                     runs.append(list(csv.DictReader(file)))
             print("\n".join(_line(*runs, method) for method in METHODS), flush=True)
     return worst

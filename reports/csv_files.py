@@ -25,7 +25,7 @@ from reports.columns import (
     Column,
     summary_columns,
 )
-from reports.store import Store
+from reports.store import Store, StoreError
 
 SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
 
@@ -54,10 +54,15 @@ def write_csv(path: Path, columns: Sequence[Column], rows: Iterable[dict[str, An
 
 
 def replace_file(path: Path, text: str) -> None:
-    """Write a UTF-8 file so that a reader, or a kill, never meets half of it."""
+    """Write a UTF-8 file so that a reader, or a kill, never meets half of it. Raises StoreError where that fails: on
+    Windows a file that another program has open cannot be replaced."""
     part = path.with_name(f".{path.name}.{os.getpid()}")
-    part.write_text(text, encoding="utf-8", newline="")
-    os.replace(part, path)
+    try:
+        part.write_text(text, encoding="utf-8", newline="")
+        os.replace(part, path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise StoreError(f"{path} cannot be written ({error.strerror}): is it open in another program?") from error
 
 
 def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import ctypes
+import sys
+from importlib.util import find_spec
+from pathlib import Path
 from types import ModuleType
 
 import numpy as np
 
 from scenes.model import SceneError
 from scenes.raw import Part, RawScene
+from scenes.system_libraries import missing_library
 
 _SMALLEST = 16  # triangles of a part below which decimation would only make holes
 
@@ -18,7 +23,7 @@ def repaired(part: Part, raw: RawScene) -> Part:
     Vertices at the same position count as one, so that edges along texture seams are seen as the edges they are. Only
     triangles are removed: those that stay keep all their attributes.
     """
-    pymeshlab = _pymeshlab()
+    pymeshlab = load_pymeshlab()
     corners, welded = _welded(part)
     proper = (corners != corners[:, [1, 2, 0]]).all(axis=1)
     kept = np.flatnonzero(proper)
@@ -48,7 +53,7 @@ def decimated(part: Part, ratio: float, raw: RawScene) -> Part:
     if target < _SMALLEST:
         raw.note("Parts too small to decimate, kept: {}.")
         return part
-    pymeshlab = _pymeshlab()
+    pymeshlab = load_pymeshlab()
     corners, welded = _welded(part)
     proper = (corners != corners[:, [1, 2, 0]]).all(axis=1)
     options = {"targetfacenum": target, "preserveboundary": True, "preservenormal": True}
@@ -100,13 +105,20 @@ def _welded(part: Part) -> tuple[np.ndarray, np.ndarray]:
     return number.reshape(-1)[part.indices], points
 
 
-def _pymeshlab() -> ModuleType:
-    """pymeshlab, which needs the system's OpenGL libraries even where it draws nothing."""
+def load_pymeshlab() -> ModuleType:
+    """pymeshlab, which needs the system's OpenGL libraries even where it draws nothing; nothing else here does.
+
+    Raises SceneError, saying what to install.
+    """
+    found = find_spec("pymeshlab")
+    if found is None:
+        raise SceneError("--repair and --decimate need pymeshlab: pip install -e '.[repair]' brings it.")
     try:
+        if sys.platform == "linux":  # pymeshlab itself loads without a library that only its filters need
+            ctypes.CDLL(str(Path(found.origin).parent / "lib" / "plugins" / "libfilter_meshing.so"))
         import pymeshlab
-    except ImportError as error:
-        library = str(error).split(":")[0]
-        raise SceneError(
-            f"--repair and --decimate need {library}, which pymeshlab loads; install it (Debian: libgl1 libopengl0)."
-        ) from error
+    except (ImportError, OSError) as error:
+        library, remedy = missing_library(error) or ("", "")
+        reason = f"the system library {library} for pymeshlab: {remedy}" if library else f"pymeshlab, but {error}"
+        raise SceneError(f"--repair and --decimate need {reason}.") from error
     return pymeshlab

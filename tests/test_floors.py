@@ -19,7 +19,7 @@ def sources(*folders: str) -> list[Path]:
 
 
 def tree_of(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(), str(path))
+    return ast.parse(path.read_text(encoding="utf-8"), str(path))
 
 
 def name_of(path: Path) -> str:
@@ -78,7 +78,7 @@ def test_every_kernel_has_a_twin_beside_it():
     """A `.cl` file with kernels has a `.py` of the same name whose twin's name says so."""
     lacking = []
     for path in sorted((ROOT / "kernels").rglob("*.cl")):
-        if not re.search(r"^\s*(__)?kernel\s", path.read_text(), re.MULTILINE):
+        if not re.search(r"^\s*(__)?kernel\s", path.read_text(encoding="utf-8"), re.MULTILINE):
             continue  # only included by others
         beside = path.with_suffix(".py")
         nodes = ast.walk(tree_of(beside)) if beside.is_file() else []
@@ -89,7 +89,10 @@ def test_every_kernel_has_a_twin_beside_it():
 
 
 def test_every_included_file_is_used():
-    files = {str(path.relative_to(ROOT / "kernels")): path.read_text() for path in (ROOT / "kernels").rglob("*.cl")}
+    files = {
+        str(path.relative_to(ROOT / "kernels")): path.read_text(encoding="utf-8")
+        for path in (ROOT / "kernels").rglob("*.cl")
+    }
     included = {name for text in files.values() for name in re.findall(r'^\s*#include\s+"([^"]+)"', text, re.MULTILINE)}
     with_kernels = {name for name, text in files.items() if re.search(r"^\s*(__)?kernel\s", text, re.MULTILINE)}
     assert included <= set(files)

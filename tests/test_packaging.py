@@ -62,9 +62,11 @@ def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.Zi
 def test_the_version_is_the_same_everywhere(wheel: zipfile.ZipFile):
     (metadata,) = (wheel.read(name).decode() for name in wheel.namelist() if name.endswith("/METADATA"))
     version = re.search(r"^Version: (.+)$", metadata, re.MULTILINE)[1]
-    assert re.search(rf"^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(), re.MULTILINE)
-    assert re.search(rf"^## {re.escape(version)}$", (ROOT / "CHANGELOG.md").read_text(), re.MULTILINE)
-    assert f'VERSION = "{version}"' in (ROOT / "kernels" / "cache.py").read_text()
+    assert re.search(
+        rf"^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert re.search(rf"^## {re.escape(version)}$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
+    assert f'VERSION = "{version}"' in (ROOT / "kernels" / "cache.py").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["compare", "--help"]])

@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> int:
         code = subprocess.run(command, stdout=sys.stderr, check=False).returncode
         if not Path(folder, "run", "frames.csv").is_file():
             return code
-        with open(Path(folder, "run", "frames.csv"), newline="") as file:
+        with open(Path(folder, "run", "frames.csv"), newline="", encoding="utf-8") as file:
             print("\n".join(table_of(list(csv.DictReader(file)))))
     return code
 

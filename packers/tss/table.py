@@ -31,9 +31,9 @@ def measure(scene: str, folder: Path) -> None:
 
 def rows(scene: str, folder: Path) -> Iterator[str]:
     """A line of the table for each strategy: medians over the frames, pictures and bytes at CRF 25."""
-    with open(folder / "frames.csv", newline="") as file:
+    with open(folder / "frames.csv", newline="", encoding="utf-8") as file:
         frames = [row for row in csv.DictReader(file) if row["crf"] == CRF]
-    with open(folder / "statistics.csv", newline="") as file:
+    with open(folder / "statistics.csv", newline="", encoding="utf-8") as file:
         statistics = list(csv.DictReader(file))
     for label, strategy in STRATEGIES.items():
         own = [row for row in frames if f"strategy={strategy}" in row["variant"]]

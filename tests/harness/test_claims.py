@@ -55,14 +55,14 @@ rule = { below = 0.0001 }
 
 
 def rows_of(folder: Path) -> list[list[str]]:
-    with open(folder / "claims.csv", newline="") as file:
+    with open(folder / "claims.csv", newline="", encoding="utf-8") as file:
         return [[row[name] for name in ("id", "run", "verdict")] for row in csv.DictReader(file)]
 
 
 @pytest.fixture(scope="module")
 def claims(tmp_path_factory: pytest.TempPathFactory) -> Path:
     file = tmp_path_factory.mktemp("claims") / "tiny.toml"
-    file.write_text(TINY)
+    file.write_text(TINY, encoding="utf-8")
     return file
 
 
@@ -79,7 +79,7 @@ def whole(claims: Path) -> Path:
 
 def test_a_claim_is_measured_once_and_its_page_needs_nothing_else(whole: Path, claims: Path):
     assert rows_of(whole) == [["more-samples", "tiny", "confirmed"]]
-    page = (whole / "claims.html").read_text()
+    page = (whole / "claims.html").read_text(encoding="utf-8")
     assert "Lists take more samples than an atlas." in page
     assert "bench run --method sas --method ppll --scene hall" in page, "only the methods that the claim needs"
     assert "http" not in page
@@ -103,9 +103,9 @@ def test_runs_are_reused_and_a_run_that_cannot_be_made_is_a_row_with_its_reason(
         ["no-error", "tiny", "not confirmed"],
         ["no-error", "elsewhere", "not measured"],
     ]
-    assert "no/such/scene.glb" in (folder / "claims.csv").read_text()
+    assert "no/such/scene.glb" in (folder / "claims.csv").read_text(encoding="utf-8")
     assert not (folder / "tiny").exists()
-    state = json.loads((folder / "claims.json").read_text())
+    state = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     assert state["runs"]["tiny"]["reused"]
     of_claims = claims.parent / "of_claims"
     options = ["--id", "more-samples", "--reuse", str(whole), "--out", str(of_claims)]
@@ -116,7 +116,7 @@ def test_results_of_other_settings_are_not_reused(whole: Path, claims: Path):
     other = claims.parent / "other"
     changes = {"frames = 6\nsize": "frames = 7\nsize", 'size = "160x90"': 'size = "176x96"', '"hall"': '"village"'}
     for old, new in changes.items():
-        (claims.parent / "changed.toml").write_text(TINY.replace(old, new, 1))
+        (claims.parent / "changed.toml").write_text(TINY.replace(old, new, 1), encoding="utf-8")
         arguments = ["--file", str(claims.parent / "changed.toml"), "--id", "more-samples", "--out", str(other)]
         done = bench("claims", *arguments, "--reuse", str(whole / "tiny"))
         assert done.returncode == 2, done.stdout
@@ -137,15 +137,17 @@ def test_what_was_left_by_a_stop_is_kept_and_said(whole: Path, claims: Path):
     """As a kill leaves it: frames are committed, but the run is not marked as made."""
     folder = claims.parent / "stopped"
     shutil.copytree(whole, folder)
-    state = json.loads((folder / "claims.json").read_text())
+    state = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     state["runs"]["tiny"] |= {"problem": "It has not been run yet: the same command goes on.", "made": None}
-    (folder / "claims.json").write_text(json.dumps(state))
+    (folder / "claims.json").write_text(json.dumps(state), encoding="utf-8")
     assert bench("report", str(folder)).returncode == 0
     assert rows_of(folder) == [["more-samples", "tiny", "not measured"]]
     done = bench("claims", "--file", str(claims), "--id", "more-samples", "--out", str(folder))
     assert done.returncode == 0, done.stderr
     assert rows_of(folder) == [["more-samples", "tiny", "confirmed"]]
-    assert (folder / "tiny" / "frames.csv").read_text() == (whole / "tiny" / "frames.csv").read_text()
+    assert (folder / "tiny" / "frames.csv").read_text(encoding="utf-8") == (whole / "tiny" / "frames.csv").read_text(
+        encoding="utf-8"
+    )
 
 
 def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
@@ -163,7 +165,7 @@ def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
 
 def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):
     misspelt = claims.parent / "misspelt.toml"
-    misspelt.write_text(TINY.replace('size = "160x90"', 'seize = "160x90"'))
+    misspelt.write_text(TINY.replace('size = "160x90"', 'seize = "160x90"'), encoding="utf-8")
     for arguments in (
         ["--id", "more-smaples"],
         ["--out", str(whole / "tiny")],

@@ -1,6 +1,5 @@
 """The doctor finds a healthy machine healthy, and names the remedy for each part that is missing."""
 
-import builtins
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -14,6 +13,7 @@ from harness import doctor, noise
 from kernels.device import Device
 from kernels.doctor.smoke import DEGREE, ERROR_BOUND, smoke, smoke_twin
 from kernels.runtime.opencl import POCL, FoundDevice
+from scenes.model import SceneError
 
 
 def findings(name: str) -> list[doctor.Finding]:
@@ -90,21 +90,19 @@ def test_of_two_pocls_the_newest_is_recorded(monkeypatch: pytest.MonkeyPatch):
 
 @pytest.mark.parametrize(("library", "package"), [("libGL.so.1", "libgl1"), ("libOpenGL.so.0", "libopengl0")])
 def test_a_missing_system_library_names_its_package(monkeypatch: pytest.MonkeyPatch, library: str, package: str):
-    real = builtins.__import__
+    error = ImportError(f"{library}: cannot open shared object file: No such file or directory")
+    assert f"{library} is missing: install {package} " in doctor.remedy(error)
 
-    def without(name: str, *arguments: Any, **options: Any) -> Any:
-        if name == "pymeshlab":
-            raise ImportError(f"{library}: cannot open shared object file: No such file or directory")
-        return real(name, *arguments, **options)
+    def fail() -> None:
+        raise SceneError(f"--repair needs {library}")
 
-    monkeypatch.setattr(builtins, "__import__", without)
-    (repair,) = doctor._mesh_repair()
-    assert repair.ok is None
-    assert f"{library} is missing: install {package} " in repair.detail
+    monkeypatch.setattr(doctor, "load_pymeshlab", fail)
+    assert list(doctor._mesh_repair()) == [doctor.Finding("mesh repair", None, f"--repair needs {library}")]
 
 
 def test_a_missing_package(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr(doctor, "requires", lambda name: ["numpy>=1", "no-such-thing[x]>=2", 'other; extra == "test"'])
+    needed = ["numpy>=1", "no-such-thing[x]>=2", "far>=1; sys_platform == 'plan9'", 'other; extra == "test"']
+    monkeypatch.setattr(doctor, "requires", lambda name: needed)
     missing, present = doctor._packages()
     assert missing == doctor.Finding("packages", False, "no-such-thing missing: run pip install -e . again.")
     assert "numpy" in present.detail
@@ -112,7 +110,7 @@ def test_a_missing_package(monkeypatch: pytest.MonkeyPatch):
 
 def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     file = tmp_path / "file"
-    file.write_text("")
+    file.write_text("", encoding="utf-8")
     monkeypatch.setenv("XDG_CACHE_HOME", str(file))
     (cache,) = doctor._cache()
     assert cache.ok is False

@@ -65,7 +65,7 @@ def test_an_unknown_kernel_names_the_nearest():
 
 def test_a_row_per_kernel_input_and_variant_and_a_page(tmp_path, capsys):
     bench_kernels(Wanted(("smoke", "rank_items"), repeat=1), tmp_path)
-    with open(tmp_path / "kernels.csv", newline="") as file:
+    with open(tmp_path / "kernels.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [column.name for column in KERNEL_COLUMNS]
     assert len(rows) == 2 * 2 * 3
@@ -79,7 +79,7 @@ def test_a_row_per_kernel_input_and_variant_and_a_page(tmp_path, capsys):
     assert "doctor/smoke" in shown
     assert "relaxed:" in shown
     assert max(map(len, shown.splitlines()[:-1])) <= 80  # the last one is a path
-    page = (tmp_path / "kernels.html").read_text()
+    page = (tmp_path / "kernels.html").read_text(encoding="utf-8")
     assert page.count('<td data-value="doctor/smoke.smoke">') == 6
     assert 'data-figure="roofline"' in page
 

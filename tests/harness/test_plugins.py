@@ -40,7 +40,7 @@ DEFAULTS = "cell=8,order=id,reuse=false,scale=1.0"
 @pytest.fixture
 def file(tmp_path: Path) -> Path:
     path = tmp_path / "my_packer.py"
-    path.write_text(dedent(SOURCE))
+    path.write_text(dedent(SOURCE), encoding="utf-8")
     return path
 
 
@@ -135,7 +135,7 @@ def test_mistakes_are_answered_with_what_is_known(spec: str, message: str):
 
 def test_a_file_that_fails_to_import_says_why(tmp_path: Path):
     path = tmp_path / "failing.py"
-    path.write_text("1 / 0")
+    path.write_text("1 / 0", encoding="utf-8")
     with pytest.raises(ValueError, match="ZeroDivisionError"):
         load_packer(f"{path}:Grid")
 

@@ -39,7 +39,7 @@ def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:
-    with open(folder / "frames.csv", newline="") as file:
+    with open(folder / "frames.csv", newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -76,7 +76,7 @@ def test_a_run_leaves_every_file_and_one_row_per_codec_and_frame(whole: Path):
 
 
 def test_a_run_says_how_fast_in_ratios(whole: Path):
-    with open(whole / "statistics.csv", newline="") as file:
+    with open(whole / "statistics.csv", newline="", encoding="utf-8") as file:
         values = {(row["frame"], row["name"]): float(row["value"]) for row in csv.DictReader(file)}
     for row in rows_of(whole):
         share, cost, pixel = (
@@ -84,7 +84,7 @@ def test_a_run_says_how_fast_in_ratios(whole: Path):
         )
         assert share == pytest.approx(float(row["structs_ms"]) / float(row["server_ms"]))
         assert cost == pytest.approx(1e6 * float(row["gather_ms"]) / float(row["samples"]) / pixel)
-    assert "gathered sample / reference" in (whole / "report.html").read_text()
+    assert "gathered sample / reference" in (whole / "report.html").read_text(encoding="utf-8")
 
 
 def test_the_work_group_size_changes_no_byte(whole: Path, tmp_path: Path):
@@ -209,10 +209,10 @@ def test_a_dry_run_says_what_would_run_and_runs_nothing(tmp_path: Path):
 
 
 def test_reports_are_rebuilt_and_runs_compared(whole: Path):
-    before = (whole / "frames.csv").read_text()
+    before = (whole / "frames.csv").read_text(encoding="utf-8")
     (whole / "frames.csv").unlink()
     assert bench("report", str(whole)).returncode == 0
-    assert (whole / "frames.csv").read_text() == before
+    assert (whole / "frames.csv").read_text(encoding="utf-8") == before
     done = bench("compare", str(whole), str(whole))
     assert done.returncode == 0, done.stderr
     assert "same" in done.stdout
@@ -254,7 +254,7 @@ def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], sa
 
 
 def test_results_go_into_a_folder_of_their_own(tmp_path: Path):
-    (tmp_path / "thesis.tex").write_text("years of work")
+    (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
     for out in (tmp_path, tmp_path / "thesis.tex"):
         done = bench("run", *SMALL, "--out", str(out))
         assert done.returncode == 2
@@ -265,12 +265,13 @@ def test_results_go_into_a_folder_of_their_own(tmp_path: Path):
 def test_results_of_an_edited_packer_do_not_mix_with_older_ones(tmp_path: Path):
     source = tmp_path / "mine.py"
     source.write_text(
-        "from packers.sas import ShadingAtlasStreaming\n\nclass Mine(ShadingAtlasStreaming):\n    name = 'mine'\n"
+        "from packers.sas import ShadingAtlasStreaming\n\nclass Mine(ShadingAtlasStreaming):\n    name = 'mine'\n",
+        encoding="utf-8",
     )
     small = [*SMALL, "--frames", "1", "--codec", "none", "--method", f"{source}:Mine", "--out", str(tmp_path / "run")]
     small = [argument for argument in small if argument not in ("--crf", "25")]
     assert bench("run", *small).returncode == 0
-    source.write_text(source.read_text() + "\n# edited\n")
+    source.write_text(source.read_text(encoding="utf-8") + "\n# edited\n", encoding="utf-8")
     done = bench("run", *small)
     assert done.returncode == 2
     assert "mine" in done.stderr
@@ -291,6 +292,6 @@ def test_a_stopped_run_says_what_is_kept(tmp_path: Path):
 
 
 def test_run_json_says_what_ran(whole: Path):
-    saved = json.loads((whole / "run.json").read_text())
+    saved = json.loads((whole / "run.json").read_text(encoding="utf-8"))
     assert saved["settings"]["frames"] == 3
     assert saved["plan"]["scene_hash"] == rows_of(whole)[0]["scene_hash"]

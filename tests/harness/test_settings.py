@@ -55,13 +55,13 @@ def test_rates_are_a_list_and_the_displayed_one_is_always_encoded():
 def test_a_saved_run_reads_back_the_same(tmp_path):
     wanted = Settings(methods=("sas[bias_step=0.5]",), crf=(10,), unit=0.01)
     file = tmp_path / "run.json"
-    file.write_text(json.dumps({"settings": wanted.to_json()}))
+    file.write_text(json.dumps({"settings": wanted.to_json()}), encoding="utf-8")
     assert read_settings(file) == wanted
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"settings": {"colour": 1}}', '{"settings": {"frames": "many"}}'])
 def test_a_damaged_run_file_is_one_sentence(tmp_path, content):
     file = tmp_path / "run.json"
-    file.write_text(content)
+    file.write_text(content, encoding="utf-8")
     with pytest.raises(SettingsError):
         read_settings(file)

@@ -123,15 +123,15 @@ def test_a_run_reports_and_resumes(tmp_path):
     assert "failed" in result.stdout
     assert "there is no first triangle" in " ".join(result.stdout.split())
     assert max(len(line) for line in result.stdout.splitlines()) <= 80 or str(out) in result.stdout
-    rows = list(csv.DictReader((out / "stress.csv").open()))
+    rows = list(csv.DictReader((out / "stress.csv").open(encoding="utf-8")))
     assert {(row["method"], row["passed"]) for row in rows} == {("raster", "1"), ("crashing", "0")}
-    page = (out / "stress.html").read_text()
+    page = (out / "stress.html").read_text(encoding="utf-8")
     assert "there is no first triangle" in page
     log = out / "stress.jsonl"
-    lines = log.read_text().splitlines()
-    log.write_text("\n".join([*lines[:3], lines[3][: len(lines[3]) // 2]]))  # killed while writing
+    lines = log.read_text(encoding="utf-8").splitlines()
+    log.write_text("\n".join([*lines[:3], lines[3][: len(lines[3]) // 2]]), encoding="utf-8")  # killed while writing
     assert run(*arguments, "--test", "empty-frames").exit_code == 1
-    again = [json.loads(line) for line in log.read_text().splitlines()[1:]]
+    again = [json.loads(line) for line in log.read_text(encoding="utf-8").splitlines()[1:]]
     first = [json.loads(line) for line in lines[1:]]
     assert [row | {"seconds": 0} for row in again] == [row | {"seconds": 0} for row in first]
     refused = run(*arguments, "--test", "fan")

@@ -26,7 +26,7 @@ VARYING = {"server_ms_median", "server_ms_low", "server_ms_high", "repetitions",
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:
-    with open(folder / "sweep.csv", newline="") as file:
+    with open(folder / "sweep.csv", newline="", encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -65,7 +65,7 @@ def test_every_cell_is_a_row_with_its_times_and_errors(whole: Path):
 
 
 def test_the_report_holds_a_figure_and_a_sentence_for_every_choice(whole: Path):
-    page = (whole / "report.html").read_text()
+    page = (whole / "report.html").read_text(encoding="utf-8")
     (text,) = re.findall(r'<script type="application/json" id="figures">(.*?)</script>', page, re.DOTALL)
     figures = json.loads(text)["sweep"]
     assert len(figures) == 5 * 4 * 2  # the picture is too small for IW-SSIM
@@ -77,15 +77,15 @@ def test_the_report_holds_a_figure_and_a_sentence_for_every_choice(whole: Path):
 
 
 def test_the_same_command_again_changes_nothing_and_another_plan_is_refused(whole: Path):
-    before = (whole / "sweep.csv").read_text()
+    before = (whole / "sweep.csv").read_text(encoding="utf-8")
     assert bench("sweep", *GRID, *QUICK, "--out", str(whole)).returncode == 0
-    assert (whole / "sweep.csv").read_text() == before
+    assert (whole / "sweep.csv").read_text(encoding="utf-8") == before
     done = bench("sweep", *GRID, *QUICK, "--latency", "20", "--out", str(whole))
     assert done.returncode == 2
     assert "latency" in done.stderr
     (whole / "sweep.csv").unlink()
     assert bench("report", str(whole)).returncode == 0
-    assert (whole / "sweep.csv").read_text() == before
+    assert (whole / "sweep.csv").read_text(encoding="utf-8") == before
 
 
 def test_a_killed_sweep_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
@@ -112,7 +112,7 @@ def test_workers_measure_the_same_quality_and_no_time(whole: Path, tmp_path: Pat
     assert {(row["comparable"], row["stop"], row["pareto_time"]) for row in rows} == {("no", "not timed", "")}
     without = [{**row, "comparable": ""} for row in lasting(folder)]
     assert without == [{**row, "comparable": ""} for row in lasting(whole)]
-    page = (folder / "report.html").read_text()
+    page = (folder / "report.html").read_text(encoding="utf-8")
     assert 'value="server_ms"' not in page
     assert "do not compare" in page
 
@@ -128,7 +128,7 @@ def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path)
     statuses = {name: row["status"] for name, row in rows.items()}
     assert statuses == {"failing": "failed", "spinning": "timeout", "pointless": "skipped", "sas": "ok"}
     assert all(row["flip_median"] == row["server_ms_median"] == "" for row in rows.values() if row["status"] != "ok")
-    page = (folder / "report.html").read_text()
+    page = (folder / "report.html").read_text(encoding="utf-8")
     assert "one too many" in page
 
 

@@ -14,7 +14,9 @@ README = "packers/README.md"
 
 def test_the_documentation_shows_this_packer(request):
     root = request.config.rootpath
-    assert (root / "tests/packers/grid_packer.py").read_text() in (root / README).read_text()
+    assert (root / "tests/packers/grid_packer.py").read_text(encoding="utf-8") in (root / README).read_text(
+        encoding="utf-8"
+    )
 
 
 def received(packer: Grid, frame, client):

@@ -30,7 +30,7 @@ def load(folder: Path) -> tuple[np.ndarray, np.ndarray, dict[str, dict]]:
     from scenes.load import load_scene
 
     scene = load_scene(str(folder / "scene.glb"))
-    known = json.loads((folder / "cameras.json").read_text())
+    known = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))
     cameras = {"its camera": known["cameras"][0]} | ({"a street": STREET} if folder.name == "viking_village" else {})
     pace = 1.4 / 60 / known.get("metres_per_unit", 1)
     placed = {name: {**c, "eye": c["eye"] - scene.origin, "pace": pace} for name, c in cameras.items()}

@@ -51,7 +51,7 @@ VARIANTS = {"grid": ("grid", "cell=8"), "sas": ("sas", "max_block=256,reuse=true
 
 def read(tmp_path: Path, text: str) -> Claims:
     file = tmp_path / "claims.toml"
-    file.write_text(text)
+    file.write_text(text, encoding="utf-8")
     return read_claims(file)
 
 
@@ -197,7 +197,7 @@ def test_statistics_stages_and_tables_of_an_experiment_are_read(tmp_path: Path, 
     assert verdict(tmp_path, own, '{ value = "blocks", method = "sas", from = 1 }', "{ above = 40.5 }").count == 11
     assert verdict(tmp_path, own, '{ value = "structs/bias", method = "sas" }', "{ below = 3 }").measured == 2
     lines = [f"{mode},bunny,{frame},{(mode == 'b') + 1 + frame}" for mode in "ab" for frame in range(8)]
-    (tmp_path / "frames.csv").write_text("\n".join(["mode,model,frame,bytes", *lines]) + "\n")
+    (tmp_path / "frames.csv").write_text("\n".join(["mode,model,frame,bytes", *lines]) + "\n", encoding="utf-8")
     own = {"three": RunRows.read(tmp_path)}
     measure = '{ value = "bytes", where = { mode = "b" }, minus = { where = { mode = "a" } } }'
     judged = verdict(tmp_path, own, measure, "{ above = 0 }", "three")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from reports.columns import FRAME_COLUMNS, FRAME_KEY, MEASURES
 from reports.csv_files import median_interval, summarise, write_all, write_csv
-from reports.store import Store
+from reports.store import Store, StoreError
 from tests.reports.synthetic import COMMON, make_store
 
 FILES = ("frames.csv", "summary.csv", "stages.csv", "statistics.csv")
@@ -108,3 +108,10 @@ def test_any_text_and_number_is_read_back(values: list, tmp_path_factory: pytest
         else:
             assert float(row["flip"]) == float(number)
     assert len(summarise(rows)) == len({text for text, _ in values})
+
+
+def test_a_file_that_cannot_be_replaced_is_named(tmp_path: Path) -> None:
+    (tmp_path / "frames.csv" / "open").mkdir(parents=True)  # as on Windows where a spreadsheet has the file open
+    with pytest.raises(StoreError, match=r"frames\.csv cannot be written .*another program\?$"):
+        write_csv(tmp_path / "frames.csv", [], [])
+    assert [path.name for path in tmp_path.iterdir()] == ["frames.csv"]

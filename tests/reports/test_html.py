@@ -49,7 +49,7 @@ def add_pictures(folder: Path, frames: tuple[int, ...]) -> None:
     cut = make_picture(1, 64, 36)
     write_png(place / "frame_0005_client.png", cut)
     (place / "frame_0005_client.png").write_bytes((place / "frame_0005_client.png").read_bytes()[:-20])
-    (folder / "pictures" / "pictures.json").write_text(json.dumps(owners))
+    (folder / "pictures" / "pictures.json").write_text(json.dumps(owners), encoding="utf-8")
 
 
 @pytest.fixture(scope="module")

@@ -135,7 +135,7 @@ def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no results in"):
         Store(tmp_path / "nothing", must_exist=True)
     assert not (tmp_path / "nothing").exists()
-    (tmp_path / "results.sqlite").write_text("this is a text, and a long one, not a database" * 50)
+    (tmp_path / "results.sqlite").write_text("this is a text, and a long one, not a database" * 50, encoding="utf-8")
     with pytest.raises(StoreError, match="cannot be opened"):
         Store(tmp_path)
 

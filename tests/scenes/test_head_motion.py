@@ -19,7 +19,7 @@ FORWARD, RIGHT, UP = np.array([0.0, 0, -1]), np.array([1.0, 0, 0]), np.array([0.
 
 def _recording(tmp_path: Path, rows: list[tuple]) -> HeadMotion:
     file = tmp_path / "head.txt"
-    file.write_text(HEADER + "".join(",".join(map(str, row)) + "\n" for row in rows))
+    file.write_text(HEADER + "".join(",".join(map(str, row)) + "\n" for row in rows), encoding="utf-8")
     return HeadMotion.recorded(file)
 
 
@@ -102,7 +102,7 @@ def test_recordings_repeat_without_a_jump(tmp_path: Path) -> None:
 )
 def test_malformed_recordings_are_named(tmp_path: Path, text: str, line: int) -> None:
     file = tmp_path / "head.txt"
-    file.write_text(text)
+    file.write_text(text, encoding="utf-8")
     with pytest.raises(PathError, match=rf"head\.txt, line {line}:"):
         HeadMotion.recorded(file)
 

@@ -37,7 +37,7 @@ def area(scene) -> float:
     ids=["tabs", "backwards", "continued", "normals"],
 )
 def test_obj_dialects(tmp_path, text):
-    (tmp_path / "a.obj").write_text(text)
+    (tmp_path / "a.obj").write_text(text, encoding="utf-8")
     scene = load_scene(str(tmp_path / "a.obj"))
     assert scene.triangle_count == 2
     assert area(scene) == pytest.approx(1)
@@ -47,11 +47,13 @@ def test_obj_dialects(tmp_path, text):
 def test_obj_materials_textures_and_masks(tmp_path, png):
     (tmp_path / "picture one.png").write_bytes(png)
     library = "newmtl glass\nKd 0.1 0.2 0.3\nd 0.5\n\nnewmtl\tleaf\nKd 0 0 0\nmap_Kd -s 1 1 1 picture one.png\n"
-    (tmp_path / "a.mtl").write_text(library + "map_d picture one.png\nnewmtl lost\nmap_Kd gone.png\n")
+    (tmp_path / "a.mtl").write_text(library + "map_d picture one.png\nnewmtl lost\nmap_Kd gone.png\n", encoding="utf-8")
     faces = (
         "vt 0 0\nvt 1 0\nvt 0 1\nusemtl glass\nf 1/1 2/2 3/3\nusemtl leaf\nf 1/1 2/2 3/3\nusemtl lost\nf 1/1 2/2 3/3\n"
     )
-    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\nmtllib none.mtl\n{TRIANGLE}{faces}usemtl who\nf 1/1 2/2 3/3\n")
+    (tmp_path / "a.obj").write_text(
+        f"mtllib a.mtl\nmtllib none.mtl\n{TRIANGLE}{faces}usemtl who\nf 1/1 2/2 3/3\n", encoding="utf-8"
+    )
     scene = load_scene(str(tmp_path / "a.obj"))
     by_name = {scene.materials[index].name: scene.materials[index] for index in scene.material_ids}
     assert by_name["glass"].base_colour == (0.1, 0.2, 0.3, 0.5)
@@ -69,7 +71,7 @@ def test_obj_materials_textures_and_masks(tmp_path, png):
 def test_concave_polygons_are_not_filled(tmp_path):
     """An L of area 3 in the square of side 2, and a square ring of area 12 with a bridge between its outlines."""
     shape = [(0, 0), (2, 0), (2, 1), (1, 1), (1, 2), (0, 2)]
-    (tmp_path / "l.obj").write_text("\n".join(f"v 0 {x} {y}" for x, y in shape) + "\nf 1 2 3 4 5 6\n")
+    (tmp_path / "l.obj").write_text("\n".join(f"v 0 {x} {y}" for x, y in shape) + "\nf 1 2 3 4 5 6\n", encoding="utf-8")
     assert area(load_scene(str(tmp_path / "l.obj"))) == pytest.approx(3)
     outer, inner = [(0, 0), (4, 0), (4, 4), (0, 4)], [(1, 1), (1, 3), (3, 3), (3, 1)]
     ring = np.array([(*p, 0) for p in [*outer, outer[0], inner[0], *inner[1:], inner[0]]], float)
@@ -104,14 +106,16 @@ def test_ply_colours_are_linear(tmp_path):
     names = "".join(f"property float {axis}\n" for axis in "xyz")
     names += "".join(f"property uchar {colour}\n" for colour in ("red", "green", "blue"))
     header = f"ply\nformat ascii 1.0\nelement vertex 3\n{names}element face 1\n"
-    (tmp_path / "a.ply").write_text(f"{header}property list uchar int vertex_indices\nend_header\n{rows}3 0 1 2\n")
+    (tmp_path / "a.ply").write_text(
+        f"{header}property list uchar int vertex_indices\nend_header\n{rows}3 0 1 2\n", encoding="utf-8"
+    )
     assert load_scene(str(tmp_path / "a.ply")).colours[0] == pytest.approx([1, 0, 0.503, 1], abs=1e-3)
 
 
 def test_cameras_json_gives_cameras_and_scale(tmp_path):
-    (tmp_path / "room.obj").write_text(box(8, inwards=True))
+    (tmp_path / "room.obj").write_text(box(8, inwards=True), encoding="utf-8")
     camera = {"eye": [4, 2, 4], "dir": [0, 0, -2], "fov_x_deg": 70}
-    (tmp_path / "cameras.json").write_text(json.dumps({"metres_per_unit": 0.5, "cameras": [camera]}))
+    (tmp_path / "cameras.json").write_text(json.dumps({"metres_per_unit": 0.5, "cameras": [camera]}), encoding="utf-8")
     scene = load_scene(str(tmp_path / "room.obj"), unit=100)
     assert scene.metres_per_unit == 0.5
     assert scene.place
@@ -124,7 +128,7 @@ def test_cameras_json_gives_cameras_and_scale(tmp_path):
 
 @pytest.mark.parametrize(("inwards", "size", "place"), [(True, 8, True), (False, 8, False), (True, 2, False)])
 def test_rooms_are_places_and_blocks_are_objects(tmp_path, inwards, size, place):
-    (tmp_path / "a.obj").write_text(box(size, inwards))
+    (tmp_path / "a.obj").write_text(box(size, inwards), encoding="utf-8")
     scene = load_scene(str(tmp_path / "a.obj"))
     assert scene.place == place
     assert {light.kind for light in scene.lights} == ({"spot"} if place else {"directional"})
@@ -141,7 +145,7 @@ def test_rooms_are_places_and_blocks_are_objects(tmp_path, inwards, size, place)
     ],
 )
 def test_unusable_cameras_json_is_named(tmp_path, content):
-    (tmp_path / "a.obj").write_text(f"{TRIANGLE}f 1 2 3\n")
-    (tmp_path / "cameras.json").write_text(content)
+    (tmp_path / "a.obj").write_text(f"{TRIANGLE}f 1 2 3\n", encoding="utf-8")
+    (tmp_path / "cameras.json").write_text(content, encoding="utf-8")
     with pytest.raises(SceneError, match=r"cameras\.json"):
         load_scene(str(tmp_path / "a.obj"))

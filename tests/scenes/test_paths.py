@@ -187,7 +187,7 @@ GOOD = "# pose per line\n0 1 2 3 0 0 0 1\n\n16.5, 1.1, 2, 3, 0, 0, 0, 2 # longer
 
 def test_text_file(tmp_path: Path) -> None:
     file = tmp_path / "mine.txt"
-    file.write_text(GOOD)
+    file.write_text(GOOD, encoding="utf-8")
     scene = _object(1.0)
     scene.origin = np.array([1.0, 0, 0])
     path = make_path(scene, str(file))
@@ -209,7 +209,7 @@ def test_text_file(tmp_path: Path) -> None:
 )
 def test_malformed_lines_are_named(tmp_path: Path, text: str, line: int, words: str) -> None:
     file = tmp_path / "bad.txt"
-    file.write_text(text)
+    file.write_text(text, encoding="utf-8")
     with pytest.raises(PathError, match=rf"bad\.txt, line {line}: .*{words}"):
         make_path(_object(1.0), str(file))
 
@@ -219,7 +219,7 @@ def test_unknown_paths_and_counts_are_refused(tmp_path: Path) -> None:
         make_path(_object(1.0), "wlak")
     with pytest.raises(PathError, match="at least one"):
         make_path(_object(1.0), "orbit", 0)
-    (tmp_path / "empty.txt").write_text("# nothing\n")
+    (tmp_path / "empty.txt").write_text("# nothing\n", encoding="utf-8")
     with pytest.raises(PathError, match="no poses"):
         make_path(_object(1.0), str(tmp_path / "empty.txt"))
     assert set(list_paths()) == {"walk", "orbit", "turntable", "animation"}

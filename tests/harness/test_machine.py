@@ -1,0 +1,63 @@
+"""What is said of the process and the machine, and that one folder is written by one process only."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from harness.console import InputError
+from harness.machine import load, peak_memory
+from harness.run import locked
+
+ROOT = Path(__file__).parents[2]
+PEAK = "from harness.machine import peak_memory; print(peak_memory())"
+HOLD = """
+import sys
+from pathlib import Path
+from harness.run import locked
+with locked(Path(sys.argv[1])):
+    print("held", flush=True)
+    sys.stdin.read()
+"""
+
+
+def python(code: str, *arguments: str, **options: object) -> subprocess.Popen:
+    command = [sys.executable, "-c", code, *arguments]
+    return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, **options)
+
+
+def test_the_peak_of_memory_stays_and_is_this_process_own():
+    before = peak_memory()
+    assert bytearray(200_000_000).count(0) == 200_000_000
+    assert peak_memory() >= 150_000_000
+    assert before > 10_000_000
+    said, _ = python(PEAK).communicate(timeout=60)
+    assert 5_000_000 < int(said) < 150_000_000  # and not that of the process which started it
+
+
+def test_the_load_is_a_number_of_processes():
+    assert 0 <= load() < 10_000
+
+
+def test_a_folder_in_use_is_refused_until_its_process_ends_however_that_ends(tmp_path: Path):
+    holder = python(HOLD, str(tmp_path), stdin=subprocess.PIPE)
+    assert holder.stdout.readline() == "held\n"
+    try:
+        with pytest.raises(InputError, match="in use by another bench run"), locked(tmp_path):
+            pytest.fail("two processes write one folder")
+    finally:
+        holder.kill()
+        holder.communicate()
+    with locked(tmp_path):
+        assert [path.name for path in tmp_path.iterdir()] == [".lock"]
+    with locked(tmp_path):  # given back at the end of the block
+        pass
+
+
+def test_a_folder_that_cannot_be_made_is_named(tmp_path: Path):
+    (tmp_path / "file").write_text("", encoding="utf-8")
+    with pytest.raises(InputError, match="file cannot be written"), locked(tmp_path / "file"):
+        pytest.fail("a file is no folder")
