@@ -66,6 +66,7 @@ def opencl() -> Any:
     folder = pocl_cache()
     os.environ["POCL_CACHE_DIR"] = str(folder)
     kernel_cache.heal(folder)
+    os.environ.setdefault("PYOPENCL_NO_CACHE", "1")  # pyopencl's own, of calls in Python, does not survive damage
     try:
         import pyopencl as cl
         import pyopencl.array

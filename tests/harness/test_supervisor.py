@@ -207,4 +207,5 @@ def test_the_watched_process_ends_with_its_supervisor(tmp_path: Path):
     while not children.read_text() and time.monotonic() < until:
         os.sched_yield()
     process.kill()
-    process.communicate(timeout=60)  # ends when nobody has its standard output open any more
+    out, _ = process.communicate(timeout=60)  # ends when nobody has its standard output open any more
+    assert b"report.html" not in out
