@@ -1,7 +1,8 @@
 """Loaded scenes on disk as raw arrays that are mapped into memory, not read.
 
 One folder per scene, named after a digest of everything that went into it: the bytes of all input files, the options
-and this package's own source. It is written beside and renamed, so that concurrent runs see a whole one or none.
+and the source of this package and of `arithmetic`. It is written beside and renamed, so that concurrent runs see a
+whole one or none.
 """
 
 from __future__ import annotations
@@ -17,6 +18,8 @@ from pathlib import Path
 
 import numpy as np
 
+import arithmetic
+import scenes
 from scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
 _ARRAYS = ("positions", "indices", "normals", "uvs", "colours", "material_ids", "tangents", "origin", "route")
@@ -26,7 +29,7 @@ _RECORD = "scene.json"
 def scene_key(options: dict, files: Iterable[Path]) -> str:
     """Digest of the options, of the files' names and bytes (missing ones count as such) and of the loader itself."""
     digest = hashlib.blake2b(json.dumps(options, sort_keys=True).encode(), digest_size=16)
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__file__).parent.glob("*.py"))]
     for file in [*sources, *files]:
         content = file.read_bytes() if file.is_file() else b"missing"
         digest.update(f"\n{file.name} {len(content)}\n".encode())
