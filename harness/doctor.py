@@ -115,11 +115,12 @@ def _devices() -> Iterator[Finding]:
 
 
 def _kernel() -> Iterator[Finding]:
+    from arithmetic import draws
     from kernels.device import Device
     from kernels.doctor.smoke import DEGREE, ERROR_BOUND, smoke, smoke_twin
 
     device = Device.open()
-    rng = np.random.default_rng(0)
+    rng = draws.generator(0)
     x = rng.uniform(-1, 1, 4096).astype(np.float32)
     coefficients = rng.uniform(-1, 1, DEGREE + 1).astype(np.float32)
     values, hashes = smoke(device, x, coefficients)

@@ -140,6 +140,7 @@ def expected_pace(settings: Settings, scene_hash: str) -> float:
         return float(json.loads(content))
     pixels = settings.width * settings.height / 1e6
     texels = settings.atlas_width * settings.atlas_height / 1e6
-    views = 9 * pixels * (settings.cell_fov / settings.fov * settings.pvs_density) ** 2
+    wider = settings.cell_fov / settings.fov * settings.pvs_density
+    views = 9 * pixels * wider * wider
     guess = FIRST_GUESS
     return guess["fixed"] + guess["pixels"] * pixels + guess["texels"] * texels + guess["pvs_pixels"] * views

@@ -129,7 +129,7 @@ def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Fr
     """The turntable's frames: one view for server and client, and all triangles."""
     path = make_path(scene.host, "turntable", frames)
     low, high = scene.host.bounds
-    near = 1e-3 * float(np.linalg.norm(high - low))
+    near = 1e-3 * float(np.linalg.norm(high - low, axis=-1))
     pvs = np.arange(scene.host.triangle_count, dtype=np.int32)
     uploaded = scene.device.upload(pvs)
     for index in range(path.frames):

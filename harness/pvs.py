@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import turned
 from harness.views import CellFrustum, Pose, rotation
 from kernels.cache import cache_root, read_checked, write_checked
 from kernels.device import kernels_digest
@@ -45,7 +46,7 @@ def cell_eyes(pose: Pose, radius: float) -> Iterator[Pose]:
     if radius > 0:
         turn = rotation(pose.orientation)
         for corner in product((-1, 1), repeat=3):
-            yield replace(pose, position=pose.position + turn @ np.array(corner) * radius / np.sqrt(3))
+            yield replace(pose, position=pose.position + turned(turn, corner) * radius / np.sqrt(3))
 
 
 def potentially_visible(

@@ -1,8 +1,8 @@
 """Loaded scenes on disk, their arrays mapped into memory, not copied.
 
 One file per scene, named after a digest of everything that went into it: the bytes of all input files, the options and
-this package's own source. A checksum over all of it tells a damaged file, which is as good as a missing one. It is
-written beside and renamed over what is there, so that concurrent runs see a whole one or none.
+the source of this package and of `arithmetic`. A checksum over all of it tells a damaged file, which is as good as a
+missing one. It is written beside and renamed over what is there, so that concurrent runs see a whole one or none.
 """
 
 from __future__ import annotations
@@ -20,6 +20,8 @@ from pathlib import Path
 
 import numpy as np
 
+import arithmetic
+import scenes
 from scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
 _ARRAYS = ("positions", "indices", "normals", "uvs", "colours", "material_ids", "tangents", "origin", "route")
@@ -33,7 +35,7 @@ _BLOCK = 1 << 18  # bytes read at a time, so that they stay in the processor's c
 def scene_key(options: dict, files: Iterable[Path]) -> str:
     """Digest of the options, of the files' names and bytes (missing ones count as such) and of the loader itself."""
     digest = hashlib.blake2b(json.dumps(options, sort_keys=True).encode(), digest_size=16)
-    sources = sorted(Path(__file__).parent.glob("*.py"))
+    sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__file__).parent.glob("*.py"))]
     for file in [*sources, *files]:
         content = file.read_bytes() if file.is_file() else b"missing"
         digest.update(f"\n{file.name} {len(content)}\n".encode())

@@ -95,10 +95,11 @@ class CameraPath:
         times = poses.times_ms
         if t_ms <= times[0] or len(times) == 1:
             return poses.positions[0].copy(), poses.orientations[0].copy()
-        k = int(np.clip(np.searchsorted(times, t_ms, side="right") - 1, 0, len(times) - 2))
-        share = (t_ms - times[k]) / (times[k + 1] - times[k])
-        if share == 0:
+        k = int(np.searchsorted(times, t_ms, side="right")) - 1
+        if t_ms == times[k]:
             return poses.positions[k].copy(), poses.orientations[k].copy()
+        k = min(k, len(times) - 2)
+        share = (t_ms - times[k]) / (times[k + 1] - times[k])
         position = poses.positions[k] + share * (poses.positions[k + 1] - poses.positions[k])
         return position, slerp(poses.orientations[k], poses.orientations[k + 1], share)
 

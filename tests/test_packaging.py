@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("kernels", "scenes", "packers", "harness", "reports")
+PACKAGES = ("arithmetic", "kernels", "scenes", "packers", "harness", "reports")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md")
 PICTURES = (".jpg", ".png")  # of the documentation
 HEAVY = ("pyopencl", "trimesh", "pymeshlab", "OpenImageIO", "colour", "av", "plotly", "scipy", "lz4", "sqlite3")
