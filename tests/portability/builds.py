@@ -1,4 +1,4 @@
-"""What OpenCL compilers are given: every kernel source with its options, noted while kernels' cases and runs are made."""
+"""What OpenCL compilers are given: every kernel source with its options, noted while cases and runs are made."""
 
 from __future__ import annotations
 

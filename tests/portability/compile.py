@@ -106,11 +106,9 @@ def parse_usage(build: str, text: str) -> list[Usage]:
         kernel = part.split("'")[1]
         # Functions that are called have properties of their own, in any order.
         own = part.split(f"Function properties for {kernel}")[1]
-        stack, stores, loads = re.search(
-            r"(\d+) bytes stack frame, (\d+) bytes spill stores, (\d+) bytes", own
-        ).groups()
+        sizes = re.search(r"(\d+) bytes stack frame, (\d+) bytes spill stores, (\d+) bytes spill loads", own).groups()
         registers = re.search(r"Used (\d+) registers", part)[1]
-        found.append(Usage(build, kernel, *map(int, (registers, stack, stores, loads))))
+        found.append(Usage(build, kernel, *map(int, (registers, *sizes))))
     return found
 
 

@@ -1,9 +1,9 @@
 """Every kernel under Oclgrind, an OpenCL device that finds data races and accesses out of bounds.
 
-`python -m tests.portability.races` makes each kernel's case at a small size, in a process of its own, and prints what was
-found; it exits with 1 if anything was that is not explained below. `--case NAME` makes only that one. Oclgrind's third
-check, for uninitialised memory, is left out: version 21.10 loses track of it in vectors made of vectors, finds what is not
-there, or crashes. `test_memory.py` checks that.
+`python -m tests.portability.races` makes each kernel's case at a small size, in a process of its own, and prints what
+was found; it exits with 1 if anything was that is not explained below. `--case NAME` makes only that one. Oclgrind's
+check for uninitialised memory is left out: version 21.10 loses track in vectors made of vectors, and finds what is not
+there, or crashes. `test_memory.py` looks for that on any device.
 """
 
 from __future__ import annotations
