@@ -21,7 +21,8 @@ INLINE int8 fetch(__global const int *plane, int8 at) {
     return texels;
 }
 
-// x, or, beyond a texel outside the plane, what shows the same border: far away MAGIC does not round.
+// x, or, beyond a texel outside the plane, what shows the same border: far away MAGIC does not round. So does what is no
+// number.
 INLINE float8 near_plane(float8 x, int size) {
     const float8 before = LESSER(x, (float8)(size));
     return GREATER(before, (float8)(-1.0f));
