@@ -6,7 +6,6 @@ ones on every packer.
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -17,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.markup import escape
 
-from harness.console import InputError, make_console
+from harness.console import InputError, make_console, tell_passed_over
 from harness.fuzz import hunt, save_soup
 from harness.stress_catalogue import CATALOGUE, facing, grid, room, scattered, scene_of, still, walk
 from harness.trial import Case, Finding, Stage, describe, refuses, try_method
@@ -254,6 +253,7 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
     except Exception as error:
         raise InputError(f"{spec} cannot be made: {describe(error)}") from error
     opened = Device.open(device)
+    tell_passed_over(opened)
     stages: dict[Any, Stage] = {}
     passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
     return all(passed)
@@ -277,30 +277,23 @@ def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bo
 
 
 def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Iterator[tuple[str, Finding]]:
-    """Every check's finding, one after the other; a hang in a kernel ends the process with a sentence."""
+    """Every check's finding, one after the other; a hang in a kernel ends the command with a sentence."""
     console = make_console(stderr=True)
-
-    def give_up() -> None:
-        console.print(f"[bold red]FAIL[/] {last}: a kernel ran longer than {timeout:g} s; nothing more can be checked.")
-        os._exit(1)
-
     for name, one in CHECKS.items():
-        last = name
         with console.status(name):
-            yield name, guarded_run(one, kit, timeout, give_up)
+            yield name, guarded_run(name, one, kit, timeout)
     count = THOROUGH if thorough else EXAMPLES
-    last = f"fuzzing, {count} soups"
-    with console.status(last):
-        yield last, _fuzzed(kit, count, out)
-    last = "benchmark"
-    with console.status(last), time_limit(timeout + BENCHMARK, give_up):
-        yield last, benchmark(kit)
+    name = f"fuzzing, {count} soups"
+    with console.status(name):
+        yield name, _fuzzed(kit, count, out)
+    with console.status("benchmark"), time_limit(timeout + BENCHMARK, f"{kit.kind.name}, benchmark"):
+        yield "benchmark", benchmark(kit)
 
 
-def guarded_run(one: Check, kit: Kit, timeout: float, give_up: Callable[[], None]) -> Finding:
+def guarded_run(name: str, one: Check, kit: Kit, timeout: float) -> Finding:
     """A check's finding within a time limit; whatever is raised becomes one."""
     try:
-        with time_limit(timeout, give_up):
+        with time_limit(timeout, f"{kit.kind.name}, check {name}"):
             return one.run(kit)
     except PackTimeoutError:
         return Finding("timeout", f"It took longer than {timeout:g} s.")

@@ -13,6 +13,7 @@ from harness.commands.check import check
 from harness.commands.claims import claims
 from harness.commands.kernels import kernels
 from harness.commands.stress import stress
+from harness.supervisor import end_with_supervisor
 
 if TYPE_CHECKING:
     from harness.settings import Settings
@@ -278,7 +279,8 @@ for command in (check, stress, kernels, claims):
 
 
 def main() -> None:
-    """The entry point of `bench`."""
+    """Run the command line in this process."""
+    end_with_supervisor()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape
             stream.reconfigure(errors="backslashreplace")

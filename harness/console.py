@@ -14,6 +14,7 @@ from rich.markup import escape
 from rich.table import Table
 
 if TYPE_CHECKING:
+    from kernels.device import Device
     from reports.compare import Comparison
     from reports.store import Store
 
@@ -50,6 +51,13 @@ def guarded() -> Iterator[None]:
         raise typer.Exit(UNUSABLE) from None
 
 
+def tell_passed_over(device: Device) -> None:
+    """Say on stderr which device is used where better ones were passed over, and why."""
+    for reason in device.passed_over:
+        text = f"[yellow]warning[/] {escape(reason)} Used instead: {escape(device.name)}."
+        make_console(stderr=True).print(text, soft_wrap=True)
+
+
 def make_table(title: str, *columns: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=False)
     for column in columns:
@@ -61,7 +69,8 @@ def show_catalogue() -> None:
     """Print packers with their parameters, scenes, paths, devices and metrics."""
     from harness.metrics import METRICS
     from harness.plugins import find_packers
-    from kernels.device import list_devices
+    from kernels.device import kernels_digest
+    from kernels.runtime.opencl import find_devices, noted_death
     from scenes.load import list_scenes
     from scenes.paths import list_paths
 
@@ -81,9 +90,11 @@ def show_catalogue() -> None:
             table.add_row(name, text)
         console.print(table)
         console.print()
-    table = make_table("devices (the first is the default)", "device", "platform")
-    for device in list_devices():
-        table.add_row(device.name.strip(), f"{device.platform.name} {device.platform.version}")
+    table = make_table("devices (the first without a remark is the default)", "device", "platform", "remark")
+    for found in find_devices():
+        platform = f"{found.device.platform.name} {found.device.platform.version.split(',')[0]}"
+        remark = found.refused() or noted_death(found.key, kernels_digest()) or ""
+        table.add_row(found.device.name.strip(), platform, remark)
     console.print(table)
     console.print()
     table = make_table("metrics", "name", "unit", "better", "meaning")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import turned
 from harness.prediction import predict
 from harness.pvs import potentially_visible
 from harness.settings import Settings
@@ -49,7 +50,7 @@ class FrameSource:
         self.scene, self.path, self.head, self.settings, self.cached = scene, path, head, settings, cached
         host = scene.host
         low, high = host.bounds
-        diagonal = float(np.linalg.norm(high - low))
+        diagonal = float(np.linalg.norm(high - low, axis=-1))
         self.near = min(0.02 / host.metres_per_unit, 1e-3 * diagonal)
         self.radius = settings.cell_radius / host.metres_per_unit
         self.frustum = CellFrustum.around(
@@ -91,7 +92,7 @@ class FrameSource:
         time = float(self.path.times_ms[index])
         position, orientation = self.path.pose_at(time + settings.latency)
         shift, turn = self.head.offset(time, settings.latency)
-        shift = rotation(orientation) @ shift / self.scene.host.metres_per_unit
+        shift = turned(rotation(orientation), shift) / self.scene.host.metres_per_unit
         wanted = Pose(position + shift, multiply(orientation, turn))
         pose, moved = confined(server, wanted, self.radius, self.frustum, self._client(wanted))
         return self._client(pose), moved

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arithmetic.functions import sin
 from harness.trial import Case, Finding, Stage, describe, try_method
 from harness.views import Cell, Pose, from_rotation_vector, multiply
 from scenes.model import Light, Material, Scene
@@ -62,7 +63,7 @@ class Soup:
         positions, indices = np.unique(corners, axis=0, return_inverse=True)
         up = np.tile(np.array([0, 1, 0], np.float32), (len(positions), 1))
         colours = np.ones((len(positions), 4), np.float32)
-        colours[:, :3] = 0.5 + 0.4 * np.sin(3 * positions)
+        colours[:, :3] = 0.5 + 0.4 * sin(3 * positions)
         uvs = np.zeros((len(positions), 2), np.float32)
         scene = Scene("soup", positions, indices.reshape(-1, 3).astype(np.int32), up, uvs, colours,
                       np.array(self.sided, np.int32), MATERIALS, lights=[LAMP])  # fmt: skip

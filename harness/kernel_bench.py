@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from harness.console import InputError, make_console, make_table
+from harness.console import InputError, make_console, make_table, tell_passed_over
 from harness.noise import noise_warnings
 from kernels.case import INPUTS, Case, Cost, Result, Trial, evaluate, find_cases
 from kernels.device import VARIANTS, Device
@@ -183,6 +183,7 @@ def bench_kernels(wanted: Wanted, out: Path) -> None:
         raise InputError(f"{out} cannot be made ({error.strerror}): give another --out.") from error
     devices = {variant: Device.open(wanted.device, variant) for variant in VARIANTS if variant in wanted.variants}
     reference = devices.get("default") or next(iter(devices.values()))
+    tell_passed_over(reference)
     rows, roofline = _measure_all(cases, devices, reference, wanted.repeat)
     about = {
         "Device": reference.name,

@@ -14,7 +14,7 @@ from harness.plugins import variant_string
 from harness.session import Session, find_methods, open_head_motion, open_path, open_scene
 from harness.settings import Settings
 from harness.skips import check_names, skipped_stages
-from kernels.cache import VERSION, cache_folder, write_atomically
+from kernels.cache import VERSION, cache_root, read_checked, write_checked
 from kernels.device import Device, kernels_digest
 from packers.interface import Packer
 from scenes.model import Scene
@@ -123,23 +123,24 @@ def _pace_file(settings: Settings, scene_hash: str) -> Path:
     )
     values = [getattr(settings, name) for name in same]
     key = hashlib.sha256(json.dumps([scene_hash, settings.crfs, values]).encode()).hexdigest()[:24]
-    return cache_folder("pace") / f"{key}.json"
+    return cache_root() / "pace" / key
 
 
 def remember_pace(session: Session, seconds_per_frame: float, methods: int) -> None:
     """Keep how long a frame of one method took, for the next plan."""
     pace = seconds_per_frame / max(1, methods)
     file = _pace_file(session.settings, session.scene.host.content_hash)
-    write_atomically(file, lambda out: out.write(json.dumps(pace).encode()))
+    write_checked(file, json.dumps(pace).encode())
 
 
 def expected_pace(settings: Settings, scene_hash: str) -> float:
     """Seconds per frame and method: as measured by the last such run here, else a guess from the sizes."""
-    try:
-        return float(json.loads(_pace_file(settings, scene_hash).read_text(encoding="utf-8")))
-    except (OSError, ValueError):
-        pixels = settings.width * settings.height / 1e6
-        texels = settings.atlas_width * settings.atlas_height / 1e6
-        views = 9 * pixels * (settings.cell_fov / settings.fov * settings.pvs_density) ** 2
-        guess = FIRST_GUESS
-        return guess["fixed"] + guess["pixels"] * pixels + guess["texels"] * texels + guess["pvs_pixels"] * views
+    content = read_checked(_pace_file(settings, scene_hash))
+    if content is not None:
+        return float(json.loads(content))
+    pixels = settings.width * settings.height / 1e6
+    texels = settings.atlas_width * settings.atlas_height / 1e6
+    wider = settings.cell_fov / settings.fov * settings.pvs_density
+    views = 9 * pixels * wider * wider
+    guess = FIRST_GUESS
+    return guess["fixed"] + guess["pixels"] * pixels + guess["texels"] * texels + guess["pvs_pixels"] * views

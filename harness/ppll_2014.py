@@ -22,7 +22,7 @@ from harness.console import InputError, make_console
 from harness.ppll_2014_report import write_report
 from harness.upload import upload_scene
 from harness.views import Pose, client_view
-from kernels.cache import cache_folder
+from kernels.cache import cache_root
 from kernels.device import Device
 from kernels.fragments.blend import blend_lists
 from kernels.ppll.lists import Lists
@@ -116,7 +116,7 @@ def stand_ins() -> str:
 def half_transparent(name: str) -> Scene:
     """A model, else the shells of another seed for each, alpha 0.5."""
     file, seed = model_file(name), list(MODELS).index(name)
-    scene = load_scene(str(file) if file.is_file() else "shells", seed=seed, cache=cache_folder("scenes"))
+    scene = load_scene(str(file) if file.is_file() else "shells", seed=seed, cache=cache_root() / "scenes")
     look = {"alpha_mode": "blend", "double_sided": True}
     materials = [replace(m, base_colour=(*m.base_colour[:3], ALPHA), **look) for m in scene.materials]
     scene = replace(scene, materials=materials, lights=[replace(light, shadows=False) for light in scene.lights])
@@ -129,7 +129,7 @@ def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Fr
     """The turntable's frames: one view for server and client, and all triangles."""
     path = make_path(scene.host, "turntable", frames)
     low, high = scene.host.bounds
-    near = 1e-3 * float(np.linalg.norm(high - low))
+    near = 1e-3 * float(np.linalg.norm(high - low, axis=-1))
     pvs = np.arange(scene.host.triangle_count, dtype=np.int32)
     uploaded = scene.device.upload(pvs)
     for index in range(path.frames):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import product
 from harness.views import Pose, conjugate, from_rotation_vector, multiply, rotation_vector
 
 # Spread of a person's acceleration (m/s^2, rad/s^2) and of a tracker's measurements (m, rad).
@@ -16,15 +17,17 @@ def _filter(
 ) -> tuple[np.ndarray, np.ndarray]:
     """The filtered last value and its velocity per second: `times` in seconds (n), `values` (n, k)."""
     state = np.stack([values[0], np.zeros_like(values[0])])
-    covariance = np.diag([tracking**2, 4.0])
+    covariance = np.diag([tracking * tracking, 4.0])
     for step, value in zip(np.diff(times), values[1:], strict=True):
         move = np.array([[1, step], [0, 1]])
-        noise = acceleration**2 * np.array([[step**4 / 4, step**3 / 2], [step**3 / 2, step**2]])
-        covariance = move @ covariance @ move.T + noise
-        state = move @ state
-        gain = covariance[:, 0] / (covariance[0, 0] + tracking**2)
+        square = step * step
+        noise = np.array([[square * square / 4, square * step / 2], [square * step / 2, square]])
+        noise *= acceleration * acceleration
+        covariance = product(move, covariance, move.T) + noise
+        state = product(move, state)
+        gain = covariance[:, 0] / (covariance[0, 0] + tracking * tracking)
         state = state + gain[:, None] * (value - state[0])
-        covariance = covariance - np.outer(gain, covariance[0])
+        covariance = covariance - gain[:, None] * covariance[0]
     return state[0], state[1]
 
 

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import turned
 from harness.views import CellFrustum, Pose, rotation
-from kernels.cache import cache_folder, write_atomically
+from kernels.cache import cache_root, read_checked, write_checked
 from kernels.device import kernels_digest
 from kernels.raster.mark import mark_visible
 from packers.interface import ServerScene, View
@@ -45,7 +46,7 @@ def cell_eyes(pose: Pose, radius: float) -> Iterator[Pose]:
     if radius > 0:
         turn = rotation(pose.orientation)
         for corner in product((-1, 1), repeat=3):
-            yield replace(pose, position=pose.position + turn @ np.array(corner) * radius / np.sqrt(3))
+            yield replace(pose, position=pose.position + turned(turn, corner) * radius / np.sqrt(3))
 
 
 def potentially_visible(
@@ -75,15 +76,12 @@ def potentially_visible(
         ).encode()
     )
     key.update(kernels_digest().encode())
-    file = cache_folder("pvs") / f"{key.hexdigest()[:32]}.npy"
+    file = cache_root() / "pvs" / key.hexdigest()[:32]
     planned = [view for eye in cell_eyes(pose, radius) for view in frustum.frusta(eye, near, frustum.density * density)]
-    try:
-        if cached:
-            return PotentiallyVisibleSet(np.load(file), 0, len(planned), None)
-    except (OSError, ValueError, EOFError):  # not there, or damaged
-        pass
+    if cached and (content := read_checked(file)) is not None:
+        return PotentiallyVisibleSet(np.frombuffer(content, np.int32).copy(), 0, len(planned), None)
     found = _draw(scene, [_fitted(view) for view in planned])
-    write_atomically(file, lambda out: np.save(out, found.ids))
+    write_checked(file, found.ids.tobytes())
     return found
 
 

@@ -15,7 +15,6 @@ from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager, suppress
 from datetime import datetime
-from functools import partial
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
@@ -25,7 +24,7 @@ import typer
 from filelock import FileLock, Timeout
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from harness.console import InputError, make_console, show_summary
+from harness.console import InputError, make_console, show_summary, tell_passed_over
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
@@ -37,12 +36,14 @@ from harness.plan import check_folder, make_plan, remember_pace
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
 from harness.skips import check_names, known_skips, skipped_stages
-from harness.watchdog import PackTimeoutError, restart, time_limit
+from harness.watchdog import PackTimeoutError, ended_steps, time_limit
+from kernels.journal import journal
 from reports import csv_files, html
 from reports.store import Store
 
 RUNS = Path("runs")
 WORKERS = 2  # threads for what only the host does
+SERIAL = "BENCH_SERIAL"  # variable: one thread for that, so that a crash has one cause
 TOGETHER = 4  # lanes that go through a frame together: that many payloads are in memory at a time
 PREPARE = 10  # packings' time that preparing may take: charts of millions of triangles need minutes
 PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science", "pymeshlab", "lz4")
@@ -66,13 +67,19 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None, explai
     folder = out or folder_for(plan, Path(settings.scene).stem)
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
-        (folder / "run.json").write_text(json.dumps({"settings": settings.to_json(), "plan": plan}, indent=2) + "\n")
+        (folder / "run.json").write_text(
+            json.dumps({"settings": settings.to_json(), "plan": plan, "device": session.device.description}, indent=2)
+            + "\n"
+        )
         again = resume or folder
+        journal().note(again=["--out", str(again)])
+        tell_passed_over(session.device)
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {again} resumes.")
+        if session.device.is_new:
+            console.print(f"[dim]First run on {session.device.name}: all kernels are built, a minute or so.[/]")
         with stops_kept(again), show_progress() as progress:
             write_notes(store, session)
-            start_again = partial(restart, "--out", str(again))
-            Run(session, lanes, store, folder, start_again=start_again).all_frames(progress)
+            Run(session, lanes, store, folder).all_frames(progress)
             if explained:
                 rows = _explain(session, store, progress)
         csv_files.write_all(folder)
@@ -93,27 +100,17 @@ def _explain(session: Session, store: Store, progress: Progress) -> list[dict[st
 
 
 class Run:
-    """One run on its way: what it works with, and where its results go.
-
-    start_again: what to do, never to return, when a kernel hangs; by default, this command with the same folder.
-    """
+    """One run on its way: what it works with, and where its results go."""
 
     def __init__(
-        self,
-        session: Session,
-        lanes: list[Lane],
-        store: Store,
-        folder: Path,
-        *,
-        pictures: bool = True,
-        start_again: Callable[[], None] | None = None,
+        self, session: Session, lanes: list[Lane], store: Store, folder: Path, *, pictures: bool = True
     ) -> None:
         self.session, self.lanes, self.store, self.folder = session, lanes, store, folder
         self.settings, self.frames = session.settings, session.frames
         self.metrics = Metrics.asked_for(session.device, session.settings.metrics, session.scene.skips)
         self.pictured = {0, self.frames // 2, self.frames - 1} if pictures else set()
-        self.start_again = start_again or partial(restart, "--out", str(folder))
         self.common = self._common_columns()
+        self.workers = 1 if os.environ.get(SERIAL) else WORKERS
         self.spent: defaultdict[str, Counter[Lane]] = defaultdict(Counter)  # seconds of each lane by step, last frame
 
     def _common_columns(self) -> dict[str, Any]:
@@ -141,14 +138,20 @@ class Run:
         started = time.perf_counter()
         task = progress.add_task("preparing", total=self.frames * len(self.lanes))
         for lane in self.lanes:
-            progress.update(task, description=f"preparing {lane.method}")
+            self._announce(progress, task, f"preparing {lane.method}")
             self._prepare(lane, finished[lane.method, lane.variant])
-        progress.update(task, description="warming up metrics")
+        self._announce(progress, task, "warming up metrics")
         self._warm_up_metrics()
+        self.session.device.remember_built()
         for index in range(self.frames):
             self._one_frame(index, done, finished, progress, task)
         progress.remove_task(task)
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
+
+    def _announce(self, progress: Progress, task: Any, doing: str) -> None:
+        """Show what is being done, and which kernels are compiled for it."""
+        progress.update(task, description=doing)
+        self.session.device.announce = lambda path: progress.update(task, description=f"{doing}: building {path}")
 
     def _finished_before(self, done: set[tuple[str, str, int]]) -> dict[tuple[str, str], int]:
         """How many leading frames of each lane are committed; lanes that stopped in an earlier run stay stopped."""
@@ -162,6 +165,8 @@ class Run:
             key = (lane.method, lane.variant)
             counts[key] = sum((*key, index) in done for index in range(self.frames))
             lane.dead = stopped.get(key)
+            for step in ended_steps(folder=str(self.folder), method=lane.method, variant=lane.variant):
+                lane.dead = lane.dead or (step["status"], step["reason"])
         return counts
 
     def _prepare(self, lane: Lane, finished: int) -> None:
@@ -172,11 +177,11 @@ class Run:
         if reason:
             lane.dead = ("skipped", reason)
             return
-        with self._guarded(lane, "preparing"), self._limited(lane, 0, PREPARE):
+        with self._guarded(lane, "preparing"), self._limited(lane, "preparing", PREPARE):
             self.store.notes[f"prepare_ms/{lane.method}[{lane.variant}]"] = f"{lane.prepare():.1f}"
         if not lane.dead:
             work = self.session.source.work(0)
-            with self._guarded(lane, "warming up"), self._limited(lane, 0, packs=2):
+            with self._guarded(lane, "warming up"), self._limited(lane, "warming up", packs=2):
                 lane.warm_up(work)
 
     def _warm_up_metrics(self) -> None:
@@ -185,9 +190,14 @@ class Run:
         self.metrics.reference(picture)
         self.metrics.compare(picture)
 
-    def _limited(self, lane: Lane, index: int, packs: int) -> AbstractContextManager[None]:
-        """The time limit of so many packings."""
-        return time_limit(packs * self.settings.timeout, lambda: self._give_up(lane, index))
+    def _limited(self, lane: Lane, doing: str, packs: int) -> AbstractContextManager[None]:
+        """The time limit of so many packings; should the process end in it, the next one does without the lane."""
+        ended = {"folder": str(self.folder), "method": lane.method, "variant": lane.variant}
+        return time_limit(packs * self.settings.timeout, f"{doing}: {lane.method}", ended)
+
+    def _common_step(self, doing: str) -> AbstractContextManager[None]:
+        """A step for all lanes, which may take long, but not for ever."""
+        return journal().step(doing, PREPARE * self.settings.timeout)
 
     def _one_frame(
         self, index: int, done: set, finished: dict[tuple[str, str], int], progress: Progress, task: Any
@@ -205,16 +215,19 @@ class Run:
             progress.advance(task, len(alive))
             return
         progress.update(task, description=f"frame {index + 1}: visible set")
-        work = self.session.source.work(index)
+        with self._common_step(f"frame {index}: visible set"):
+            work = self.session.source.work(index)
         for lane in replayed:
-            progress.update(task, description=f"frame {index + 1}: {lane.method}")
-            with self._guarded(lane, f"replaying frame {index}"):
+            self._announce(progress, task, f"frame {index + 1}: {lane.method}")
+            doing = f"replaying frame {index}"
+            with self._guarded(lane, doing), self._limited(lane, doing, PREPARE):
                 lane.replay(work)
         progress.advance(task, len(alive) - len(lanes))
-        novel = self._novel_view(work) if lanes else None
+        with self._common_step(f"frame {index}: novel view"):
+            novel = self._novel_view(work) if lanes else None
         for first in range(0, len(lanes), TOGETHER):
             some = lanes[first : first + TOGETHER]
-            progress.update(task, description=f"frame {index + 1}: {', '.join(lane.method for lane in some)}")
+            self._announce(progress, task, f"frame {index + 1}: {', '.join(lane.method for lane in some)}")
             self._measure(some, work, novel)
             progress.advance(task, len(some))
 
@@ -231,11 +244,13 @@ class Run:
         drawn: dict[Lane, Drawn] = {}
         pictured = index in self.pictured
         for lane in lanes:
-            with self._guarded(lane, f"frame {index}"), self._limited(lane, index, packs=1 + len(lane.repeated)):
+            doing = f"frame {index}"
+            with self._guarded(lane, doing), self._limited(lane, doing, packs=1 + len(lane.repeated)):
                 packed[lane] = lane.pack(work.frame)
         sent = self._beside("sending", packed, index, lambda lane: lane.advance(packed[lane].payload))
         for lane in sent:
-            with self._guarded(lane, f"frame {index}"):
+            doing = f"drawing frame {index}"
+            with self._guarded(lane, doing), self._limited(lane, doing, PREPARE):
                 drawn[lane] = lane.draw(novel, self.metrics, pictured)
         measured = self._beside(
             "measuring",
@@ -257,12 +272,13 @@ class Run:
 
         def timed(lane: Lane) -> Any:
             start = time.perf_counter()
-            result = work(lane)
+            with self._limited(lane, f"{step} frame {index}", PREPARE):
+                result = work(lane)
             spent[lane] = time.perf_counter() - start
             return result
 
         done = {}
-        with ThreadPoolExecutor(WORKERS) as pool:
+        with ThreadPoolExecutor(self.workers) as pool:
             # What took longest in the last frame comes first, so that all threads end at about the same time.
             tasks = {lane: pool.submit(timed, lane) for lane in sorted(lanes, key=lambda lane: -spent[lane])}
             for lane in lanes:
@@ -298,14 +314,6 @@ class Run:
         status, reason = lane.dead
         rows = [{**self.common, "frame": index, **row} for row in stopped_rows(lane.keys(), status, reason)]
         self.store.commit_frame(lane.method, lane.variant, index, rows)
-
-    def _give_up(self, lane: Lane, index: int) -> None:
-        """Called from the watchdog's thread while a kernel hangs: note the timeout and start this command again."""
-        lane.dead = ("timeout", f"frame {index}: a kernel ran longer than --timeout {self.settings.timeout:g} allows.")
-        with Store(self.folder) as store:
-            self.store = store
-            self._commit_stopped(lane, index)
-        self.start_again()
 
     def _write_pictures(self, measured: dict[Lane, Measured], work: Work, novel: NovelView) -> None:
         """The pictures of a frame, and its dump."""
@@ -368,6 +376,8 @@ def write_notes(store: Store, session: Session) -> None:
     for name in PACKAGES:
         with suppress(PackageNotFoundError):  # those of an extra need not be there
             notes[f"environment/{name}"] = version(name)
+    for number, text in enumerate(session.device.passed_over):
+        notes[f"warning/device{number:02d}"] = text
     for key, value in session.device.description.items():
         notes[f"device/{key}"] = value
     for number, text in enumerate([*scene.notes, *session.path.notes]):

@@ -13,7 +13,7 @@ from harness.frames import FrameSource
 from harness.reference import ForwardRenderer
 from harness.settings import Settings, SettingsError
 from harness.upload import upload_scene
-from kernels.cache import cache_folder
+from kernels.cache import cache_root
 from kernels.device import Device
 from packers.interface import ServerScene
 from packers.skips import Skips
@@ -87,7 +87,7 @@ def open_scene(settings: Settings) -> Scene:
         repair=settings.repair,
         decimate=settings.decimate,
         seed=settings.seed,
-        cache=cache_folder("scenes"),
+        cache=cache_root() / "scenes",
     )
     if settings.opaque:
         scene = opaque_version(scene)

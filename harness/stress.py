@@ -12,14 +12,15 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from harness.console import InputError, make_console, make_table
+from harness.console import InputError, make_console, make_table, tell_passed_over
 from harness.plan import source_digest
 from harness.plugins import folder_name, nearest, variant_string
 from harness.stress_catalogue import CATALOGUE, StressTest
 from harness.trial import Finding, Stage, try_method, try_rasteriser
-from harness.watchdog import PackTimeoutError, restart, time_limit
+from harness.watchdog import PackTimeoutError, ended_steps, time_limit
 from kernels.cache import VERSION
 from kernels.device import Device, kernels_digest
+from kernels.journal import journal
 from reports.stress import magnitude, matrix, picture_stem, write_stress
 from scenes.model import SceneError
 from scenes.paths import PathError
@@ -94,6 +95,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
     """
     chosen, rows = chosen_tests(tests), contenders(methods or ("all",))
     opened = Device.open(device)
+    tell_passed_over(opened)
     plan = {
         "tests": [test.name for test in chosen],
         "quick": quick,
@@ -103,6 +105,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
         "version": VERSION,
     }
     log = Log.open(out or _folder_for(plan), plan)
+    journal().note(again=["--out", str(log.folder)])
     console = make_console(stderr=True)
     console.print(f"Results go to [bold]{log.folder}[/]; the same command with --out {log.folder} resumes.")
     try:
@@ -207,18 +210,27 @@ class StressRun:
     def _one_step(self, test: StressTest, step: int, fresh: list[Contender], note: Callable) -> None:
         stage = self._staged(test, step)
         for row in fresh:
+            ended = self._ended(row, test, step)
             if isinstance(stage, Finding):
                 found = stage
+            elif before := ended_steps(**ended):
+                found = Finding(before[0]["status"], before[0]["reason"])
             else:
-                with time_limit(self.timeout, lambda row=row: self._give_up(row, test, step)):
+                with time_limit(self.timeout, f"{test.name} {step}: {row.label}", ended):
                     found = row.run(stage)
             self._keep(row, test, step, found)
             note(row)
 
+    def _ended(self, row: Contender, test: StressTest, step: int) -> dict[str, Any]:
+        return {"folder": str(self.log.folder), "contender": row.key, "test": test.name, "step": step}
+
     def _staged(self, test: StressTest, step: int) -> Stage | Finding:
         """The stage, or why there is none: loading refuses what it cannot use in one sentence."""
+        ended = {"folder": str(self.log.folder), "stage": test.name, "step": step}
+        for before in ended_steps(**ended):
+            return Finding(before["status"], before["reason"])
         try:
-            with time_limit(self.timeout, lambda: self._give_up(self.rows[0], test, step)):
+            with time_limit(self.timeout, f"{test.name} {step}: the scene", ended):
                 stage = Stage.of(self.device, test.make(test.magnitudes[step]))
                 _ = stage.reference
                 return stage
@@ -266,11 +278,6 @@ class StressRun:
         path = self.log.folder / "pictures" / f"{picture_stem(values)}_{name}.png"
         path.parent.mkdir(exist_ok=True)
         write_png(path, rgb)
-
-    def _give_up(self, row: Contender, test: StressTest, step: int) -> None:
-        """Called from the watchdog's thread while a kernel hangs: note it and start this command again."""
-        self._keep(row, test, step, Finding("timeout", f"A kernel ran longer than {self.timeout:g} s."))
-        restart("--out", str(self.log.folder))
 
 
 def show_matrix(rows: list[dict[str, Any]], folder: Path) -> None:

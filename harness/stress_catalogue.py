@@ -12,6 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
+from arithmetic import draws
+from arithmetic.functions import cos, sin, tan
 from harness.trial import Case
 from harness.views import Cell, Pose
 from scenes.assemble import assemble
@@ -21,7 +23,7 @@ from scenes.paths import PathError, make_path
 from scenes.raw import Part, RawScene
 
 Magnitudes = tuple[float, ...]
-PIXELS_PER_TANGENT = 80 / np.tan(np.radians(30))  # of a trial's client, 160 pixels wide at 60 degrees
+PIXELS_PER_TANGENT = 80 / tan(np.radians(30))  # of a trial's client, 160 pixels wide at 60 degrees
 DOUBLE = Material(base_colour=(0.9, 0.9, 0.9, 1.0), double_sided=True)
 LAMP = Light("point", (8.0, 7.5, 7.0), (0.5, 1.0, 1.0))
 SUN = Light("directional", (1.2, 1.2, 1.1), direction=(-0.3, -1.0, -0.5))
@@ -60,7 +62,7 @@ def stress(name: str, what: str, magnitudes: Magnitudes, **properties) -> Callab
 
 def powers(first: int, last: int) -> Magnitudes:
     """Powers of ten."""
-    return tuple(10.0**k for k in range(first, last + (1 if last >= first else -1), 1 if last >= first else -1))
+    return tuple(float(f"1e{k}") for k in range(first, last + (1 if last >= first else -1), 1 if last >= first else -1))
 
 
 # Scenes
@@ -70,8 +72,8 @@ def grid(corner, along_u, along_v, columns: int, rows: int, bump: float = 0.0) -
     """Corners, float64 (T, 3, 3), of a parallelogram of columns x rows pairs of triangles, bent by up to `bump`."""
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     along_u, along_v = np.asarray(along_u, np.float64), np.asarray(along_v, np.float64)
-    normal = np.cross(along_u, along_v) / np.linalg.norm(np.cross(along_u, along_v))
-    height = bump * np.sin(7 * u + 3 * v) * np.sin(np.pi * u) * np.sin(np.pi * v)
+    normal = np.cross(along_u, along_v) / np.linalg.norm(np.cross(along_u, along_v), axis=-1)
+    height = bump * sin(7 * u + 3 * v) * sin(np.pi * u) * sin(np.pi * v)
     points = np.asarray(corner) + u[..., None] * along_u + v[..., None] * along_v + height[..., None] * normal
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
     pairs = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2)
@@ -80,7 +82,7 @@ def grid(corner, along_u, along_v, columns: int, rows: int, bump: float = 0.0) -
 
 def room() -> np.ndarray:
     """6 x 3 x 6 units around the origin: a floor of two triangles, bumpy walls, loose triangles, a few slivers."""
-    rng = np.random.default_rng(7)
+    rng = draws.generator(7)
     x, y, z = np.diag([6.0, 3.0, 6.0])
     low = -(x + y + z) / 2
     loose = rng.uniform(-1, 1, (40, 1, 3)) * [2, 1, 1] + rng.normal(size=(40, 3, 3)) * 0.15
@@ -102,7 +104,7 @@ def scene_of(corners: np.ndarray, offset=(0, 0, 0), scale: float = 1.0, **change
     """
     points, indices = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
     colours = np.ones((len(points), 4))
-    colours[:, :3] = 0.55 + 0.4 * np.sin(3 * points)
+    colours[:, :3] = 0.55 + 0.4 * sin(3 * points)
     offset = np.asarray(offset, np.float64)
     lights = [replace(light, position=tuple(np.array(light.position) * scale + offset))
               for light in changes.get("lights", (LAMP, SUN))]  # fmt: skip
@@ -121,7 +123,7 @@ def as_they_are(corners: np.ndarray) -> Scene:
     positions = corners.reshape(-1, 3).astype(np.float32)
     positions, indices = np.unique(positions, axis=0, return_inverse=True)
     colours = np.ones((len(positions), 4), np.float32)
-    colours[:, :3] = 0.55 + 0.4 * np.sin(3 * positions)
+    colours[:, :3] = 0.55 + 0.4 * sin(3 * positions)
     up = np.tile(np.array([0, 1, 0], np.float32), (len(positions), 1))
     ids = np.zeros(len(corners), np.int32)
     indices = indices.reshape(-1, 3).astype(np.int32)
@@ -135,7 +137,7 @@ def walk(scene: Scene, count: int = 2, offset=(0, 0, 0), scale: float = 1.0) -> 
     for step in range(count):
         half = np.radians(2 * step) / 2
         position = np.array([0.03 * step, 0, 2 - 0.01 * step]) * scale + offset - scene.origin
-        poses.append(Pose(position, np.array([0, np.sin(half), 0, np.cos(half)])))
+        poses.append(Pose(position, np.array([0, sin(half), 0, cos(half)])))
     return tuple(poses)
 
 
@@ -153,13 +155,13 @@ def seen_from_origin(corners: np.ndarray, **changes) -> Case:
 def facing(centres: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
     """Equilateral triangles (n, 3, 3) that face +z, at centres (n, 3), each turned otherwise."""
     turn = np.arange(len(centres))[:, None] * 2.4 + np.arange(3) * 2 * np.pi / 3
-    spokes = np.stack([np.cos(turn), np.sin(turn), np.zeros_like(turn)], axis=-1)
+    spokes = np.stack([cos(turn), sin(turn), np.zeros_like(turn)], axis=-1)
     return centres[:, None] + spokes * np.broadcast_to(radius, len(centres))[:, None, None]
 
 
 def scattered(count: int, distance: float, seed: int = 1) -> np.ndarray:
     """Points (count, 3) all over the client's picture, at about a distance along -z."""
-    rng = np.random.default_rng(seed)
+    rng = draws.generator(seed)
     across = rng.uniform(-0.5, 0.5, (count, 2)) * [1, 0.55]
     depth = distance * rng.uniform(0.8, 1.2, (count, 1))
     return np.concatenate([across * depth, -depth], axis=1)
@@ -200,7 +202,7 @@ def scale_down(magnitude: float) -> Case:
 
 @stress("slivers", "triangles of ever smaller aspect", powers(0, -7), unit="height / length")
 def slivers(magnitude: float) -> Case:
-    rng = np.random.default_rng(2)
+    rng = draws.generator(2)
     start = scattered(200, 2.0)
     along = rng.normal(size=(200, 3))
     along /= np.linalg.norm(along, axis=1, keepdims=True)
@@ -236,7 +238,7 @@ def coplanar(magnitude: float) -> Case:
 @stress("flipped", "triangles turned round, of single-sided material", (0.01, 0.03, 0.1, 0.3, 0.6, 1), unit="share")
 def flipped(magnitude: float) -> Case:
     corners = room()
-    turned = np.random.default_rng(3).random(len(corners)) < magnitude
+    turned = draws.generator(3).random(len(corners)) < magnitude
     corners[turned] = corners[turned][:, ::-1]
     scene = scene_of(corners, materials=(replace(DOUBLE, double_sided=False),))
     return Case(scene, walk(scene))
@@ -258,7 +260,7 @@ def screen_filling(magnitude: float) -> Case:
 @stress("fan", "triangles at one vertex", (10, 30, 100, 300, 1000, 3000, 10_000))
 def fan(magnitude: float) -> Case:
     angle = np.linspace(0, 2 * np.pi, int(magnitude) + 1)
-    ring = np.stack([np.cos(angle), np.sin(angle), -2.5 + 0.2 * np.cos(5 * angle)], axis=1)
+    ring = np.stack([cos(angle), sin(angle), -2.5 + 0.2 * cos(5 * angle)], axis=1)
     middle = np.broadcast_to([0.05, 0.02, -2.0], ring[1:].shape)
     return seen_from_origin(np.stack([middle, ring[:-1], ring[1:]], axis=1), atlas=(512, 512))
 
@@ -284,7 +286,7 @@ def one_pixel(magnitude: float) -> Case:
 @stress("one-patch", "triangles that share one edge", (2, 4, 8, 16, 32, 64, 128, 256))
 def one_patch(magnitude: float) -> Case:
     angle = np.linspace(0, np.pi, int(magnitude))
-    page = np.stack([np.cos(angle), 0.3 * np.sin(3 * angle), np.sin(angle) - 2.5], axis=1)
+    page = np.stack([cos(angle), 0.3 * sin(3 * angle), sin(angle) - 2.5], axis=1)
     hinge = [np.broadcast_to(point, page.shape) for point in ([0, -0.7, -2.6], [0, 0.7, -2.4])]
     return seen_from_origin(np.stack([*hinge, page], axis=1))
 
@@ -321,7 +323,7 @@ def _alpha(material: Material) -> Case:
 def near_plane(magnitude: float) -> Case:
     near, count = 0.02, 30
     turn = np.arange(count) * 2 * np.pi / count
-    side = np.stack([np.cos(turn), 0.5 * np.sin(turn), np.zeros(count)], axis=1)
+    side = np.stack([cos(turn), 0.5 * sin(turn), np.zeros(count)], axis=1)
     sign = np.arange(count)[:, None] % 3 - 1
     at = side * near * 0.4 - np.array([0, 0, near]) * (1 + sign * magnitude)
     far = side * 1.5 - np.array([0, 0, 3.0])
@@ -339,7 +341,7 @@ def near_plane(magnitude: float) -> Case:
 @stress("behind", "triangles from far behind the eye to before it", powers(0, 6), unit="units behind")
 def behind(magnitude: float) -> Case:
     turn = np.arange(14) * 2 * np.pi / 14
-    ring = np.stack([np.cos(turn), np.full(14, -0.2), np.sin(turn)], axis=1) * [magnitude, 1, magnitude]
+    ring = np.stack([cos(turn), np.full(14, -0.2), sin(turn)], axis=1) * [magnitude, 1, magnitude]
     middle = np.broadcast_to([0.1, -0.5, -2.0], ring.shape)
     return seen_from_origin(np.concatenate([np.stack([middle, ring, np.roll(ring, -1, axis=0)], axis=1), backdrop()]))
 
@@ -404,7 +406,7 @@ SHARES = (1e-3, 1e-2, 0.1, 0.3, 0.6, 1.0)
 def poisoned(array: np.ndarray, share: float) -> np.ndarray:
     """Some rows of an array as float64 with NaN, infinity and minus infinity in turn; one at least."""
     array = np.array(array, np.float64)
-    rows = np.random.default_rng(5).permutation(len(array))[: max(1, round(share * len(array)))]
+    rows = draws.generator(5).permutation(len(array))[: max(1, round(share * len(array)))]
     array[rows, ..., 0] = np.resize([np.nan, np.inf, -np.inf], len(rows)).reshape(-1, *[1] * (array.ndim - 2))
     return array
 

@@ -18,6 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arithmetic.matrices import turned
 from harness import validity
 from harness.exact import ExactPicture, draw_exact
 from harness.reference import ForwardRenderer
@@ -168,7 +169,7 @@ class Stage:
 def beside(pose: Pose, cell: Cell, fov: float) -> Pose:
     """A client's pose that a cell allows: a third of its radius to the right, and turned by up to 2 degrees."""
     turn = np.radians(min(2.0, (cell.fov - fov) / 4))
-    position = pose.position + rotation(pose.orientation) @ np.array([cell.radius / 3, 0, 0])
+    position = pose.position + turned(rotation(pose.orientation), [cell.radius / 3, 0, 0])
     return Pose(position, multiply(pose.orientation, from_rotation_vector(np.array([0, turn, 0]))))
 
 

@@ -49,6 +49,7 @@ from threading import Lock
 
 import numpy as np
 
+from arithmetic.functions import log2
 from packers.interface import Client, Frame, Owners, Payload
 
 WEIGHT = 1 / 512  # a texel of less weight changes a value by less than half of an 8-bit step
@@ -398,9 +399,9 @@ class _Table:
             first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
             along_column = (first * row[:, 1, None] - second * row[:, 0, None]) / self.determinant[:, None]
             along_row = (second * column[:, 0, None] - first * column[:, 1, None]) / self.determinant[:, None]
-            a, c = (along_column**2).sum(axis=1), (along_row**2).sum(axis=1)
+            a, c = (along_column * along_column).sum(axis=1), (along_row * along_row).sum(axis=1)
             b = (along_column * along_row).sum(axis=1)
-            size = np.sqrt((a + c + np.sqrt((a - c) ** 2 + 4 * b**2)) / 2)
+            size = np.sqrt((a + c + np.sqrt((a - c) * (a - c) + 4 * b * b)) / 2)
         return np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
 
 
@@ -516,7 +517,7 @@ def _grids(
 ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
     """Triangles and barycentrics of the grids of as many triangles as the budget allows in this frame."""
     longest = np.maximum(table.edges[rows].max(axis=1, initial=1), 1)
-    level = np.minimum(np.ceil(np.log2(longest)), FINEST).astype(np.int64)
+    level = np.minimum(np.ceil(log2(longest)), FINEST).astype(np.int64)
     patterns = [_pattern(1 << step) for step in range(FINEST + 1)]
     if budget is not None:
         spent = np.cumsum(np.array([len(pattern) for pattern in patterns])[level])
@@ -684,7 +685,7 @@ def _far(x: np.ndarray, y: np.ndarray) -> np.ndarray:
     """Whether each of the four texels around a lookup is more than NEAR away, by its place (n) between their centres:
     bool (4, n)."""
     across, down = np.stack([x, 1 - x] * 2), np.stack([y, y, 1 - y, 1 - y])
-    return across**2 + down**2 > NEAR**2
+    return across * across + down * down > NEAR * NEAR
 
 
 def _distance(off: np.ndarray, steps: np.ndarray) -> np.ndarray:

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arithmetic.functions import arctan, arctan2, cos, sin_cos, tan
+from arithmetic.matrices import dot, product, turned
 from packers.interface import View
 
 # A frustum wider than this is split: perspective spends most pixels of a wider one near its edges.
@@ -31,7 +33,7 @@ class Cell:
 
 def rotation(quaternion: np.ndarray) -> np.ndarray:
     """The rotation matrix, float64 (3, 3), of a quaternion x, y, z, w of any positive length."""
-    x, y, z, w = np.asarray(quaternion, np.float64) / np.linalg.norm(quaternion)
+    x, y, z, w = np.asarray(quaternion, np.float64) / np.linalg.norm(quaternion, axis=-1)
     return np.array(
         [
             [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
@@ -44,7 +46,7 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The quaternion of rotation b followed by rotation a, both x, y, z, w."""
     av, aw, bv, bw = a[:3], a[3], b[:3], b[3]
-    return np.append(aw * bv + bw * av + np.cross(av, bv), aw * bw - av @ bv)
+    return np.append(aw * bv + bw * av + np.cross(av, bv), aw * bw - dot(av, bv))
 
 
 def conjugate(q: np.ndarray) -> np.ndarray:
@@ -55,22 +57,22 @@ def conjugate(q: np.ndarray) -> np.ndarray:
 def rotation_vector(q: np.ndarray) -> np.ndarray:
     """Axis times angle, radians, of a unit quaternion, the short way round."""
     q = q if q[3] >= 0 else -q
-    sine = np.linalg.norm(q[:3])
-    return q[:3] * (2.0 if sine < 1e-12 else 2 * np.arctan2(sine, q[3]) / sine)
+    sine = np.linalg.norm(q[:3], axis=-1)
+    return q[:3] * (2.0 if sine < 1e-12 else 2 * arctan2(sine, q[3]) / sine)
 
 
 def from_rotation_vector(v: np.ndarray) -> np.ndarray:
     """The unit quaternion of axis times angle in radians."""
-    angle = np.linalg.norm(v)
-    scale = 0.5 if angle < 1e-12 else np.sin(angle / 2) / angle
-    return np.append(v * scale, np.cos(angle / 2))
+    angle = np.linalg.norm(v, axis=-1)
+    sine, cosine = sin_cos(angle / 2)
+    return np.append(v * (0.5 if angle < 1e-12 else sine / angle), cosine)
 
 
 def view_matrix(pose: Pose) -> np.ndarray:
     """World to camera, float64 (4, 4)."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation(pose.orientation).T
-    matrix[:3, 3] = -matrix[:3, :3] @ pose.position
+    matrix[:3, 3] = -turned(matrix[:3, :3], pose.position)
     return matrix
 
 
@@ -81,7 +83,7 @@ def projection_matrix(tan_x: float, tan_y: float, near: float) -> np.ndarray:
 
 def client_view(pose: Pose, fov: float, width: int, height: int, near: float) -> View:
     """The client's view: `fov` degrees across `width` square pixels."""
-    tan_x = np.tan(np.radians(fov / 2))
+    tan_x = tan(np.radians(fov / 2))
     return View(view_matrix(pose), projection_matrix(tan_x, tan_x * height / width, near), width, height)
 
 
@@ -97,12 +99,12 @@ class CellFrustum:
     def around(cls, cell: Cell, fov: float, width: int, height: int) -> CellFrustum:
         """The frustum of `cell` for a client of `fov` degrees: the same angle is added on all four sides."""
         half_x = np.radians(fov / 2)
-        half_y = np.arctan(np.tan(half_x) * height / width)
+        half_y = arctan(tan(half_x) * height / width)
         margin = np.radians(cell.fov - fov) / 2
         return cls(
-            float(np.tan(half_x + margin)),
-            float(np.tan(min(half_y + margin, np.radians(88)))),
-            float(width / 2 / np.tan(half_x)),
+            float(tan(half_x + margin)),
+            float(tan(min(half_y + margin, np.radians(88)))),
+            float(width / 2 / tan(half_x)),
         )
 
     def server_view(self, pose: Pose, near: float) -> View:
@@ -117,13 +119,13 @@ class CellFrustum:
         (tan a, y) lands on (tan(a - c), y cos a / cos(a - c)), whose second factor is monotone in a: the ends bound it.
         """
         views = []
-        for low, high in _split(np.arctan(self.tan_x)):
+        for low, high in _split(arctan(self.tan_x)):
             turn = (low + high) / 2
-            tall = self.tan_y * max(np.cos(a) / np.cos(a - turn) for a in (low, high))
-            for bottom, top in _split(np.arctan(tall)):
+            tall = self.tan_y * max(cos(a) / cos(a - turn) for a in (low, high))
+            for bottom, top in _split(arctan(tall)):
                 tilt = (bottom + top) / 2
-                wide = np.tan((high - low) / 2) * max(np.cos(a) / np.cos(a - tilt) for a in (bottom, top))
-                views.append(_turned(pose, turn, tilt, wide, np.tan((top - bottom) / 2), near, density))
+                wide = tan((high - low) / 2) * max(cos(a) / cos(a - tilt) for a in (bottom, top))
+                views.append(_turned(pose, turn, tilt, wide, tan((top - bottom) / 2), near, density))
         return views
 
     def contains(self, server: Pose, client: View) -> bool:
@@ -131,7 +133,7 @@ class CellFrustum:
         corners = np.array([[x, y, -1.0] for x in (-1, 1) for y in (-1, 1)])
         corners[:, 0] /= client.projection[0, 0]
         corners[:, 1] /= client.projection[1, 1]
-        rays = corners @ client.view[:3, :3] @ rotation(server.orientation)
+        rays = product(corners, client.view[:3, :3], rotation(server.orientation))
         depth = -rays[:, 2]
         slack = 1 + 1e-9
         inside = (np.abs(rays[:, 0]) <= self.tan_x * depth * slack) & (np.abs(rays[:, 1]) <= self.tan_y * depth * slack)
@@ -160,7 +162,7 @@ def confined(server: Pose, wanted: Pose, radius: float, frustum: CellFrustum, cl
     until the client's four corners lie inside the cell's frustum.
     """
     offset = wanted.position - server.position
-    length = np.linalg.norm(offset)
+    length = np.linalg.norm(offset, axis=-1)
     moved = length > radius * (1 + 1e-9)
     position = server.position + offset * (radius / length) if moved else wanted.position
     turn = rotation_vector(multiply(conjugate(server.orientation), wanted.orientation))

@@ -1,49 +1,63 @@
-"""Ending a packer that hangs: first by an exception, and where Python never gets control back, by a new process."""
+"""Ending what hangs: first by an exception, and where Python never gets control back, from outside."""
 
 from __future__ import annotations
 
+import ctypes
+import json
 import os
-import signal
-import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Any
 
-GRACE = 5.0  # seconds between the exception and the new process
+from kernels.journal import journal
+
+GRACE = 5.0  # seconds between the exception and the end of the process
+ENDED = "BENCH_ENDED"  # variable: what the supervisor tells the process that goes on, as a JSON list
 
 
 class PackTimeoutError(RuntimeError):
     """A packer took longer than `--timeout`."""
 
 
-def _raise(_signal: int, _frame: object) -> None:
-    raise PackTimeoutError
-
-
 @contextmanager
-def time_limit(seconds: float, give_up: Callable[[], None]) -> Iterator[None]:
-    """Raise PackTimeoutError inside the block after `seconds`; if that cannot get through, call `give_up`.
+def time_limit(seconds: float, what: str, ended: dict[str, Any] | None = None) -> Iterator[None]:
+    """Raise PackTimeoutError inside the block after `seconds`, in whatever thread it runs.
 
-    A hang inside a kernel never returns to Python, where exceptions are raised. GRACE seconds later `give_up` is called
-    from another thread; it must not return. Off the main thread only that second limit works.
+    A hang inside a kernel never returns to Python, where exceptions are raised: GRACE seconds later the supervisor ends
+    the process. The one that goes on finds `ended` in `ended_steps`, with its status and reason.
     """
-    last_resort = threading.Timer(seconds + GRACE, give_up)
-    last_resort.daemon = True
-    main = threading.current_thread() is threading.main_thread()
-    if main:
-        before = signal.signal(signal.SIGALRM, _raise)
-        signal.setitimer(signal.ITIMER_REAL, seconds)
-    last_resort.start()
-    try:
-        yield
-    finally:
-        last_resort.cancel()
-        if main:
-            signal.setitimer(signal.ITIMER_REAL, 0)
-            signal.signal(signal.SIGALRM, before)
+    alarm = _Alarm(threading.get_ident())
+    timer = threading.Timer(seconds, alarm.ring)
+    timer.daemon = True
+    with journal().step(what, seconds + GRACE, ended):
+        timer.start()
+        try:
+            yield
+        finally:
+            timer.cancel()
+            alarm.switch_off()
 
 
-def restart(*extra: str) -> None:
-    """Replace this process by the same command with `extra` arguments; finished frames are in the store."""
-    sys.stderr.flush()
-    os.execv(sys.executable, [sys.executable, "-m", "harness.cli", *sys.argv[1:], *extra])
+class _Alarm:
+    """Raises PackTimeoutError in a thread, unless it was switched off before."""
+
+    def __init__(self, thread: int) -> None:
+        self._thread, self._lock, self._on = ctypes.c_ulong(thread), threading.Lock(), True
+
+    def ring(self) -> None:
+        with self._lock:
+            if self._on:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(PackTimeoutError))
+
+    def switch_off(self) -> None:
+        """No exception comes any more, not even one that was set and is not raised yet."""
+        with self._lock:
+            self._on = False
+            ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+
+
+def ended_steps(**facts: Any) -> list[dict[str, Any]]:
+    """Steps with these facts in which earlier processes of this command ended: with `status` and `reason`."""
+    known = json.loads(os.environ.get(ENDED, "[]"))
+    return [step for step in known if all(step.get(name) == value for name, value in facts.items())]

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from arithmetic.functions import log2
 from kernels.device import ROOT
 
 if TYPE_CHECKING:
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 INPUTS = ("typical", "adversarial")
 # What formulas may call.
-FUNCTIONS = {"log2": np.log2, "max": max, "min": min}
+FUNCTIONS = {"log2": log2, "max": max, "min": min}
 
 
 @dataclass(frozen=True)

@@ -2,22 +2,35 @@
 
 from __future__ import annotations
 
+import contextlib
 import hashlib
 import os
 import re
 import shutil
 from collections import defaultdict
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
-from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from kernels.cache import cache_folder
+from kernels.journal import journal
+from kernels.runtime import kernel_cache
+from kernels.runtime.opencl import (
+    SPEAKING,
+    DeviceError,
+    FoundDevice,
+    array_class,
+    find_devices,
+    forget_death,
+    noted_death,
+    opencl,
+    pocl_cache,
+)
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -28,6 +41,10 @@ CONTRACT = "#pragma OPENCL FP_CONTRACT"
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 KERNEL = re.compile(r"^\s*(?:__)?kernel\s+void\s+(\w+)", re.MULTILINE)
 DEFAULT_LOCAL_SIZE = 64
+LARGE_GRID = 0xFFFF  # work-items: PoCL compiles a kernel in another form beyond
+INSTALL_ANOTHER = (
+    "Install another runtime: pip install -e '.[intel]', or the system's PoCL (apt install pocl-opencl-icd)."
+)
 
 
 @dataclass(frozen=True)
@@ -43,66 +60,24 @@ class Arithmetic:
 # What `bench kernels` compares; results always come from the default.
 VARIANTS = {
     "precise": Arithmetic(("-cl-fp32-correctly-rounded-divide-sqrt",), "OFF", "OFF"),
-    "default": Arithmetic((), "OFF", "ON"),
+    "default": Arithmetic(("-cl-fp32-correctly-rounded-divide-sqrt",), "OFF", "ON"),
     "relaxed": Arithmetic(("-cl-fast-relaxed-math",), "ON", "ON"),
 }
 
-# PoCL compiles its AVX-512 library of built-ins for a processor with clwb. Where LLVM finds one without it (as in
-# virtual machines), no built-in is inlined: vload16, sqrt, min, clamp become calls that spill all registers. No kernel
-# uses clwb; saying that it may makes kernels of many wide loads 2 to 5 times as fast, with the same results.
+# PoCL's library of built-ins is compiled for the first processor with its registers: Haswell, and Skylake's server for
+# AVX-512. Where LLVM takes the processor for one that lacks any feature of that one's (AMD's; virtual machines without
+# clwb), it inlines none of them: vload16, sqrt, min, clamp become calls that spill all registers. So kernels are
+# compiled for the library's processor where they are not anyway. No result changes.
 INLINED_BUILTINS = """#if defined(__x86_64__) && defined(__AVX512F__) && !defined(__CLWB__)
 #pragma clang attribute push(__attribute__((target("clwb"))), apply_to = function)
+#elif defined(__x86_64__) && !defined(__AVX512F__) && defined(__AVX2__)
+#pragma clang attribute push(__attribute__((target("arch=haswell"))), apply_to = function)
 #endif
 {source}
-#if defined(__x86_64__) && defined(__AVX512F__) && !defined(__CLWB__)
+#if defined(__x86_64__) && (defined(__AVX512F__) ? !defined(__CLWB__) : defined(__AVX2__))
 #pragma clang attribute pop
 #endif
 """
-
-
-class DeviceError(RuntimeError):
-    """No usable OpenCL device, or a kernel that does not build; the message says what to do."""
-
-
-@cache
-def _opencl() -> Any:
-    """Import pyopencl with the kernel caches in the suite's own folder."""
-    os.environ.setdefault("POCL_CACHE_DIR", str(cache_folder("pocl")))
-    Path(os.environ["POCL_CACHE_DIR"]).mkdir(parents=True, exist_ok=True)
-    try:
-        import pyopencl as cl
-        import pyopencl.array
-    except ImportError as error:
-        raise DeviceError(f"pyopencl cannot be imported ({error}): run pip install -e . again.") from error
-    return cl
-
-
-def _version(text: str) -> tuple[int, ...]:
-    """The PoCL version (else the OpenCL version) in a platform's version string, as a tuple that sorts."""
-    found = re.search(r"PoCL\s+(\d+(?:\.\d+)*)", text) or re.search(r"OpenCL\s+(\d+(?:\.\d+)*)", text)
-    return tuple(int(part) for part in found.group(1).split(".")) if found else (0,)
-
-
-def list_devices() -> list[cl.Device]:
-    """All OpenCL devices: GPUs first, then the newest PoCL, then the others; the first is the default."""
-    cl = _opencl()
-    try:
-        platforms = cl.get_platforms()
-    except cl.LogicError:
-        platforms = []
-    devices = []
-    for platform in platforms:
-        try:
-            devices += platform.get_devices()
-        except cl.LogicError:  # a platform without devices raises DEVICE_NOT_FOUND
-            continue
-
-    def rank(device: cl.Device) -> tuple:
-        pocl = "Portable Computing Language" in device.platform.name
-        newest_first = tuple(-part for part in _version(device.platform.version))
-        return (not device.type & cl.device_type.GPU, not pocl, newest_first, device.platform.name, device.name)
-
-    return sorted(devices, key=rank)
 
 
 def source_with_includes(path: str, seen: set[str] | None = None) -> str:
@@ -130,6 +105,7 @@ def kernel_names() -> list[str]:
     ]
 
 
+@cache
 def kernels_digest() -> str:
     """A hash of every kernel file of the suite: results and cached results say which kernels they came from."""
     digest = hashlib.sha256()
@@ -174,41 +150,74 @@ class Device:
     changes no result. `variant`, one of VARIANTS, is how freely its kernels round.
     """
 
-    def __init__(self, device: cl.Device, variant: str = "default") -> None:
-        cl = _opencl()
+    def __init__(self, found: FoundDevice, variant: str = "default", passed_over: Sequence[str] = ()) -> None:
+        cl, device = opencl(), found.device
         if variant not in VARIANTS:
             raise DeviceError(f"There is no build variant {variant!r}: give one of {', '.join(VARIANTS)}.")
-        if "Portable Computing Language" in device.platform.name and not shutil.which("ld"):
+        if refused := found.refused():
+            raise DeviceError(refused)
+        if found.is_pocl and not shutil.which("ld"):
             raise DeviceError("PoCL needs the linker ld: install binutils (Debian, Ubuntu: apt install binutils).")
-        self.device, self.variant = device, variant
+        self.found, self.device, self.variant, self.passed_over = found, device, variant, tuple(passed_over)
         self.context = cl.Context([device])
         self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
-        self.name = f"{device.name.strip()} ({device.platform.version.strip().split(',')[0]})"
+        self.name = found.name
         self.is_cpu = bool(device.type & cl.device_type.CPU)
         self.local_size = _local_size(device.max_work_group_size)
         # Chunked kernels cut their input into this many runs: enough for the scheduler to balance, few enough for
         # small tables. A constant, never the number of cores, so that nothing can depend on the machine.
         self.chunks = 64
+        self.announce: Callable[[str], None] = lambda building: None
         self._programs: dict[tuple, Any] = {}
         self._names: dict[cl.Kernel, str] = {}
+        self._launched: set[tuple] = set()
         self._records: list[Record] = []
-        self._launching = Lock()  # a kernel keeps its arguments until it is enqueued, and threads share kernels
 
     @classmethod
     def open(cls, name: str | None = None, variant: str = "default") -> Device:
         """The device whose platform and name contain `name` (any case); without one, the default device.
 
-        Raises DeviceError, listing what there is, if none matches or the variant is unknown.
+        The default is the first of `find_devices` whose compiler has not died of these kernels before; why others were
+        passed over is in `passed_over`. Raises DeviceError, listing what there is, if none matches or none can be used.
         """
-        devices = list_devices()
-        if not devices:
+        asked, by = (name, "--device") if name else (os.environ.get("BENCH_DEVICE", ""), "BENCH_DEVICE")
+        found = find_devices()
+        if not found:
             raise DeviceError("No OpenCL device was found: pip install 'pyopencl[pocl]' brings one for any CPU.")
-        wanted = (name or os.environ.get("BENCH_DEVICE", "")).lower()
-        for device in devices:
-            if wanted in f"{device.platform.name} {device.name}".lower():
-                return cls(device, variant)
-        known = "; ".join(f"{device.name.strip()} on {device.platform.name}" for device in devices)
-        raise DeviceError(f"No OpenCL device matches {name!r}. There are: {known}.")
+        if asked:
+            for one in found:
+                if asked.lower() in f"{one.device.platform.name} {one.device.name}".lower():
+                    return cls(one, variant)._noted(asked)
+            known = "; ".join(f"{one.device.name.strip()} on {one.device.platform.name}" for one in found)
+            raise DeviceError(f"No OpenCL device matches {asked!r}, which {by} asks for. There are: {known}.")
+        reasons = []
+        for one in found:
+            reason = one.refused() or noted_death(one.key, kernels_digest())
+            if reason is None:
+                return cls(one, variant, reasons)._noted(asked)
+            reasons.append(reason)
+        raise DeviceError(" ".join([*reasons, INSTALL_ANOTHER]))
+
+    def _noted(self, asked: str) -> Device:
+        facts = {"key": self.found.key, "name": self.name, "kernels": kernels_digest(), "asked": bool(asked)}
+        journal().note(device=facts)
+        return self
+
+    @property
+    def is_new(self) -> bool:
+        """Whether these kernels were never built for this device: the first run compiles all of them."""
+        return not self._built_note.exists()
+
+    def remember_built(self) -> None:
+        """Remember that this device builds and runs these kernels; seals what was compiled."""
+        kernel_cache.seal(pocl_cache())
+        forget_death(self.found.key, kernels_digest())
+        with contextlib.suppress(OSError):
+            self._built_note.touch()
+
+    @property
+    def _built_note(self) -> Path:
+        return cache_folder("opencl") / f"built-{self.found.key}-{kernels_digest()}"
 
     @cached_property
     def description(self) -> dict[str, str]:
@@ -219,6 +228,7 @@ class Device:
             "platform": device.platform.name.strip(),
             "version": device.platform.version.strip(),
             "driver": device.driver_version.strip(),
+            "builtins": self.found.builtins,
             "compute_units": str(device.max_compute_units),
         }
 
@@ -228,30 +238,37 @@ class Device:
         Fused multiply-add contraction is off unless the file turns it on, so that integers and shared vertices
         come out the same everywhere.
         """
-        cl = _opencl()
         arithmetic = VARIANTS[self.variant]
         flags = [*arithmetic.options, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
         key = (path, *flags)
-        if key not in self._programs:
-            files: set[str] = set()
-            source = source_with_includes(path, files)
-            source = source.replace(f"{CONTRACT} ON", f"{CONTRACT} {arithmetic.contract_where_allowed}")
-            source = f"{CONTRACT} {arithmetic.contract}\n{source}"
-            source = INLINED_BUILTINS.replace("{source}", source)
-            try:
-                program = cl.Program(self.context, source).build(["-cl-std=CL1.2", *flags], cache_dir=False)
-            except cl.RuntimeError as error:
-                raise DeviceError(f"kernels/{path} does not build on {self.name}: {error}") from error
-            digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
-            kernels = Kernels({k.function_name: k for k in program.all_kernels()}, digest)
-            self._programs[key] = kernels
-            self._names |= {
-                kernels.by_name[name]: f"{file.removesuffix('.cl')}.{name}"
-                for file in files
-                for name in KERNEL.findall((ROOT / file).read_text())
-                if name in kernels.by_name  # included files may leave some out
-            }
-        return self._programs[key]
+        with SPEAKING:
+            if key not in self._programs:
+                files: set[str] = set()
+                source = source_with_includes(path, files)
+                source = source.replace(f"{CONTRACT} ON", f"{CONTRACT} {arithmetic.contract_where_allowed}")
+                source = f"{CONTRACT} {arithmetic.contract}\n{source}"
+                source = INLINED_BUILTINS.replace("{source}", source)
+                self.announce(path)
+                with journal().building(f"kernels/{path}"):
+                    built = self._compiled(path, source, flags)
+                digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
+                kernels = Kernels({kernel.function_name: kernel for kernel in built}, digest)
+                self._programs[key] = kernels
+                self._names |= {
+                    kernels.by_name[name]: f"{file.removesuffix('.cl')}.{name}"
+                    for file in files
+                    for name in KERNEL.findall((ROOT / file).read_text(encoding="utf-8"))
+                    if name in kernels.by_name  # included files may leave some out
+                }
+            return self._programs[key]
+
+    def _compiled(self, path: str, source: str, flags: Sequence[str]) -> list[cl.Kernel]:
+        cl = opencl()
+        try:
+            program = cl.Program(self.context, source).build(["-cl-std=CL1.2", "-w", *flags], cache_dir=False)
+        except cl.RuntimeError as error:
+            raise DeviceError(f"kernels/{path} does not build on {self.name}: {error}") from error
+        return program.all_kernels()
 
     def launch(self, stage: str, kernel: cl.Kernel, items: int, *args: Any, local: int | None = None) -> None:
         """Run `kernel` over at least `items` work-items and time it under `stage`.
@@ -262,28 +279,35 @@ class Device:
         """
         if items <= 0:
             return
-        cl = _opencl()
         local = local or self.local_size
         padded = -(-items // local) * local
-        with self._launching:
+        # PoCL compiles at the first launch with each work-group size, and once more for large grids.
+        form = (kernel, local, padded > LARGE_GRID)
+        with SPEAKING:
             kernel.set_args(*(_argument(value) for value in args))
-            event = cl.enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
-        for record in self._records:
-            record._events.append((stage, self._names.get(kernel), event))
+            if form in self._launched or not (self.found.is_pocl and kernel in self._names):
+                event = opencl().enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
+            else:
+                with journal().building(self._names[kernel], kernel.function_name):
+                    event = opencl().enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
+                    event.wait()
+                self._launched.add(form)
+            for record in self._records:
+                record._events.append((stage, self._names.get(kernel), event))
 
     def upload(self, values: np.ndarray) -> Array:
         """A device copy of a NumPy array (never empty: zero-sized arrays become one unused element)."""
-        cl = _opencl()
         values = np.ascontiguousarray(values)
         if values.size == 0:
             return self.zeros((1,), values.dtype)
-        return cl.array.to_device(self.queue, values)
+        array = self.empty(values.shape, values.dtype)
+        array.set(values)
+        return array
 
     def empty(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
         """An uninitialised device array; a shape without elements gets one, because OpenCL has no empty buffer."""
-        cl = _opencl()
-        shape = (shape,) if isinstance(shape, (int, np.integer)) else tuple(shape)
-        return cl.array.empty(self.queue, shape if np.prod(shape) else (1,), np.dtype(dtype))
+        with SPEAKING:
+            return array_class()(self.queue, _some(shape), np.dtype(dtype))
 
     @cached_property
     def _pool(self) -> Any:
@@ -296,10 +320,8 @@ class Device:
 
         For the pictures and lists of every frame: the first writes to fresh memory cost more than what is written.
         """
-        cl = _opencl()
-        shape = (shape,) if isinstance(shape, (int, np.integer)) else tuple(shape)
-        shape = shape if np.prod(shape) else (1,)
-        return cl.array.empty(self.queue, shape, np.dtype(dtype), allocator=self._pool)
+        with SPEAKING:
+            return array_class()(self.queue, _some(shape), np.dtype(dtype), allocator=self._pool)
 
     def zeros(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
         """A device array of zeros."""
@@ -309,15 +331,17 @@ class Device:
 
     def fill(self, array: Array, value: float, stage: str | None = None) -> None:
         """Set every element of `array`; timed under `stage` if one is given."""
-        cl = _opencl()
-        event = cl.enqueue_fill_buffer(self.queue, array.base_data, array.dtype.type(value), array.offset, array.nbytes)
+        pattern = array.dtype.type(value)
+        with SPEAKING:
+            event = opencl().enqueue_fill_buffer(self.queue, array.base_data, pattern, array.offset, array.nbytes)
         if stage:
             for record in self._records:
                 record._events.append((stage, None, event))
 
     def finish(self) -> None:
         """Wait until everything launched has run."""
-        self.queue.finish()
+        with SPEAKING:
+            self.queue.finish()
 
     @contextmanager
     def record(self) -> Iterator[Record]:
@@ -354,6 +378,12 @@ def _local_size(most: int) -> int:
     if not text.isdigit() or not 1 <= int(text) <= most:
         raise DeviceError(f"BENCH_LOCAL_SIZE is {text!r}: give a whole number from 1 to {most}.")
     return int(text)
+
+
+def _some(shape: int | tuple[int, ...]) -> tuple[int, ...]:
+    """The shape as a tuple, of one element where it has none."""
+    shape = (int(shape),) if isinstance(shape, (int, np.integer)) else tuple(shape)
+    return shape if np.prod(shape) else (1,)
 
 
 def _argument(value: Any) -> Any:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
+from arithmetic.matrices import product, turned
 from packers.skips import Skips
 
 if TYPE_CHECKING:
@@ -81,12 +82,12 @@ class View:
     @property
     def matrix(self) -> np.ndarray:
         """projection @ view, float64 (4, 4)."""
-        return self.projection @ self.view
+        return product(self.projection, self.view)
 
     @property
     def eye(self) -> np.ndarray:
         """The camera's position, float64 (3)."""
-        return -self.view[:3, :3].T @ self.view[:3, 3]
+        return -turned(self.view[:3, :3].T, self.view[:3, 3])
 
     @property
     def pixels_per_tangent(self) -> float:

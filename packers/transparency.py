@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
 
 def _run(scene: str, options: list[str], out: Path) -> int:
     """One run of all methods; shows what went wrong if anything did."""
-    command = [sys.executable, "-m", "harness.cli", "run", "--scene", scene, "--crf", RATE, "--out", str(out), *options]
+    command = [sys.executable, "-m", "harness", "run", "--scene", scene, "--crf", RATE, "--out", str(out), *options]
     for method in METHODS:
         command += ["--method", method]
     done = subprocess.run(command, check=False, capture_output=True, text=True)

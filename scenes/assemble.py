@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from arithmetic.matrices import determinant, dot, transform
 from scenes.model import Camera, CameraAnimation, Light, Material, Scene, SceneError
 from scenes.normals import perpendicular, tangents, with_normals
 from scenes.raw import Part, RawScene
@@ -156,14 +157,14 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
     inside = ((indices >= 0) & (indices < count)).all(axis=1)
     raw.note("Triangles that refer to missing vertices, dropped: {}.", np.count_nonzero(~inside))
     indices = indices[inside]
-    placed = np.isfinite(part.transforms).all(axis=(1, 2))
-    raw.note("Instances whose placement is infinite or not a number, dropped: {}.", np.count_nonzero(~placed))
-    part = replace(part, transforms=part.transforms[placed])
+    usable = np.isfinite(part.transforms).all(axis=(1, 2))
+    raw.note("Instances whose placement is infinite or not a number, dropped: {}.", np.count_nonzero(~usable))
+    part = replace(part, transforms=part.transforms[usable])
     finite = np.isfinite(part.positions).all(axis=1)
     near = np.ones(count, bool)
     with np.errstate(over="ignore", invalid="ignore"):
-        for transform in part.transforms:
-            world = part.positions @ transform[:3, :3].T + transform[:3, 3]
+        for placed in part.transforms:
+            world = transform(placed[:3], part.positions)
             near &= (np.abs(world) < _LARGEST).all(axis=1)
     for good, sentence in (
         (finite, "Triangles with vertices that are infinite or not a number, dropped: {}."),
@@ -214,9 +215,7 @@ def _repaired_normals(part: Part) -> np.ndarray:
 
 def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.ndarray]:
     """Every instance of every part in world space, and the origin: the centre of the bounds, float64 (3)."""
-    world = [
-        np.einsum("nij,vj->nvi", p.transforms[:, :3, :3], p.positions) + p.transforms[:, None, :3, 3] for p in parts
-    ]
+    world = [transform(part.transforms[:, :3], part.positions) for part in parts]
     low = np.min([points.min(axis=(0, 1)) for points in world], axis=0)
     high = np.max([points.max(axis=(0, 1)) for points in world], axis=0)
     origin = (low + high) / 2
@@ -249,7 +248,7 @@ def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.nda
 
 
 def _mirrored(part: Part) -> np.ndarray:
-    return np.linalg.det(part.transforms[:, :3, :3]) < 0
+    return determinant(part.transforms[:, :3, :3]) < 0
 
 
 def _instance_indices(part: Part, first: int) -> np.ndarray:
@@ -260,14 +259,14 @@ def _instance_indices(part: Part, first: int) -> np.ndarray:
 
 
 def _instance_normals(part: Part) -> np.ndarray:
-    turned = np.einsum("nij,vj->nvi", normal_matrices(part.transforms[:, :3, :3]), part.normals)
+    turned = transform(normal_matrices(part.transforms[:, :3, :3]), part.normals)
     length = np.linalg.norm(turned, axis=2, keepdims=True)
     return np.where(length > 0, turned / np.where(length > 0, length, 1), part.normals[None]).reshape(-1, 3)
 
 
 def _instance_tangents(part: Part, normals: np.ndarray) -> np.ndarray:
-    turned = np.einsum("nij,vj->nvi", part.transforms[:, :3, :3], part.tangents[:, :3]).reshape(-1, 3)
-    turned = turned - normals * np.einsum("vi,vi->v", turned, normals)[:, None]
+    turned = transform(part.transforms[:, :3, :3], part.tangents[:, :3]).reshape(-1, 3)
+    turned = turned - normals * dot(turned, normals)[:, None]
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     unit = np.where(length > 0, turned / np.where(length > 0, length, 1), perpendicular(normals))
     side = np.where(_mirrored(part), -1.0, 1.0)[:, None] * part.tangents[None, :, 3]

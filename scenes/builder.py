@@ -13,9 +13,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from arithmetic.functions import cos, sin_cos
+from arithmetic.matrices import dot, transform
 from scenes.features import content_digest, find_features
 from scenes.model import Material, Scene, Texture
 from scenes.normals import tangents
+from scenes.transforms import normal_matrices
 
 # Face order of `boxes`: the outward axis and side of each face.
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")
@@ -86,14 +89,15 @@ def placement(points, yaw=0.0, scale=1.0, tilt=0.0) -> np.ndarray:
     """
     matrices = translation(points)
     count = len(matrices)
-    yaw, tilt = (np.radians(np.broadcast_to(np.asarray(angle, np.float64), count)) for angle in (yaw, tilt))
+    angles = np.empty((2, count))
+    angles[0], angles[1] = yaw, tilt
+    sine, cosine = sin_cos(np.radians(angles))
     scale = np.asarray(scale, np.float64)
     scale = np.broadcast_to(scale[:, None] if scale.ndim == 1 and len(scale) == count else scale, (count, 3))
-    turn, lean = np.zeros((2, count, 3, 3))
-    turn[:, 0, 0], turn[:, 0, 2], turn[:, 2, 0], turn[:, 2, 2] = np.cos(yaw), np.sin(yaw), -np.sin(yaw), np.cos(yaw)
-    turn[:, 1, 1] = lean[:, 0, 0] = 1
-    lean[:, 1, 1], lean[:, 1, 2], lean[:, 2, 1], lean[:, 2, 2] = np.cos(tilt), -np.sin(tilt), np.sin(tilt), np.cos(tilt)
-    matrices[:, :3, :3] = turn @ lean * scale[:, None, :]
+    matrices[:, 0, 0], matrices[:, 2, 0] = cosine[0], -sine[0]
+    matrices[:, :3, 1] = np.stack([sine[0] * sine[1], cosine[1], cosine[0] * sine[1]], axis=1)
+    matrices[:, :3, 2] = np.stack([sine[0] * cosine[1], -sine[1], cosine[0] * cosine[1]], axis=1)
+    matrices[:, :3, :3] *= scale[:, None, :]
     return matrices
 
 
@@ -101,17 +105,16 @@ def repeat(part: Mesh, matrices: np.ndarray, tints: np.ndarray | None = None) ->
     """Copies of a part under matrices (N, 4, 4), one after the other; tints (N, 3) multiply their colours."""
     matrices = np.asarray(matrices, np.float64).reshape(-1, 4, 4)
     count, vertices = len(matrices), len(part.positions)
-    linear = matrices[:, :3, :3].astype(np.float32)
-    positions = part.positions @ linear.transpose(0, 2, 1) + matrices[:, None, :3, 3].astype(np.float32)
-    normals = part.normals @ np.linalg.inv(linear) if count else np.zeros((0, vertices, 3), np.float32)
-    normals /= np.maximum(np.linalg.norm(normals, axis=2, keepdims=True), 1e-20)
+    positions = transform(matrices[:, :3], part.positions)
+    normals = transform(normal_matrices(matrices[:, :3, :3]), part.normals)
+    normals /= np.maximum(np.sqrt(dot(normals, normals)), 1e-20)[..., None]
     colours = np.tile(part.colours, (count, 1)).reshape(count, vertices, 3)
     if tints is not None:
         colours = colours * np.asarray(tints, np.float32)[:, None, :]
     indices = part.indices[None] + (np.arange(count, dtype=np.int32) * vertices)[:, None, None]
     return Mesh(
-        positions.reshape(-1, 3),
-        normals.reshape(-1, 3),
+        positions.reshape(-1, 3).astype(np.float32),
+        normals.reshape(-1, 3).astype(np.float32),
         np.tile(part.uvs, (count, 1)),
         colours.reshape(-1, 3),
         indices.reshape(-1, 3),
@@ -135,7 +138,7 @@ def _unit_box(faces: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         right, up = {0: (2, 1), 1: (0, 2), 2: (0, 1)}[axis]
         normal, u, v = np.zeros((3, 3))
         normal[axis], u[right], v[up] = 2 * side, 1, 1
-        if np.dot(np.cross(u, v), normal) < 0:
+        if dot(np.cross(u, v), normal) < 0:
             u = -u
         corners.append([normal / 2 + (u * a + v * b) / 2 for a, b in ((-1, -1), (1, -1), (1, 1), (-1, 1))])
         normals.append(normal)
@@ -156,7 +159,7 @@ def boxes(centres, sizes, material: int, turns=None, tints=None, faces: str = AL
     local = corners.reshape(1, -1, 3) * sizes[:, None, :]
     normals = np.broadcast_to(np.repeat(face_normals, 4, axis=0), local.shape)
     if turns is not None:
-        local, normals = local @ turns.transpose(0, 2, 1), normals @ turns.transpose(0, 2, 1)
+        local, normals = transform(turns, local), transform(turns, normals)
     extent = sizes[:, axes]
     unit = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float64)
     uvs = unit[None, None] * extent[:, :, None, :]
@@ -210,9 +213,9 @@ def sheet(corner, along_u, along_v, material: int, divisions: tuple[int, int] = 
     u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
     positions = corner + u[..., None] * along_u + v[..., None] * along_v
     normal = np.cross(along_u, along_v)
-    lengths = np.linalg.norm(along_u), np.linalg.norm(along_v)
+    lengths = np.linalg.norm(along_u, axis=-1), np.linalg.norm(along_v, axis=-1)
     uvs = np.stack([uv0[0] + u * lengths[0], uv0[1] - v * lengths[1]], axis=-1)
-    normals = np.broadcast_to(normal / np.linalg.norm(normal), positions.shape)
+    normals = np.broadcast_to(normal / np.linalg.norm(normal, axis=-1), positions.shape)
     return mesh(positions, normals, uvs, lattice_indices(nv + 1, nu + 1), material, tint)
 
 
@@ -231,7 +234,9 @@ def card(corners, material: int, uv=(0, 0, 1, 1), tint=WHITE) -> Mesh:
     normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
     u0, v0, u1, v1 = uv
     uvs = [(u0, v1), (u1, v1), (u1, v0), (u0, v0)]
-    return mesh(corners, np.tile(normal / np.linalg.norm(normal), (4, 1)), uvs, [0, 1, 2, 0, 2, 3], material, tint)
+    return mesh(
+        corners, np.tile(normal / np.linalg.norm(normal, axis=-1), (4, 1)), uvs, [0, 1, 2, 0, 2, 3], material, tint
+    )
 
 
 def lathe(profile, segments: int, material: int, tint=WHITE, crease: float = 40.0) -> Mesh:
@@ -244,13 +249,13 @@ def lathe(profile, segments: int, material: int, tint=WHITE, crease: float = 40.
     lengths = np.linalg.norm(edges, axis=1)
     flat = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
     lower, upper = flat.copy(), flat.copy()
-    smooth = np.sum(flat[:-1] * flat[1:], axis=1) > np.cos(np.radians(crease))
+    smooth = np.sum(flat[:-1] * flat[1:], axis=1) > cos(np.radians(crease))
     blend = flat[:-1] + flat[1:]
     blend /= np.maximum(np.linalg.norm(blend, axis=1, keepdims=True), 1e-12)
     upper[:-1][smooth] = blend[smooth]
     lower[1:][smooth] = blend[smooth]
     angle = np.linspace(0, 2 * np.pi, segments + 1)
-    ring = np.stack([np.sin(angle), np.cos(angle)], axis=1)
+    ring = np.stack(sin_cos(angle), axis=1)
     along = np.concatenate([[0], np.cumsum(lengths)])
     reach = max(profile[:, 0].max(), 1e-9)
     around = angle / (2 * np.pi) * max(1.0, np.round(2 * np.pi * reach / 0.5)) * 0.5 if reach > 0.2 else angle * reach
@@ -299,7 +304,8 @@ def cylinder(radius: float, height: float, segments: int, material: int, tint=WH
 def ball(radius: float, segments: int, material: int, tint=WHITE) -> Mesh:
     """A sphere about the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, max(3, segments // 2) + 1)
-    profile = np.stack([np.maximum(np.cos(angle), 0) * radius, np.sin(angle) * radius], axis=1)
+    sine, cosine = sin_cos(angle)
+    profile = np.stack([np.maximum(cosine, 0) * radius, sine * radius], axis=1)
     profile[[0, -1], 0] = 0
     return lathe(profile, segments, material, tint, crease=80)
 
@@ -316,7 +322,8 @@ def tube(points, radius, sides: int, material: int, tint=WHITE, closed: bool = F
     tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
     frames = _transported(tangents)
     angle = np.linspace(0, 2 * np.pi, sides + 1)
-    normals = np.cos(angle)[:, None] * frames[:, 0, None] + np.sin(angle)[:, None] * frames[:, 1, None]
+    sine, cosine = (part[:, None] for part in sin_cos(angle))
+    normals = cosine * frames[:, 0, None] + sine * frames[:, 1, None]
     radius = np.broadcast_to(np.asarray(radius, np.float64), (count,))
     positions = points[:, None] + normals * radius[:, None, None]
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
@@ -326,12 +333,15 @@ def tube(points, radius, sides: int, material: int, tint=WHITE, closed: bool = F
 
 def _transported(tangents: np.ndarray) -> np.ndarray:
     """Frames (N, 2, 3) across unit tangents (N, 3), turning as little as possible from one to the next."""
-    sides = np.empty_like(tangents)
-    side = aim(tangents[:1])[0, :, 0]
-    for k, tangent in enumerate(tangents):
-        side = side - tangent * (side @ tangent)
-        side /= math.sqrt(side @ side)
-        sides[k] = side
+    x, y, z = aim(tangents[:1])[0, :, 0].tolist()
+    sides = []
+    for a, b, c in tangents.tolist():  # plain numbers: NumPy would take longer to be called than to compute
+        along = x * a + y * b + z * c
+        x, y, z = x - a * along, y - b * along, z - c * along
+        length = math.sqrt(x * x + y * y + z * z)
+        x, y, z = x / length, y / length, z / length
+        sides.append((x, y, z))
+    sides = np.array(sides)
     return np.stack([sides, np.cross(tangents, sides)], axis=1)
 
 
@@ -349,9 +359,9 @@ def rounded(corners, radius: float, steps: int) -> np.ndarray:
     out = [corners[0]]
     t = np.linspace(0, 1, steps)[:, None]
     for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
-        a = corner + (before - corner) * min(0.45, radius / np.linalg.norm(before - corner))
-        b = corner + (after - corner) * min(0.45, radius / np.linalg.norm(after - corner))
-        out.extend((1 - t) ** 2 * a + 2 * t * (1 - t) * corner + t**2 * b)
+        a = corner + (before - corner) * min(0.45, radius / np.linalg.norm(before - corner, axis=-1))
+        b = corner + (after - corner) * min(0.45, radius / np.linalg.norm(after - corner, axis=-1))
+        out.extend((1 - t) * (1 - t) * a + 2 * t * (1 - t) * corner + t * t * b)
     out.append(corners[-1])
     return np.array(out)
 
@@ -417,5 +427,5 @@ def slanted_count(part: Mesh) -> int:
     """How many triangles have a longest edge of more than 3 heights."""
     a, b, c = (part.positions[part.indices[:, k]] for k in range(3))
     doubled = np.linalg.norm(np.cross(b - a, c - a), axis=1)
-    longest = np.max([np.sum((q - p) ** 2, axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
+    longest = np.max([np.sum((q - p) * (q - p), axis=1) for p, q in ((a, b), (b, c), (c, a))], axis=0)
     return int(np.count_nonzero(longest > 3 * doubled))

@@ -7,11 +7,11 @@ coordinates of the file after its node transforms) and `fov_x_deg` or `fov_min_a
 from __future__ import annotations
 
 import json
-import math
 from pathlib import Path
 
 import numpy as np
 
+from arithmetic.functions import arctan, tan
 from scenes.model import Camera, SceneError
 
 
@@ -42,6 +42,6 @@ def _camera(entry: dict, number: int) -> Camera:
             raise ValueError(f"camera {number} has no usable {name}")
     fov = None if "fov_x_deg" not in entry else float(entry["fov_x_deg"])
     if fov is None and "fov_min_axis_deg" in entry:  # the vertical one of a 16:9 picture
-        fov = math.degrees(2 * math.atan(math.tan(math.radians(float(entry["fov_min_axis_deg"])) / 2) * 16 / 9))
-    direction, up = direction / np.linalg.norm(direction), up / np.linalg.norm(up)
+        fov = float(np.degrees(2 * arctan(tan(np.radians(float(entry["fov_min_axis_deg"])) / 2) * 16 / 9)))
+    direction, up = direction / np.linalg.norm(direction, axis=-1), up / np.linalg.norm(up, axis=-1)
     return Camera(tuple(eye.tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, f"camera {number}")

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from arithmetic.functions import arctan, tan
+from arithmetic.matrices import product, turned
 from scenes.gltf_document import GltfDocument
 from scenes.gltf_materials import GltfMaterials
 from scenes.gltf_motion import camera_animations
@@ -93,7 +95,7 @@ def _instances(document: GltfDocument, node: dict, world: np.ndarray) -> np.ndar
     count = max(len(value) for value in values.values())
     translation = values.get("TRANSLATION", np.zeros((count, 3)))
     rotation = values.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
-    return world @ compose(translation, rotation, values.get("SCALE", np.ones((count, 3))))
+    return product(world, compose(translation, rotation, values.get("SCALE", np.ones((count, 3)))))
 
 
 def _joint_matrices(document: GltfDocument, nodes: GltfNodes, index: int) -> np.ndarray:
@@ -102,7 +104,7 @@ def _joint_matrices(document: GltfDocument, nodes: GltfNodes, index: int) -> np.
     world = nodes.world[skin["joints"]]
     if "inverseBindMatrices" not in skin:
         return world
-    return world @ document.accessor(skin["inverseBindMatrices"])[: len(world)].astype(np.float64)
+    return product(world, document.accessor(skin["inverseBindMatrices"])[: len(world)])
 
 
 def _primitives(
@@ -193,12 +195,12 @@ def _skin(document: GltfDocument, attributes: dict, joints: np.ndarray, part: Pa
             blended += weights[:, column, None, None] * joints[indices[:, column]]
         total += weights.sum(axis=1)
     blended /= np.where(total > 0, total, 1)[:, None, None]
-    part.positions = np.einsum("vij,vj->vi", blended[:, :3, :3], part.positions) + blended[:, :3, 3]
+    part.positions = turned(blended[:, :3, :3], part.positions) + blended[:, :3, 3]
     if part.normals is not None:
-        part.normals = np.einsum("vij,vj->vi", normal_matrices(blended[:, :3, :3]), part.normals)
+        part.normals = turned(normal_matrices(blended[:, :3, :3]), part.normals)
     if part.tangents is not None:
-        turned = np.einsum("vij,vj->vi", blended[:, :3, :3], part.tangents[:, :3])
-        part.tangents = np.concatenate([turned, part.tangents[:, 3:]], axis=1)
+        along = turned(blended[:, :3, :3], part.tangents[:, :3])
+        part.tangents = np.concatenate([along, part.tangents[:, 3:]], axis=1)
 
 
 def _camera(document: GltfDocument, nodes: GltfNodes, node: int) -> Camera:
@@ -208,7 +210,7 @@ def _camera(document: GltfDocument, nodes: GltfNodes, node: int) -> Camera:
     fov = None
     if "yfov" in lens:
         aspect = lens.get("aspectRatio", 16 / 9)
-        fov = float(np.degrees(2 * np.arctan(np.tan(lens["yfov"] / 2) * aspect)))
+        fov = float(np.degrees(2 * arctan(tan(lens["yfov"] / 2) * aspect)))
     direction, up = _unit(-matrix[:3, 2]), _unit(matrix[:3, 1])
     name = entry.get("name") or nodes.entries[node].get("name") or f"camera {node}"
     return Camera(tuple(matrix[:3, 3].tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, str(name))
@@ -230,5 +232,5 @@ def _light(document: GltfDocument, nodes: GltfNodes, node: int) -> Light:
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:
-    length = np.linalg.norm(vector)
+    length = np.linalg.norm(vector, axis=-1)
     return vector / length if length > 0 else np.array([0.0, 0.0, -1.0])

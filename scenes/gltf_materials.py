@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from arithmetic.functions import sin_cos
+from arithmetic.matrices import transform
 from scenes.gltf_document import GltfDocument
 from scenes.images import decode_image
 from scenes.model import Material, Texture
@@ -27,7 +28,7 @@ class UvSource:
         if self.transform is None:
             return uvs
         matrix = np.array(self.transform)
-        return uvs @ matrix[:, :2].T + matrix[:, 2]
+        return transform(matrix, uvs)
 
 
 class GltfMaterials:
@@ -163,6 +164,6 @@ def _uv_source(info: dict) -> UvSource:
         return UvSource(info.get("texCoord", 0))
     (u, v), (su, sv) = change.get("offset", (0, 0)), change.get("scale", (1, 1))
     angle = change.get("rotation", 0.0)
-    cos, sin = math.cos(angle), math.sin(angle)
-    matrix = ((cos * su, sin * sv, float(u)), (-sin * su, cos * sv, float(v)))
+    sine, cosine = (float(part) for part in sin_cos(angle))
+    matrix = ((cosine * su, sine * sv, float(u)), (-sine * su, cosine * sv, float(v)))
     return UvSource(change.get("texCoord", info.get("texCoord", 0)), matrix)

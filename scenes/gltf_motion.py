@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.functions import arctan2, sin
+from arithmetic.matrices import dot, product
 from scenes.gltf_document import GltfDocument
 from scenes.gltf_nodes import GltfNodes
 from scenes.model import CameraAnimation
+from scenes.quaternions import from_matrix
 from scenes.transforms import compose
 
 _STEP_MS = 1000 / 60  # rotations between keys are not straight lines, so they are sampled at 60 Hz at least
@@ -54,7 +57,7 @@ def _sample(
     world = np.broadcast_to(np.eye(4), (count, 4, 4))
     for node in lineage:
         local = _local_over_time(document, nodes.entries[node], channels.get(node, []), times)
-        world = world @ (nodes.local[node] if local is None else local)
+        world = product(world, nodes.local[node] if local is None else local)
     return CameraAnimation(name, (times - first) * 1000, world[:, :3, 3].copy(), _quaternions(world[:, :3, :3]))
 
 
@@ -86,7 +89,8 @@ def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, rotat
     if mode == "CUBICSPLINE":
         arriving, points, leaving = values.reshape(len(keys), 3, -1).transpose(1, 0, 2)
         p, q, m, n = points[before], points[after], leaving[before] * span[:, None], arriving[after] * span[:, None]
-        h = (2 * t**3 - 3 * t**2 + 1, t**3 - 2 * t**2 + t, -2 * t**3 + 3 * t**2, t**3 - t**2)
+        square, cube = t * t, t * t * t
+        h = (2 * cube - 3 * square + 1, cube - 2 * square + t, -2 * cube + 3 * square, cube - square)
         return h[0] * p + h[1] * m + h[2] * q + h[3] * n
     return (
         _slerp(values[before], values[after], t) if rotation else values[before] + t * (values[after] - values[before])
@@ -95,20 +99,18 @@ def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, rotat
 
 def _slerp(p: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     """Spherical interpolation of quaternions (N, 4) along the shorter way."""
-    dot = np.einsum("ni,ni->n", p, q)[:, None]
-    q, dot = np.where(dot < 0, -q, q), np.abs(dot)
-    angle = np.arctan2(np.sqrt(np.maximum(0, 1 - dot * dot)), dot)
-    sine = np.sin(angle)
+    cosine = dot(p, q)[:, None]
+    q, cosine = np.where(cosine < 0, -q, q), np.abs(cosine)
+    angle = arctan2(np.sqrt(np.maximum(0, 1 - cosine * cosine)), cosine)
+    sine = sin(angle)
     near = sine < 1e-6
     safe = np.where(near, 1, sine)
-    return np.where(near, 1 - t, np.sin((1 - t) * angle) / safe) * p + np.where(near, t, np.sin(t * angle) / safe) * q
+    return np.where(near, 1 - t, sin((1 - t) * angle) / safe) * p + np.where(near, t, sin(t * angle) / safe) * q
 
 
 def _quaternions(linear: np.ndarray) -> np.ndarray:
     """Unit quaternions (N, 4) x, y, z, w of camera frames (N, 3, 3), scale taken out."""
-    from scipy.spatial.transform import Rotation
-
     z = linear[:, :, 2] / np.linalg.norm(linear[:, :, 2], axis=1, keepdims=True)
     x = np.cross(linear[:, :, 1], z)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
-    return Rotation.from_matrix(np.stack([x, np.cross(z, x), z], axis=2)).as_quat()
+    return from_matrix(np.stack([x, np.cross(z, x), z], axis=2))

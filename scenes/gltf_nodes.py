@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import product
 from scenes.gltf_document import GltfDocument
 from scenes.transforms import compose
 
@@ -36,7 +37,7 @@ class GltfNodes:
         world = local.copy()
         for index in order:
             if self.parents[index] >= 0:
-                world[index] = world[self.parents[index]] @ local[index]
+                world[index] = product(world[self.parents[index]], local[index])
         return world
 
     def lineage(self, node: int) -> list[int]:

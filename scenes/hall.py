@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arithmetic.functions import cos, sin
 from scenes import surfaces
 from scenes.builder import (
     WHITE,
@@ -267,7 +268,7 @@ class _Hall:
         """A railing between two floor points: posts, handrail, two rails, a kick plate and a lattice of thin bars."""
         m = self.m
         along = ends[1] - ends[0]
-        bays = max(1, round(np.linalg.norm(along) / 1.3))
+        bays = max(1, round(np.linalg.norm(along, axis=-1) / 1.3))
         t = np.linspace(0, 1, bays + 1)[:, None]
         feet = ends[0] + along * t
         parts = [struts(feet, feet + 1.05 * UP, 0.05, m.paint, YELLOW)]
@@ -317,7 +318,7 @@ class _Hall:
         parts.append(struts(wires, [(x + (p[0] - x) * 0.4, 3.6, p[2]) for p in wires], 0.015, m.steel))
         parts += [drum, box((x, 3.45, -2.5), (0.3, 0.4, 0.22), m.stripes)]
         bend = np.linspace(-0.3, 4.2, self.count(14))
-        hook = np.stack([x + 0.13 * np.sin(bend), 3.05 + 0.13 * np.cos(bend), 0 * bend - 2.5], axis=1)
+        hook = np.stack([x + 0.13 * sin(bend), 3.05 + 0.13 * cos(bend), 0 * bend - 2.5], axis=1)
         parts.append(tube(hook, np.linspace(0.035, 0.015, len(bend)), self.count(8), m.steel))
         return merge([*parts, self.sign(10, (x - 0.62, y + 0.4, 4), 0.6, -90)])
 
@@ -356,7 +357,7 @@ class _Hall:
         """A pipe along a polyline whose long stretches are divided every metre."""
         points = [line[:1]]
         for a, b in itertools.pairwise(line):
-            steps = max(1, round(np.linalg.norm(b - a) * 0.4))
+            steps = max(1, round(np.linalg.norm(b - a, axis=-1) * 0.4))
             points.append(a + (b - a) * (np.arange(1, steps + 1) / steps)[:, None])
         points = np.concatenate(points)
         keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6])
@@ -366,7 +367,7 @@ class _Hall:
         """A valve's body and hand wheel, on a pipe along x through the origin."""
         m = self.m
         angle = np.linspace(0, 2 * np.pi, self.count(14) + 1)[:-1]
-        wheel = np.stack([0.13 * np.cos(angle), 0 * angle + 0.3 + radius, 0.13 * np.sin(angle)], axis=1)
+        wheel = np.stack([0.13 * cos(angle), 0 * angle + 0.3 + radius, 0.13 * sin(angle)], axis=1)
         spokes = struts(
             [(0, 0.3 + radius, 0)] * 4,
             [(0.13, 0.3 + radius, 0), (-0.13, 0.3 + radius, 0), (0, 0.3 + radius, 0.13), (0, 0.3 + radius, -0.13)],
@@ -396,7 +397,7 @@ class _Hall:
             parts.append(struts(hangers, hangers + 0.8 * UP, 0.015, m.steel))
             for k in range(2):
                 x = np.linspace(-19.4, 19.4, self.count(24))
-                wave = z - 0.12 + 0.2 * k + 0.03 * np.sin(x * 1.3 + k)
+                wave = z - 0.12 + 0.2 * k + 0.03 * sin(x * 1.3 + k)
                 line = np.stack([x, 5.905 + 0.008 * rng.random(len(x)), wave], axis=1)
                 parts.append(tube(line, 0.015, 4, m.rubber, closed=False))
         return merge(parts)
@@ -435,7 +436,7 @@ class _Hall:
         )
         bolts = repeat(
             cylinder(0.02, 0.03, 6, m.steel),
-            placement([(0.39 * np.cos(a), 0.06, 0.39 * np.sin(a)) for a in np.arange(12) * np.pi / 6]),
+            placement([(0.39 * cos(a), 0.06, 0.39 * sin(a)) for a in np.arange(12) * np.pi / 6]),
         )
         joint = _sideways(
             lathe([(0, -0.3), (0.24, -0.3), (0.27, -0.2), (0.27, 0.2), (0.24, 0.3), (0, 0.3)], n, m.paint, tint)
@@ -505,7 +506,7 @@ class _Hall:
         )
         signs = [self.sign(1, (-1.0, 1.5, 2.64), 0.45, 0), self.sign(0 if k % 2 else 4, (1.2, 1.6, 2.64), 0.35, 0)]
         cable = sagging((2.3, 0.05, 1.3), (0.35, 0.05, 0.2), 0.0, self.count(16))
-        cable[:, 0] += 0.15 * np.sin(np.linspace(0, 9, len(cable)))
+        cable[:, 0] += 0.15 * sin(np.linspace(0, 9, len(cable)))
         return merge(
             [panels, moved(cabinet, (2.3, 0, 1.7)), *signs, tube(cable - 0.02 * UP, 0.025, self.count(6), m.rubber)]
         )
@@ -663,7 +664,7 @@ class _Hall:
         drawers = [(0.75, 0.75 - 0.16 * k, 0.02) for k in range(4)]
         lamp = rounded([(-1.0, 0.9, -0.3), (-1.0, 1.4, -0.3), (-0.7, 1.55, -0.05)], 0.2, self.count(6))
         shade = lathe([(0.1, 0), (0.06, 0.1), (0.02, 0.13), (0, 0.13)], n, m.paint, YELLOW)
-        spokes = [(0.1 + 0.26 * np.cos(a), 0.03, 0.75 + 0.26 * np.sin(a)) for a in np.arange(5) * 1.2566]
+        spokes = [(0.1 + 0.26 * cos(a), 0.03, 0.75 + 0.26 * sin(a)) for a in np.arange(5) * 1.2566]
         return merge(
             [
                 box((0, 0.87, 0), (2.3, 0.06, 0.8), m.wood),
@@ -853,7 +854,7 @@ class _Hall:
         t = np.linspace(0, 1, self.count(40))
         cables = []
         for k in range(2):
-            z = 1.98 + 0.05 * k + 0.05 * np.sin(t * 40 + k * 2) * np.sin(t * 7)
+            z = 1.98 + 0.05 * k + 0.05 * sin(t * 40 + k * 2) * sin(t * 7)
             cables.append(tube(np.stack([-17 + 30 * t, 0 * t + 0.012, z], axis=1), 0.012, 4, self.m.rubber))
         return merge(cables)
 
@@ -895,15 +896,15 @@ class _Hall:
         m, n = self.m, self.count(10)
         bolt = merge([cylinder(0.3, 0.25, 6, m.steel), moved(cylinder(0.15, 0.8, n, m.steel, rings=3), (0, 0.25, 0))])
         angle = np.linspace(0, 2 * np.pi * 4, self.count(84))
-        coil = np.stack([0.38 * np.cos(angle), 0.08 + angle * 0.03, 0.38 * np.sin(angle)], axis=1)
+        coil = np.stack([0.38 * cos(angle), 0.08 + angle * 0.03, 0.38 * sin(angle)], axis=1)
         teeth = np.arange(12) * np.pi / 6
         turns = placement(np.zeros((12, 3)), np.degrees(teeth))[:, :3, :3]
-        rim = np.stack([0.41 * np.cos(teeth), 0 * teeth + 0.15, -0.41 * np.sin(teeth)], axis=1)
+        rim = np.stack([0.41 * cos(teeth), 0 * teeth + 0.15, -0.41 * sin(teeth)], axis=1)
         wheel = lathe([(0.36, 0), (0.36, 0.3), (0.15, 0.3), (0.15, 0.1)], self.count(17), m.steel)
         can = lathe([(0, 0), (0.4, 0), (0.4, 0.3), (0.4, 0.6), (0.4, 0.9), (0, 0.9)], n, m.paint)
         shell = lathe([(0.45, 0.0), (0.45, 0.3), (0.35, 0.3), (0.35, 0)], self.count(14), m.steel)
         round_about = np.arange(7) * 0.8976
-        places = np.stack([0.26 * np.cos(round_about), 0 * round_about + 0.15, 0.26 * np.sin(round_about)], axis=1)
+        places = np.stack([0.26 * cos(round_about), 0 * round_about + 0.15, 0.26 * sin(round_about)], axis=1)
         return [
             bolt,
             tube(coil, 0.07, self.count(5, 3), m.steel),
@@ -955,7 +956,7 @@ def _sideways(part: Mesh) -> Mesh:
 
 def _lean(degrees: float) -> np.ndarray:
     """Up, tilted about x as `placement` does."""
-    return np.array([0, np.cos(np.radians(degrees)), np.sin(np.radians(degrees))])
+    return np.array([0, cos(np.radians(degrees)), sin(np.radians(degrees))])
 
 
 def _shelf_places(count: int, rng: np.random.Generator) -> tuple[np.ndarray, float]:

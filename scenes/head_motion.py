@@ -13,6 +13,8 @@ from pathlib import Path
 
 import numpy as np
 
+from arithmetic import draws
+from arithmetic.functions import exp, log, sin
 from scenes.paths import CameraPath, Poses, read_numbers
 from scenes.quaternions import about, conjugate, multiply, rotate
 
@@ -36,7 +38,7 @@ class _Waves:
 
     def pose_at(self, t_ms: float) -> tuple[np.ndarray, np.ndarray]:
         """Position (3) in metres and orientation (4) of the head about its place of rest."""
-        values = (self.amplitudes * np.sin(self.frequencies * (t_ms / 1000) + self.phases)).sum(axis=1)
+        values = (self.amplitudes * sin(self.frequencies * (t_ms / 1000) + self.phases)).sum(axis=1)
         pitch, yaw, roll = values[3:]
         return values[:3], multiply(multiply(about(1, yaw), about(0, pitch)), about(2, roll))
 
@@ -64,8 +66,8 @@ class HeadMotion:
     @classmethod
     def synthetic(cls, seed: int = 0) -> HeadMotion:
         """Smooth motion of a standing person: about 0.1 m/s and 30 degrees per second, slower than 1.6 Hz."""
-        rng = np.random.default_rng([seed, 72])
-        frequencies = 2 * np.pi * np.exp(rng.uniform(*np.log(BAND), (6, WAVES)))
+        rng = draws.generator([seed, 72])
+        frequencies = 2 * np.pi * exp(rng.uniform(*log(BAND), (6, WAVES)))
         speeds = np.array([*SPEEDS, *SPINS])[:, None]
         amplitudes = speeds * np.sqrt(2 / WAVES) / frequencies
         return cls(_Waves(amplitudes, frequencies, rng.uniform(0, 2 * np.pi, (6, WAVES))))

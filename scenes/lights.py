@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.functions import arctan2, cos, power, sin, sin_cos
+from arithmetic.matrices import dot, eigenvectors, product
 from scenes.features import triangle_shapes
 from scenes.model import Camera, Light, Scene, Sky
 from scenes.rays import Rays
@@ -71,7 +73,8 @@ def mean_albedo(scene: Scene) -> float:
     area, _ = triangle_shapes(scene)
     weight = np.bincount(scene.material_ids, area, len(scene.materials))
     colours = np.array([_mean_colour(scene, index) for index in range(len(scene.materials))])
-    return max(0.02, float(weight @ colours @ (0.2126, 0.7152, 0.0722) / weight.sum()))
+    mean = (weight[:, None] * colours).sum(axis=0) / weight.sum()
+    return max(0.02, float(dot(mean, (0.2126, 0.7152, 0.0722))))
 
 
 def _mean_colour(scene: Scene, index: int) -> np.ndarray:
@@ -81,15 +84,15 @@ def _mean_colour(scene: Scene, index: int) -> np.ndarray:
         return colour
     texels = scene.textures[material.base_texture].texels[::8, ::8]
     opaque = texels[texels[..., 3] > 127]
-    return colour * ((opaque[:, :3] / 255) ** 2.2).mean(axis=0) if len(opaque) else colour
+    return colour * power(opaque[:, :3] / 255, 2.2).mean(axis=0) if len(opaque) else colour
 
 
 def _faces_inwards(scene: Scene, middle: np.ndarray) -> bool:
     """Whether most of the surface, by the solid angle that it fills, shows its front to a point."""
     a, b, c = (scene.positions[scene.indices[:, corner]] - middle for corner in range(3))
-    volume = np.einsum("ti,ti->t", a, np.cross(b, c)).astype(np.float64)
-    distance = np.linalg.norm(a + b + c, axis=1) / 3
-    return float((volume / np.maximum(distance, 1e-9) ** 3).sum()) < 0
+    volume = dot(a, np.cross(b, c))
+    distance = np.maximum(np.linalg.norm(a + b + c, axis=1) / 3, 1e-9)
+    return float((volume / (distance * distance * distance)).sum()) < 0
 
 
 def _viewpoint(scene: Scene) -> np.ndarray | None:
@@ -104,16 +107,17 @@ def _viewpoint(scene: Scene) -> np.ndarray | None:
 def _covered(rays: Rays, eye: np.ndarray, height: float) -> bool:
     """Whether something covers most of the sky straight above and 35 degrees around it, within a height in units."""
     angles = np.arange(8) * np.pi / 4
-    tilt = np.radians(35)
-    around = [(np.sin(tilt) * np.cos(a), np.cos(tilt), np.sin(tilt) * np.sin(a)) for a in angles]
-    directions = [np.array(direction) for direction in [(0.0, 1.0, 0.0), *around]]
+    aside, upwards = sin_cos(np.radians(35))
+    sine, cosine = sin_cos(angles)
+    around = np.stack([aside * cosine, np.full(len(angles), upwards), aside * sine], axis=1)
+    directions = [np.array([0.0, 1.0, 0.0]), *around]
     return sum(rays.distance(eye, direction) * direction[1] < height for direction in directions) >= 6
 
 
 def _sun(scene: Scene, rays: Rays, eye: np.ndarray | None, shadows: bool) -> Light:
     """The sun over one of the viewer's shoulders, or from ahead where more of what the viewer sees would be lit."""
     camera = next(iter(scene.cameras), Camera((0.0, 0.0, 0.0), (-0.35, 0.0, -0.94)))
-    heading = np.arctan2(camera.direction[2], camera.direction[0])
+    heading = arctan2(camera.direction[2], camera.direction[0])
     directions = [_sun_direction(heading + np.radians(aside)) for aside in _SUN_ASIDE]
     best = 0
     if eye is not None and shadows:
@@ -124,16 +128,16 @@ def _sun(scene: Scene, rays: Rays, eye: np.ndarray | None, shadows: bool) -> Lig
 
 
 def _sun_direction(azimuth: float) -> np.ndarray:
-    height = np.radians(_SUN_HEIGHT)
-    return np.array([np.cos(azimuth) * np.cos(height), -np.sin(height), np.sin(azimuth) * np.cos(height)])
+    (along, above), (aside, level) = sin_cos(np.array([azimuth, np.radians(_SUN_HEIGHT)]))
+    return np.array([aside * level, -above, along * level])
 
 
 def _seen_points(rays: Rays, eye: np.ndarray, heading: float) -> list[np.ndarray]:
     """A few surface points around the middle of what a viewer sees, somewhat in front of their surfaces."""
     points = []
     for turn in np.radians([-24, -12, 0, 12, 24]):
-        way = np.array([np.cos(heading + turn), -0.15, np.sin(heading + turn)])
-        way /= np.linalg.norm(way)
+        way = np.array([cos(heading + turn), -0.15, sin(heading + turn)])
+        way /= np.linalg.norm(way, axis=-1)
         distance = rays.distance(eye, way)
         if np.isfinite(distance):
             points.append(eye + way * distance * 0.99)
@@ -144,17 +148,17 @@ def _lamps(scene: Scene, rays: Rays, eye: np.ndarray) -> list[Light]:
     """Three spot lights below the ceiling along the longer way through the room that the viewer stands in."""
     reach = _FARTHEST / scene.metres_per_unit
     angles = np.arange(24) * 2 * np.pi / 24
-    ways = np.stack([np.cos(angles), np.zeros(24), np.sin(angles)], axis=1)
+    ways = np.stack([cos(angles), np.zeros(24), sin(angles)], axis=1)
     hits = eye + ways * np.array([min(rays.distance(eye, way), reach) for way in ways])[:, None]
     spread = (hits - hits.mean(axis=0))[:, [0, 2]]
-    along = np.linalg.eigh(spread.T @ spread)[1][:, 1]
+    along = eigenvectors(product(spread.T, spread))[1][:, 1]
     axis = np.array([along[0], 0.0, along[1]])
-    low, high = (hits @ axis).min(), (hits @ axis).max()
-    across = hits.mean(axis=0) - axis * (hits.mean(axis=0) @ axis)
+    low, high = dot(hits, axis).min(), dot(hits, axis).max()
+    across = hits.mean(axis=0) - axis * dot(hits.mean(axis=0), axis)
     lights = []
     for share in (0.0, 0.6, -0.6):
         goal = across + axis * ((low + high) / 2 + share * (high - low) / 2) - eye
-        length = np.linalg.norm(goal)
+        length = np.linalg.norm(goal, axis=-1)
         way = goal / length if length > 0 else ways[0]
         place = eye + way * min(length, 0.8 * rays.distance(eye, way))
         lights.append(_lamp(scene, rays, place, -share * axis))
@@ -170,16 +174,18 @@ def _lamp(scene: Scene, rays: Rays, place: np.ndarray, lean: np.ndarray) -> Ligh
     drop = rays.distance(position, down) * unit
     height = float(np.clip(drop, 1.5, 2 * _LAMP_RISE)) if np.isfinite(drop) else _LAMP_RISE
     direction = down + 0.5 * lean
-    direction /= np.linalg.norm(direction)
-    colour = tuple(c * height**2 for c in _LAMP)
+    direction /= np.linalg.norm(direction, axis=-1)
+    colour = tuple(c * height * height for c in _LAMP)
     return Light("spot", colour, tuple(position.tolist()), tuple(direction.tolist()), _LAMP_CONE)
 
 
 def _expose_own_lights(scene: Scene) -> None:
     """Sky and exposure for lights in whatever unit the file has: irradiance is estimated at half the scene's size."""
     low, high = scene.bounds
-    distance = max(np.linalg.norm(high - low) / 4 * scene.metres_per_unit, 1e-3)
-    arriving = [max(light.colour) / (1 if light.kind == "directional" else distance**2) for light in scene.lights]
+    distance = max(np.linalg.norm(high - low, axis=-1) / 4 * scene.metres_per_unit, 1e-3)
+    arriving = [
+        max(light.colour) / (1 if light.kind == "directional" else distance * distance) for light in scene.lights
+    ]
     strength = max(sum(arriving), 1e-6) / max(_SUN)
     sky = (tuple(c * strength for c in colour) for colour in (_SKY.zenith, _SKY.horizon, _SKY.ground))
     scene.sky = Sky(*sky)

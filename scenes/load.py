@@ -78,12 +78,13 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
 
 def _through_cache(cache: Path | None, options: dict, files: list[Path], load: Callable[[], Scene]) -> Scene:
     """The scene from the cache, or loaded and stored there."""
-    folder = None if cache is None else cache / scene_key(options, files)
-    scene = fetch(folder) if folder is not None else None
+    if cache is None:
+        return load()
+    path = cache / scene_key(options, files)
+    scene = fetch(path)
     if scene is None:
         scene = load()
-        if folder is not None:
-            store(folder, scene)
+        store(path, scene)
     return scene
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
+from arithmetic.functions import power
 from scenes.images import read_image
 from scenes.model import Material, SceneError, Texture
 from scenes.mtl import material_libraries, read_mtl
@@ -179,5 +180,5 @@ def _linear(colours: np.ndarray) -> np.ndarray:
     linear = np.ones((len(values), 4), np.float32)
     linear[:, : values.shape[1]] = values
     rgb = np.clip(linear[:, :3], 0, 1)
-    linear[:, :3] = np.where(rgb <= 0.04045, rgb / 12.92, ((rgb + 0.055) / 1.055) ** 2.4)
+    linear[:, :3] = np.where(rgb <= 0.04045, rgb / 12.92, power((rgb + 0.055) / 1.055, 2.4))
     return linear

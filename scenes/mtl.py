@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from pathlib import Path
 
@@ -66,7 +67,9 @@ def _material(
         base_texture=base,
         emissive=tuple(emissive),
         emissive_texture=_texture(library, entry.get("map_ke"), None, textures, raw),
-        roughness=min(1.0, (2.0 / (max(shininess, 0.0) + 2.0)) ** 0.25),  # Blinn-Phong exponent to GGX roughness
+        roughness=min(
+            1.0, math.sqrt(math.sqrt(2.0 / (max(shininess, 0.0) + 2.0)))
+        ),  # Blinn-Phong exponent to GGX roughness
         alpha_mode="blend" if opacity[0] < 1 else "mask" if mask is not None and base >= 0 else "opaque",
         double_sided=True,
     )

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.functions import arctan2, cos
+from arithmetic.matrices import dot
 from scenes.raw import Part
 
 CREASE_DEGREES = 50.0  # faces that meet at more keep a sharp edge; a cylinder of 8 sides is still smooth
@@ -41,20 +43,20 @@ def crease_normals(positions: np.ndarray, indices: np.ndarray, welded: np.ndarra
     starts = np.flatnonzero(np.diff(corner_vertex[order], prepend=-1))
     count = np.diff(starts, append=len(order))
     first, size = np.repeat(starts, count), np.repeat(count, count)
-    cosine = np.cos(np.radians(CREASE_DEGREES))
+    cosine = cos(np.radians(CREASE_DEGREES))
     sums = np.zeros((len(order), 3))
     active = np.flatnonzero(size <= _LARGEST_FAN)
     for step in range(int(min(count.max(initial=0), _LARGEST_FAN))):
         active = active[size[active] > step]
         other = first[active] + (active - first[active] + step) % size[active]
-        near = np.einsum("ni,ni->n", face[owner[active]], face[owner[other]]) > cosine
+        near = dot(face[owner[active]], face[owner[other]]) > cosine
         share = weight.ravel()[order[other]] * near
         sums[active] += face[owner[other]] * share[:, None]
     for start, length in zip(starts[count > _LARGEST_FAN], count[count > _LARGEST_FAN], strict=True):
         rows = slice(start, start + length)
         mean = (face[owner[rows]] * weight.ravel()[order[rows], None]).sum(axis=0)
-        mean /= max(np.linalg.norm(mean), 1e-300)
-        sums[rows] = np.where((face[owner[rows]] @ mean > cosine)[:, None], mean, face[owner[rows]])
+        mean /= max(np.linalg.norm(mean, axis=-1), 1e-300)
+        sums[rows] = np.where((dot(face[owner[rows]], mean) > cosine)[:, None], mean, face[owner[rows]])
     corners = np.empty_like(sums)
     corners[order] = sums
     corners = _unit(corners, np.repeat(face, 3, axis=0))
@@ -79,9 +81,9 @@ def tangents(positions: np.ndarray, normals: np.ndarray, uvs: np.ndarray, indice
             for row, value in enumerate((along_u, along_v)):
                 sums[row, :, axis] += np.bincount(indices[:, corner], value[:, axis], len(positions))
     normals = np.asarray(normals, np.float64)
-    tangent = sums[0] - normals * np.einsum("vi,vi->v", normals, sums[0])[:, None]
+    tangent = sums[0] - normals * dot(normals, sums[0])[:, None]
     tangent = _unit(tangent, perpendicular(normals))
-    side = np.einsum("vi,vi->v", np.cross(normals, tangent), sums[1])
+    side = dot(np.cross(normals, tangent), sums[1])
     return np.concatenate([tangent, np.where(side > 0, -1.0, 1.0)[:, None]], axis=1)
 
 
@@ -97,7 +99,7 @@ def _faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     normal = np.cross(edges[:, 0], edges[:, 1])
     back = -edges[:, [2, 0, 1]]
     sine = np.linalg.norm(normal, axis=1)[:, None]
-    angle = np.arctan2(sine, np.einsum("tci,tci->tc", edges, back))
+    angle = arctan2(sine, dot(edges, back))
     return _unit(normal, np.zeros_like(normal)), angle
 
 

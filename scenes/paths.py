@@ -14,6 +14,9 @@ from pathlib import Path
 
 import numpy as np
 
+from arithmetic import draws
+from arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
+from scenes.lines import curve, smoothed
 from scenes.model import Scene
 from scenes.quaternions import about, looking, multiply, slerp
 from scenes.rays import Rays
@@ -92,10 +95,11 @@ class CameraPath:
         times = poses.times_ms
         if t_ms <= times[0] or len(times) == 1:
             return poses.positions[0].copy(), poses.orientations[0].copy()
-        k = int(np.clip(np.searchsorted(times, t_ms, side="right") - 1, 0, len(times) - 2))
-        share = (t_ms - times[k]) / (times[k + 1] - times[k])
-        if share == 0:
+        k = int(np.searchsorted(times, t_ms, side="right")) - 1
+        if t_ms == times[k]:
             return poses.positions[k].copy(), poses.orientations[k].copy()
+        k = min(k, len(times) - 2)
+        share = (t_ms - times[k]) / (times[k + 1] - times[k])
         position = poses.positions[k] + share * (poses.positions[k + 1] - poses.positions[k])
         return position, slerp(poses.orientations[k], poses.orientations[k + 1], share)
 
@@ -210,9 +214,7 @@ def _frame_times(count: int) -> np.ndarray:
 def _circle(centre: np.ndarray, distance: float, degrees: np.ndarray, elevation: float) -> Poses:
     """Poses on a circle around `centre` at angles (N), from +z towards +x, `elevation` degrees above it."""
     angle, tilt = np.radians(degrees), np.radians(elevation)
-    outwards = np.stack(
-        [np.sin(angle) * np.cos(tilt), np.full(len(angle), np.sin(tilt)), np.cos(angle) * np.cos(tilt)], axis=1
-    )
+    outwards = np.stack([sin(angle) * cos(tilt), np.full(len(angle), sin(tilt)), cos(angle) * cos(tilt)], axis=1)
     return Poses(_frame_times(len(degrees)), centre + outwards * distance, looking(-outwards))
 
 
@@ -220,8 +222,8 @@ def _framing(scene: Scene) -> tuple[np.ndarray, float]:
     """The centre of the scene, and the distance from which a circling camera has all of it in view."""
     low, high = _extent(scene)
     centre, half = (low + high) / 2, (high - low) / 2
-    across = max(np.hypot(half[0], half[2]), 1e-3 * half[1])
-    fits = across / np.sin(np.radians(HALF_ACROSS)), across + half[1] / np.tan(np.radians(HALF_UP))
+    across = max(hypot(half[0], half[2]), 1e-3 * half[1])
+    fits = across / sin(np.radians(HALF_ACROSS)), across + half[1] / tan(np.radians(HALF_UP))
     return centre, 1.1 * max(fits)
 
 
@@ -239,14 +241,14 @@ def _orbit(scene: Scene) -> Poses:
     """Around what an object's own camera looks at, from where it stands; else around the whole scene."""
     degrees = np.arange(ORBIT_FRAMES + LEAD_OUT) * 360 / ORBIT_FRAMES
     for camera in scene.cameras[: 0 if scene.place else 1]:
-        direction = np.asarray(camera.direction, np.float64) / np.linalg.norm(camera.direction)
+        direction = np.asarray(camera.direction, np.float64) / np.linalg.norm(camera.direction, axis=-1)
         distance = Rays(scene).distance(np.asarray(camera.position), direction)
         if np.isfinite(distance):
             subject = np.asarray(camera.position) + direction * distance
             # As large in the client's picture as in the camera's own.
-            closer = np.tan(np.radians((camera.fov_x or 2 * HALF_ACROSS) / 2)) / np.tan(np.radians(HALF_ACROSS))
-            start = np.degrees(np.arctan2(-direction[0], -direction[2]))
-            elevation = np.degrees(np.arcsin(-direction[1]))
+            closer = tan(np.radians((camera.fov_x or 2 * HALF_ACROSS) / 2)) / tan(np.radians(HALF_ACROSS))
+            start = np.degrees(arctan2(-direction[0], -direction[2]))
+            elevation = np.degrees(arcsin(-direction[1]))
             return _circle(subject, distance * min(1.0, closer), degrees + start, elevation)
     return _circle(*_framing(scene), degrees, 30.0 if scene.place else 15.0)
 
@@ -304,13 +306,13 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
 def _in_sight(scene: Scene, eye: np.ndarray, other: np.ndarray) -> bool:
     """Whether nothing stands between two points: the nearest free place may lie behind a wall."""
     way = other - eye
-    length = float(np.linalg.norm(way))
+    length = float(np.linalg.norm(way, axis=-1))
     return length == 0 or Rays(scene).distance(eye, way / length) > length
 
 
 def _stand(scene: Scene, eye: np.ndarray, direction: np.ndarray, seed: int) -> Poses:
     """One slow step from `eye` the way the camera looks, at most STEP metres and a quarter of what is free."""
-    ahead = direction / np.linalg.norm(direction)
+    ahead = direction / np.linalg.norm(direction, axis=-1)
     free = Rays(scene).distance(eye, ahead) * scene.metres_per_unit
     step = min(STEP, free / 4)
     eyes = np.stack([eye, eye + ahead * step / scene.metres_per_unit])
@@ -319,11 +321,9 @@ def _stand(scene: Scene, eye: np.ndarray, direction: np.ndarray, seed: int) -> P
 
 def _rounded(points: np.ndarray) -> np.ndarray:
     """A polyline (N, 3) as a smooth line with a point about every twentieth of a leg."""
-    from scipy.interpolate import PchipInterpolator
-
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     fine = np.linspace(0, along[-1], 20 * len(points))
-    return PchipInterpolator(along, points)(fine)
+    return curve(along, points, fine)
 
 
 def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, seed: int, speed: float = SPEED) -> Poses:
@@ -332,28 +332,24 @@ def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, see
     Steps: 1.9 a second, 2 cm up and down; sway half as often. The gaze follows the way with a lag and wanders by about
     10 degrees aside and 4 up and down.
     """
-    from scipy.ndimage import gaussian_filter1d
-
     count = WALK_FRAMES + LEAD_OUT
     t = np.arange(count) / RATE
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(eyes, axis=0), axis=1))]) * metres_per_unit
     track = np.stack([np.interp(t * speed, along, eyes[:, k]) for k in range(3)], axis=1)
-    heading = np.gradient(gaussian_filter1d(track, 0.15 * RATE, axis=0, mode="nearest"), axis=0)
-    yaw = np.unwrap(np.arctan2(-heading[:, 0], -heading[:, 2]))
-    yaw = gaussian_filter1d(yaw, 0.6 * RATE, mode="nearest")
-    phase = np.random.default_rng([seed, 660]).uniform(0, 2 * np.pi, 4)
-    yaw += np.radians(7) * np.sin(2 * np.pi * 0.11 * t + phase[0]) + np.radians(3) * np.sin(
-        2 * np.pi * 0.29 * t + phase[1]
-    )
-    pitch = np.radians(-3) + np.radians(3) * np.sin(2 * np.pi * 0.17 * t + phase[2])
-    first = direction / np.linalg.norm(direction)
+    heading = np.gradient(smoothed(track, 0.15 * RATE), axis=0)
+    yaw = np.unwrap(arctan2(-heading[:, 0], -heading[:, 2]))
+    yaw = smoothed(yaw, 0.6 * RATE)
+    phase = draws.generator([seed, 660]).uniform(0, 2 * np.pi, 4)
+    yaw += np.radians(7) * sin(2 * np.pi * 0.11 * t + phase[0]) + np.radians(3) * sin(2 * np.pi * 0.29 * t + phase[1])
+    pitch = np.radians(-3) + np.radians(3) * sin(2 * np.pi * 0.17 * t + phase[2])
+    first = direction / np.linalg.norm(direction, axis=-1)
     settled = np.clip(t / 3.0, 0, 1)
     settled = settled * settled * (3 - 2 * settled)
-    off = np.arctan2(-first[0], -first[2]) - yaw[0]
+    off = arctan2(-first[0], -first[2]) - yaw[0]
     yaw += (1 - settled) * ((off + np.pi) % (2 * np.pi) - np.pi)
-    pitch = settled * pitch + (1 - settled) * np.arcsin(np.clip(first[1], -0.5, 0.5))
-    right = np.stack([np.cos(yaw), 0 * yaw, -np.sin(yaw)], axis=1)
-    bob = 0.02 * np.sin(2 * np.pi * 1.9 * t)
-    sway = 0.012 * np.sin(2 * np.pi * 0.95 * t + phase[3])
+    pitch = settled * pitch + (1 - settled) * arcsin(np.clip(first[1], -0.5, 0.5))
+    right = np.stack([cos(yaw), 0 * yaw, -sin(yaw)], axis=1)
+    bob = 0.02 * sin(2 * np.pi * 1.9 * t)
+    sway = 0.012 * sin(2 * np.pi * 0.95 * t + phase[3])
     track = track + (right * sway[:, None] + np.array([0.0, 1.0, 0.0]) * bob[:, None]) / metres_per_unit
     return Poses(_frame_times(count), track, multiply(about(1, yaw), about(0, pitch)))

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.functions import arctan2, sin_cos
+from arithmetic.matrices import dot
+
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Rotation b followed by rotation a, (..., 4)."""
@@ -29,7 +32,7 @@ def about(axis: int, radians: np.ndarray | float) -> np.ndarray:
     """Rotations (..., 4) about coordinate axis 0, 1 or 2, counter-clockwise as seen from its tip."""
     half = np.asarray(radians, np.float64) / 2
     out = np.zeros((*half.shape, 4))
-    out[..., axis], out[..., 3] = np.sin(half), np.cos(half)
+    out[..., axis], out[..., 3] = sin_cos(half)
     return out
 
 
@@ -68,13 +71,13 @@ def upright(q: np.ndarray) -> np.ndarray:
 
 def slerp(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
     """The rotation `t` of the short way from a to b, (4); t outside 0..1 goes on turning at the same speed."""
-    cosine = float(np.dot(a, b))
+    cosine = float(dot(a, b))
     if cosine < 0:
         b, cosine = -b, -cosine
     rest = b - cosine * a
-    sine = float(np.linalg.norm(rest))
+    sine = float(np.linalg.norm(rest, axis=-1))
     if sine < 1e-12:
         return np.array(a, np.float64)
-    angle = np.arctan2(sine, cosine) * t
-    out = a * np.cos(angle) + rest * (np.sin(angle) / sine)
-    return out / np.linalg.norm(out)
+    away, stay = sin_cos(arctan2(sine, cosine) * t)
+    out = a * stay + rest * (away / sine)
+    return out / np.linalg.norm(out, axis=-1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import transform
 from scenes.model import Scene
 
 _SLACK = 1e-4  # of the distance: what float32 may lose before a bounding sphere is taken as missed
@@ -31,7 +32,7 @@ class Rays:
         near = squared - along * along <= self._radii * self._radii + _SLACK * squared
         candidates = np.flatnonzero(near & (along > -self._radii))
         corners = self._scene.positions[self._scene.indices[candidates]].astype(np.float64)
-        return _nearest((corners - start) @ _frame(direction))
+        return _nearest(transform(_frame(direction), corners - start))
 
 
 def _nearest(corners: np.ndarray) -> float:
@@ -45,8 +46,8 @@ def _nearest(corners: np.ndarray) -> float:
 
 
 def _frame(direction: np.ndarray) -> np.ndarray:
-    """Columns: two unit vectors across and the direction itself (3, 3)."""
+    """Rows: two unit vectors across and the direction itself (3, 3)."""
     helper = np.eye(3)[np.argmin(np.abs(direction))]
     across = np.cross(helper, direction)
-    across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(direction, across), direction], axis=1)
+    across /= np.linalg.norm(across, axis=-1)
+    return np.stack([across, np.cross(direction, across), direction])

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic import draws
+from arithmetic.functions import power, sin, sin_cos
+from arithmetic.matrices import transform
 from scenes.builder import Mesh, Palette, lattice_indices, mesh, without_slivers
 from scenes.model import Camera, Light, Scene, SceneError, Sky
 
@@ -43,13 +46,14 @@ def _shell(radius: float, triangles: int, material: int, rng: np.random.Generato
     rows = max(6, int(np.sqrt(triangles / 4)))
     phi, theta = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1))
     phi, theta = phi.T, theta.T
-    directions = np.stack([np.cos(phi) * np.sin(theta), np.sin(phi), np.cos(phi) * np.cos(theta)], axis=-1)
+    (above, level), (aside, ahead) = sin_cos(phi), sin_cos(theta)
+    directions = np.stack([level * aside, above, level * ahead], axis=-1)
     directions[:, -1] = directions[:, 0]
     directions[[0, -1]] = np.array([[[0, -1, 0]], [[0, 1, 0]]])
     waves = np.zeros(phi.shape)
     for frequency in (3.0, 6.0, 12.0, 24.0):
         axes, shifts = rng.normal(size=(3, 3)), rng.uniform(0, 2 * np.pi, 3)
-        waves += np.sin(frequency * directions @ axes.T + shifts).sum(axis=-1) / frequency**0.8
+        waves += sin(transform(axes, frequency * directions) + shifts).sum(axis=-1) / power(frequency, 0.8)
     return _surface(directions * (radius * (1 + 0.1 * waves / np.abs(waves).max()))[..., None], material)
 
 
@@ -58,12 +62,13 @@ def _ring(radius: float, tube: float, tilt: float, triangles: int, material: int
     columns = max(12, int(np.sqrt(triangles * 2)))
     rows = max(6, triangles // (2 * columns))
     around, along = np.meshgrid(np.linspace(0, 2 * np.pi, columns + 1), np.linspace(0, -2 * np.pi, rows + 1))
-    reach = radius + tube * np.cos(along)
-    points = np.stack([reach * np.sin(around), -tube * np.sin(along), reach * np.cos(around)], axis=-1)
+    (aside, ahead), (below, outwards) = sin_cos(around), sin_cos(along)
+    reach = radius + tube * outwards
+    points = np.stack([reach * aside, -tube * below, reach * ahead], axis=-1)
     points[:, -1], points[-1] = points[:, 0], points[0]
-    lean = np.radians(tilt)
-    turn = np.array([[1, 0, 0], [0, np.cos(lean), -np.sin(lean)], [0, np.sin(lean), np.cos(lean)]])
-    return _surface(points @ turn.T, material)
+    sine, cosine = sin_cos(np.radians(tilt))
+    turn = np.array([[1, 0, 0], [0, cosine, -sine], [0, sine, cosine]])
+    return _surface(transform(turn, points), material)
 
 
 def make_shells(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
@@ -75,7 +80,7 @@ def make_shells(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
         raise SceneError(
             f"The shells can have {LEAST_DETAIL:,} to {MOST_DETAIL:,} triangles, not {detail:,}; choose one between."
         )
-    rng, palette = np.random.default_rng(seed), Palette()
+    rng, palette = draws.generator(seed), Palette()
 
     def glass(name: str, colour: tuple[float, float, float]) -> int:
         look = {"alpha_mode": "blend", "double_sided": True, "roughness": 0.6}

@@ -10,6 +10,10 @@ import zlib
 
 import numpy as np
 
+from arithmetic import draws
+from arithmetic.fourier import inverse_real
+from arithmetic.functions import cos, exp, hypot, log, sin, sin_cos
+
 # A 5 x 7 font, seven rows of five bits each, top row first.
 GLYPHS = {
     "A": "0E11111F111111", "B": "1E11111E11111E", "C": "0E11101010110E", "D": "1E11111111111E", "E": "1F10101E10101F",
@@ -25,7 +29,7 @@ GLYPHS = {
 
 def generator(seed: int, name: str) -> np.random.Generator:
     """Random numbers of one named thing: adding another thing changes nothing here."""
-    return np.random.default_rng([seed, zlib.crc32(name.encode())])
+    return draws.generator([seed, zlib.crc32(name.encode())])
 
 
 def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tuple[float, float] = (1, 1)):
@@ -33,12 +37,36 @@ def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tu
 
     stretch: how much longer features are along u and v.
     """
-    fu = np.fft.rfftfreq(size, 1 / size) * stretch[0]
-    fv = np.fft.fftfreq(size, 1 / size)[:, None] * stretch[1]
-    amplitude = 1 / (1 + np.sqrt(fu * fu + fv * fv)) ** slope
+    half = size // 2
+    fu, fv = np.arange(half + 1) * stretch[0], np.arange(half + 1)[:, None] * stretch[1]
+    amplitude = exp(-slope * log(1 + np.sqrt(fu * fu + fv * fv)))
     amplitude[0, 0] = 0
-    noise = np.fft.irfft2(amplitude * np.exp(2j * np.pi * rng.random(amplitude.shape, np.float32)), (size, size))
-    return np.clip(0.5 + noise * (0.2 / noise.std()), 0, 1).astype(np.float32)
+    amplitude = np.concatenate([amplitude, amplitude[half - 1 : 0 : -1]])  # negative frequencies along v
+    spectrum = _directions(rng, amplitude.shape)
+    spectrum *= amplitude
+    noise = inverse_real(spectrum)
+    noise *= 0.2 / noise.std()
+    noise += 0.5
+    return np.clip(noise, 0, 1, out=noise).astype(np.float32)
+
+
+def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+    """Cosines and sines (2, *shape) of random angles: of 2 ** 24, as sums of a coarse and a fine one from a table."""
+    angle = (rng.random(shape, np.float32) * 2**24).astype(np.int64)
+    (coarse_x, coarse_y), (fine_x, fine_y) = (
+        [row.take(part) for row in table] for table, part in zip(_angles(), (angle >> 12, angle & 4095), strict=True)
+    )
+    out = np.empty((2, *shape))
+    np.subtract(coarse_x * fine_x, coarse_y * fine_y, out=out[0])
+    np.add(coarse_y * fine_x, coarse_x * fine_y, out=out[1])
+    return out
+
+
+@functools.cache
+def _angles() -> tuple[np.ndarray, np.ndarray]:
+    """Cosines and sines (2, 4096) of the multiples of a turn's 4096th part, and of that part's 4096th part."""
+    steps = np.arange(4096) * (2 * np.pi)
+    return tuple(np.stack(sin_cos(steps / parts)[::-1]) for parts in (2**12, 2**24))
 
 
 def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -50,13 +78,19 @@ def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
 def _mix(a, b, t) -> np.ndarray:
     """Colours a and b, (..., 3) or (3,), mixed by t (H, W)."""
     a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
-    return a + (b - a) * t[..., None]
+    out = np.empty((*t.shape, 3), np.result_type(t, np.float32))
+    for channel in range(3):  # whole pictures at once: NumPy is slow along an axis of three
+        out[..., channel] = a[..., channel] + (b[..., channel] - a[..., channel]) * t
+    return out
 
 
 def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     """uint8 (H, W, 4) of colours (H, W, 3) and alpha (H, W) in 0..1."""
     out = np.full((*colour.shape[:2], 4), 255, np.uint8)
-    out[..., :3] = np.clip(colour, 0, 1) * 255 + 0.5
+    bytes_ = np.clip(colour, 0, 1)
+    bytes_ *= 255
+    bytes_ += 0.5
+    out[..., :3] = bytes_
     if alpha is not None:
         out[..., 3] = np.clip(alpha, 0, 1) * 255 + 0.5
     return out
@@ -171,7 +205,7 @@ def ruler(size: int = 512) -> np.ndarray:
     checks = np.where(x < 0.5, 8, 32)
     checks = np.where(y < 0.5, checks, np.where(x < 0.5, 64, 16))
     board = (np.floor(x * checks) + np.floor(y * checks)) % 2
-    ring = np.hypot(x - 0.75, y - 0.75)
+    ring = hypot(x - 0.75, y - 0.75)
     board = np.where(ring < 0.2, np.floor(ring * 100) % 2, board)
     mark = np.floor(x * 100).astype(np.int32)
     length = np.where(mark % 10 == 0, 0.07, np.where(mark % 5 == 0, 0.05, 0.03))
@@ -190,7 +224,7 @@ def text(lines: list[str], scale: int) -> np.ndarray:
     """Coverage (H, W) of lines of text, each texel of the font `scale` texels wide."""
     width = max(len(line) for line in lines)
     rows = [np.vstack([np.hstack([_glyph(c) for c in line.ljust(width)]), np.zeros((2, width * 6))]) for line in lines]
-    return np.kron(np.vstack(rows), np.ones((scale, scale), np.float32)).astype(np.float32)
+    return np.vstack(rows).astype(np.float32).repeat(scale, axis=0).repeat(scale, axis=1)
 
 
 # The ground and ink colours of signs, and the signs: their lines and the name of their colours.
@@ -254,7 +288,7 @@ def screen(seed: int, size: int = 512) -> np.ndarray:
     colour = _mix((0.02, 0.05, 0.09), (0.35, 0.95, 0.55), ink)
     x, y = _coordinates(size // 2)
     plot = (np.minimum((x * 10) % 1, (y * 10) % 1) < 0.06) * 0.35
-    curve = np.abs(0.5 + 0.3 * np.sin(x * 17) * np.cos(x * 5) - y) < 0.012
+    curve = np.abs(0.5 + 0.3 * sin(x * 17) * cos(x * 5) - y) < 0.012
     colour[16 : 16 + size // 2, size // 2 - 16 : size - 16] = _mix((0.02, 0.06, 0.12), (0.2, 0.6, 0.9), plot)
     colour[16 : 16 + size // 2, size // 2 - 16 : size - 16][curve] = (1.0, 0.85, 0.2)
     bars = rng.random(12)
@@ -272,7 +306,7 @@ def planks(seed: int, count: int = 8, size: int = 512, dark=(0.30, 0.20, 0.12), 
     board = np.floor(x * count).astype(np.int32) % count
     warp = fractal(size, rng, 1.4, (0.12, 1))
     fine = fractal(size, rng, 0.4, (0.02, 1))
-    rings = 0.5 + 0.5 * np.sin((warp * 9 + x * count * 1.5 + rng.random(count, np.float32)[board] * 6) * 6.28)
+    rings = 0.5 + 0.5 * sin((warp * 9 + x * count * 1.5 + rng.random(count, np.float32)[board] * 6) * 6.28)
     tone = 0.25 * rng.random(count, np.float32)[board] + 0.4 * rings + 0.6 * (fine - 0.5) + 0.2
     edge = np.minimum(x * count % 1, 1 - x * count % 1)
     gap = np.clip(edge / 0.03, 0.12, 1)
@@ -283,7 +317,7 @@ def cardboard(seed: int, size: int = 256) -> np.ndarray:
     """Corrugated cardboard."""
     rng = generator(seed, "cardboard")
     x, _ = _coordinates(size)
-    ridge = 0.5 + 0.5 * np.sin(x * 2 * np.pi * 64)
+    ridge = 0.5 + 0.5 * sin(x * 2 * np.pi * 64)
     shade = 0.80 + 0.16 * fractal(size, rng, 0.8) + 0.07 * ridge
     return _texels(shade[..., None] * np.array([0.78, 0.60, 0.41], np.float32))
 
@@ -372,7 +406,7 @@ def cloth(size: int = 256) -> np.ndarray:
     """Woven stripes of red and cream."""
     x, y = _coordinates(size)
     stripe = ((x * 8) % 1 < 0.5).astype(np.float32) * np.ones_like(y)
-    weave = 0.85 + 0.15 * (np.sin(x * 2 * np.pi * 64) * np.sin(y * 2 * np.pi * 64) > 0)
+    weave = 0.85 + 0.15 * (sin(x * 2 * np.pi * 64) * sin(y * 2 * np.pi * 64) > 0)
     return _texels(_mix((0.80, 0.75, 0.62), (0.58, 0.14, 0.11), stripe) * weave[..., None])
 
 
@@ -380,16 +414,17 @@ def _stamped(size: int, leaves: list[tuple[float, float, float, float, float, tu
     """Pointed ellipses (x, y, angle, length, width, colour), lengths in 0..1, over a transparent ground colour."""
     colour = np.broadcast_to(np.asarray(ground, np.float32), (size, size, 3)).copy()
     alpha = np.zeros((size, size), np.float32)
-    for cx, cy, angle, length, width, tint in leaves:
-        reach_x = int((length * abs(np.cos(angle)) + width * abs(np.sin(angle))) * size / 2) + 2
-        reach_y = int((length * abs(np.sin(angle)) + width * abs(np.cos(angle))) * size / 2) + 2
+    turns = np.stack(sin_cos([leaf[2] for leaf in leaves]), axis=1).tolist()
+    for (cx, cy, _, length, width, tint), (sine, cosine) in zip(leaves, turns, strict=True):
+        reach_x = int((length * abs(cosine) + width * abs(sine)) * size / 2) + 2
+        reach_y = int((length * abs(sine) + width * abs(cosine)) * size / 2) + 2
         x0, y0 = int(cx * size), int(cy * size)
         rows = slice(max(0, y0 - reach_y), min(size, y0 + reach_y))
         columns = slice(max(0, x0 - reach_x), min(size, x0 + reach_x))
-        v, u = np.mgrid[rows, columns].astype(np.float32)
-        u, v = (u + 0.5) / size - cx, (v + 0.5) / size - cy
-        along = (u * np.cos(angle) + v * np.sin(angle)) / (length / 2)
-        across = (v * np.cos(angle) - u * np.sin(angle)) / (width / 2)
+        u = (np.arange(columns.start, columns.stop) + 0.5)[None, :] / size - cx
+        v = (np.arange(rows.start, rows.stop) + 0.5)[:, None] / size - cy
+        along = (u * cosine + v * sine) / (length / 2)
+        across = (v * cosine - u * sine) / (width / 2)
         inside = np.abs(across) < 1 - along * along
         vein = 0.8 + 0.3 * np.clip(np.abs(across) * 4, 0, 1) - 0.12 * (np.abs(across) % 0.5 < 0.1)
         colour[rows, columns][inside] = np.asarray(tint, np.float32) * vein[inside][:, None]
@@ -404,7 +439,7 @@ def leaves(seed: int, size: int = 512) -> np.ndarray:
     for _ in range(150):
         r, a = 0.43 * np.sqrt(rng.random()), rng.uniform(0, 2 * np.pi)
         tint = np.array((0.24, 0.38, 0.11)) * rng.uniform(0.6, 1.25) + np.array((0.10, 0.04, 0.0)) * rng.random()
-        stamps.append((0.5 + r * np.cos(a), 0.5 + r * np.sin(a), a + rng.normal(0, 0.7), 0.13, 0.06, tuple(tint)))
+        stamps.append((0.5 + r * cos(a), 0.5 + r * sin(a), a + rng.normal(0, 0.7), 0.13, 0.06, tuple(tint)))
     return _stamped(size, stamps, (0.22, 0.33, 0.11))
 
 
@@ -418,7 +453,7 @@ def needles(seed: int, size: int = 512) -> np.ndarray:
         length = (0.42 * (1 - y) + 0.08) * rng.uniform(0.7, 1.1)
         angle = np.pi / 2 - side * rng.uniform(0.7, 1.1)
         tint = np.array((0.13, 0.26, 0.15)) * rng.uniform(0.6, 1.35)
-        middle = 0.5 + np.cos(angle) * length / 2, min(0.98, y + np.sin(angle) * length / 2)
+        middle = 0.5 + cos(angle) * length / 2, min(0.98, y + sin(angle) * length / 2)
         stamps.append((*middle, angle, length, 0.034, tuple(tint)))
     stamps.append((0.5, 0.5, np.pi / 2, 0.98, 0.03, (0.24, 0.18, 0.12)))
     return _stamped(size, stamps, (0.12, 0.22, 0.13))

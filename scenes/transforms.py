@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import cofactors, dot
+
 
 def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Matrices (N, 4, 4) from translations (N, 3), quaternions (N, 4) x, y, z, w and scales (N, 3)."""
@@ -22,7 +24,6 @@ def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) ->
 
 def normal_matrices(linear: np.ndarray) -> np.ndarray:
     """Matrices (N, 3, 3) that carry normals along with (N, 3, 3): the inverse transpose up to a positive factor."""
-    a, b, c = linear[:, :, 0], linear[:, :, 1], linear[:, :, 2]
-    cofactors = np.stack([np.cross(b, c), np.cross(c, a), np.cross(a, b)], axis=2)
-    sign = np.where(np.einsum("ni,ni->n", a, cofactors[:, :, 0]) < 0, -1.0, 1.0)
-    return cofactors * sign[:, None, None]
+    found = cofactors(linear)
+    sign = np.where(dot(linear[:, 0], found[:, 0]) < 0, -1.0, 1.0)
+    return found * sign[:, None, None]

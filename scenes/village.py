@@ -7,10 +7,13 @@ casts shadows. More detail means finer terrain and round things, smaller and mor
 from __future__ import annotations
 
 import itertools
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from arithmetic.functions import arctan, arctan2, cos, exp, hypot, power, sin
+from arithmetic.matrices import product
 from scenes import surfaces
 from scenes.builder import (
     ALL_FACES,
@@ -59,7 +62,7 @@ HOUSES = (
 
 def street(x: np.ndarray) -> np.ndarray:
     """The z of the street's middle at x."""
-    return 4.0 * np.sin(np.asarray(x) / 15.0) + 1.5 * np.sin(np.asarray(x) / 6.5)
+    return 4.0 * sin(np.asarray(x) / 15.0) + 1.5 * sin(np.asarray(x) / 6.5)
 
 
 @dataclass
@@ -136,9 +139,10 @@ class _Ground:
     def __init__(self, cells: int, seed: int) -> None:
         rng = surfaces.generator(seed, "ground")
         self._waves = [
-            (rng.uniform(0.16, 0.3), 8.0 * 1.7**k, rng.uniform(0, 6.28), rng.uniform(0, 6.28)) for k in range(9)
+            (rng.uniform(0.16, 0.3), length, rng.uniform(0, 6.28), rng.uniform(0, 6.28))
+            for length in 8.0 * power(1.7, np.arange(9))
         ]
-        outside = np.geomspace(HALF, FAR, 13)[1:]
+        outside = HALF * power(FAR / HALF, np.arange(1, 13) / 12)
         self.axis = np.concatenate([-outside[::-1], np.linspace(-HALF, HALF, cells + 1), outside])
         x, z = np.meshgrid(self.axis, self.axis)
         self.grid = self._shape(x, z)
@@ -147,14 +151,14 @@ class _Ground:
         """The smooth land: gentle in the village, level under houses and along the street, hills around."""
         land, hills = np.zeros_like(x), np.zeros_like(x)
         for weight, length, turn, phase in self._waves:
-            wave = np.sin((x * np.cos(turn) + z * np.sin(turn)) * 6.28 / length + phase)
+            wave = sin((x * cos(turn) + z * sin(turn)) * 6.28 / length + phase)
             if length < 60:
                 land += wave * weight * min(1.0, length / 40)
             else:
                 hills += wave
-        away = np.clip((np.hypot(x, z) - 55) / (FAR - 55), 0, None)
-        rise = away**1.3 * (30 + 7 * hills)
-        trodden = np.exp(-(((z - street(x)) / 4.5) ** 2)) * (np.abs(x) < HALF + 20)
+        away = np.clip((hypot(x, z) - 55) / (FAR - 55), 0, None)
+        rise = power(away, 1.3) * (30 + 7 * hills)
+        trodden = _bell((z - street(x)) / 4.5) * (np.abs(x) < HALF + 20)
         return land * (1 - 0.8 * trodden) * 0.8 + np.maximum(rise, 0) * (1 - 0.6 * trodden)
 
     def height(self, x, z) -> np.ndarray:
@@ -184,7 +188,7 @@ class _Village:
         side = np.array([h[1] for h in HOUSES], np.float64)
         depth = np.array([h[3] for h in HOUSES])
         z = street(x) + side * (5.2 + depth / 2)
-        slope = np.degrees(np.arctan((street(x + 1) - street(x - 1)) / 2))
+        slope = np.degrees(arctan((street(x + 1) - street(x - 1)) / 2))
         yaw = np.where(side >= 0, 180.0, 0.0) - slope
         x[-1], z[-1], yaw[-1] = 50.0, street(53.0) + 0.5, -90.0
         self.houses = np.stack([x, z, yaw], axis=1)
@@ -204,13 +208,13 @@ class _Village:
         normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
         indices = lattice_indices(len(axis), len(axis))[:, ::-1]
         part = mesh(np.stack([x, grid, z], -1), normals, np.stack([x, z], -1), indices, self.m.grass)
-        worn = np.exp(-(((z - street(x)) / 3.2) ** 2)) * (np.abs(x) < HALF)
+        worn = _bell((z - street(x)) / 3.2) * (np.abs(x) < HALF)
         for hx, hz, _ in self.houses:
-            worn = np.maximum(worn, np.exp(-(((x - hx) ** 2 + (z - hz) ** 2) / 38)))
+            worn = np.maximum(worn, _bell(hypot(x - hx, z - hz) / math.sqrt(38)))
         tint = 1 + worn.reshape(-1, 1) * np.array([0.35, -0.05, 0.1])
         rng = surfaces.generator(self.seed, "land")
         tint = tint * (1 + 0.25 * _patches(rng, x, z).reshape(-1, 1) * np.array([1.0, 0.6, 0.5]))
-        part.colours[:] = tint * (0.95 - 0.25 * np.clip(np.hypot(x, z).reshape(-1, 1) / FAR, 0, 1))
+        part.colours[:] = tint * (0.95 - 0.25 * np.clip(hypot(x, z).reshape(-1, 1) / FAR, 0, 1))
         outside = np.abs(part.positions[part.indices][:, :, [0, 2]]).max(axis=(1, 2)) > HALF + 1e-3
         return merge([picked(part, ~outside, self.m.grass), picked(part, outside, self.m.meadow)])
 
@@ -244,8 +248,8 @@ class _Village:
     def _disc(self, centre: np.ndarray, inner: float, outer: float, angle: np.ndarray) -> Mesh:
         """A ring of the paved plaza on the terrain."""
         radii = np.linspace(inner, outer, self.count(5, 3))
-        x = centre[0] + radii[:, None] * np.sin(angle)
-        z = centre[1] + radii[:, None] * np.cos(angle)
+        x = centre[0] + radii[:, None] * sin(angle)
+        z = centre[1] + radii[:, None] * cos(angle)
         positions = self.ground.points(x, z, 0.075)
         if outer > 6:
             positions[-1, :, 1] -= 0.35
@@ -271,7 +275,7 @@ class _Village:
         eave, slope, outward, reach, over = _roof_frame(width, wall)
         sides = [self._slope(eave, slope, outward, reach, length / 2 + over, shingles // 2, rng) for _ in range(2)]
         x, z, yaw = self.houses[index]
-        corner = np.hypot(length, width) / 2
+        corner = hypot(length, width) / 2
         around = self.ground.height(x + corner * np.array([0, 1, -1, 0, 0]), z + corner * np.array([0, 0, 0, 1, -1]))
         level = float(around.max() + around.min()) / 2 + 0.12
         return moved(merge([body, sides[0], moved(sides[1], (0, 0, 0), 180)]), (x, level, z), yaw)
@@ -327,7 +331,7 @@ class _Village:
         )
         parts.append(box((0, 0.12, front + 0.45), (1.5, 0.25, 0.7), m.stone))
         angle = np.linspace(0, 2 * np.pi, self.count(10) + 1)[:-1]
-        ring = np.stack([0.35 + 0.06 * np.cos(angle), 1.05 + 0.06 * np.sin(angle), 0 * angle + front + 0.08], axis=1)
+        ring = np.stack([0.35 + 0.06 * cos(angle), 1.05 + 0.06 * sin(angle), 0 * angle + front + 0.08], axis=1)
         parts.append(tube(ring, 0.012, self.count(5, 3), m.iron, closed=True))
         paint = (
             np.array([(0.25, 0.07, 0.05), (0.08, 0.16, 0.22), (0.10, 0.18, 0.10), (0.35, 0.25, 0.10)])[rng.integers(4)]
@@ -398,11 +402,11 @@ class _Village:
         drop = rng.uniform(-0.12, 0.12, len(row)) * tall
         centres = eave + np.stack([x, 0 * x, 0 * x], axis=1) + slope * ((row + 0.62) * tall + drop)[:, None]
         centres = centres + outward * (0.035 + thick)[:, None]
-        lean = np.arctan2(0.05, tall * 1.3)
-        along = slope * np.cos(lean) - outward * np.sin(lean)
+        lean = arctan2(0.05, tall * 1.3)
+        along = slope * cos(lean) - outward * sin(lean)
         turn = np.stack([[1, 0, 0], np.cross(-along, [1, 0, 0]), -along], axis=1)
         spin = rng.normal(0, 0.02, len(row))
-        turns = turn @ placement(np.zeros((len(row), 3)), np.degrees(spin))[:, :3, :3]
+        turns = product(turn, placement(np.zeros((len(row), 3)), np.degrees(spin))[:, :3, :3])
         sizes = np.stack([np.full(len(row), wide * 0.96), thick, np.full(len(row), tall * 1.3)], axis=1)
         tints = rng.uniform(0.65, 1.15, (len(row), 1)) * (1 + rng.normal(0, 0.03, (len(row), 3)))
         return boxes(centres, sizes, self.m.shingle, turns, tints, faces=self.shingle_faces)
@@ -436,9 +440,9 @@ class _Village:
         rim = tube(
             np.stack(
                 [
-                    0.42 * np.cos(np.linspace(0, 6.283, n + 1)[:-1]),
+                    0.42 * cos(np.linspace(0, 6.283, n + 1)[:-1]),
                     0.02 + 0 * np.arange(n),
-                    0.42 * np.sin(np.linspace(0, 6.283, n + 1)[:-1]),
+                    0.42 * sin(np.linspace(0, 6.283, n + 1)[:-1]),
                 ],
                 1,
             ),
@@ -484,19 +488,19 @@ class _Village:
         rings = []
         for k in range(5):
             angle = (np.arange(14) + 0.5 * (k % 2)) / 14 * 360
-            places = np.stack(
-                [np.sin(np.radians(angle)), 0 * angle + 0.1 + 0.19 * k, np.cos(np.radians(angle))], axis=1
-            )
+            places = np.stack([sin(np.radians(angle)), 0 * angle + 0.1 + 0.19 * k, cos(np.radians(angle))], axis=1)
             turns = placement(np.zeros((14, 3)), angle)[:, :3, :3]
             sizes = np.array([0.44, 0.185, 0.3]) * rng.uniform(0.93, 1.03, (14, 3))
             rings.append(boxes(places, sizes, m.stone, turns, rng.uniform(0.75, 1.1, (14, 1)) * np.ones(3)))
         water = lathe([(0.85, 0.55), (0, 0.55)], self.count(14), m.dark)
         posts = struts([(-1.0, 0, 0), (1.0, 0, 0)], [(-1.0, 2.5, 0), (1.0, 2.5, 0)], 0.16, m.timber)
-        windlass = repeat(cylinder(0.11, 1.9, self.count(12), m.planks), placement([(-0.95, 1.5, 0)]) @ _lay("x"))
+        windlass = repeat(
+            cylinder(0.11, 1.9, self.count(12), m.planks), product(placement([(-0.95, 1.5, 0)]), _lay("x"))
+        )
         crank = tube([(0.95, 1.5, 0), (1.25, 1.5, 0), (1.25, 1.2, 0.1), (1.5, 1.2, 0.1)], 0.025, self.count(6), m.iron)
         rope = struts([(0, 1.5, 0.11)], [(0, 1.15, 0.11)], 0.03, m.straw)
         bucket = moved(self._barrel(), (0, 0.85, 0.11), scale=0.32)
-        slope = np.array([0, 0.7, -0.75]) / np.hypot(0.7, 0.75)
+        slope = np.array([0, 0.7, -0.75]) / hypot(0.7, 0.75)
         eave = np.array([0, 2.35, 0.95])
         outward = np.array([0, -slope[2], slope[1]])
         side = self._slope(eave, slope, outward, 1.25, 1.4, 60, rng)
@@ -532,14 +536,14 @@ class _Village:
         m, n = self.m, self.count(20)
         angle = np.linspace(0, 2 * np.pi, n + 1)[:-1]
         rim = tube(
-            np.stack([0.55 * np.cos(angle), 0.55 * np.sin(angle), 0 * angle], axis=1),
+            np.stack([0.55 * cos(angle), 0.55 * sin(angle), 0 * angle], axis=1),
             0.045,
             self.count(5),
             m.planks,
             closed=True,
         )
         spokes = np.arange(10) * np.pi / 5
-        ends = np.stack([0.54 * np.cos(spokes), 0.54 * np.sin(spokes), 0 * spokes], axis=1)
+        ends = np.stack([0.54 * cos(spokes), 0.54 * sin(spokes), 0 * spokes], axis=1)
         hub = repeat(moved(cylinder(0.09, 0.24, self.count(10), m.timber), (0, -0.12, 0)), _lay("z")[None])
         return merge([rim, struts(0 * ends, ends, 0.05, m.planks), hub])
 
@@ -616,8 +620,8 @@ class _Village:
         rng = surfaces.generator(self.seed, "things")
         barrels, crates, hay, piles = [], [], [], []
         for (x, z, yaw), house in zip(self.houses, HOUSES, strict=True):
-            out = np.array([np.sin(np.radians(yaw)), np.cos(np.radians(yaw))])
-            side = np.array([np.cos(np.radians(yaw)), -np.sin(np.radians(yaw))])
+            out = np.array([sin(np.radians(yaw)), cos(np.radians(yaw))])
+            side = np.array([cos(np.radians(yaw)), -sin(np.radians(yaw))])
             front, half = house[3] / 2 + 0.75, house[2] / 2
             for k in range(3):
                 barrels.append(np.array([x, z]) + out * (front + 0.1 * (k % 2)) + side * (half - 0.6 - 0.8 * k))
@@ -659,7 +663,7 @@ class _Village:
     def _bale(self) -> Mesh:
         """A round bale of hay."""
         straw = cylinder(0.6, 1.2, self.count(18), self.m.straw, (1.7, 1.45, 0.8), rings=3)
-        return repeat(moved(straw, (0, -0.6, 0)), placement([(0, 0.55, 0)]) @ _lay("z"))
+        return repeat(moved(straw, (0, -0.6, 0)), product(placement([(0, 0.55, 0)]), _lay("z")))
 
     def _logs(self) -> Mesh:
         """A pile of 26 logs."""
@@ -726,7 +730,7 @@ class _Village:
         for corners in lines:
             corners = np.array(corners, np.float64)
             for a, b in itertools.pairwise(corners):
-                bays = max(1, round(np.linalg.norm(b - a) / 2.1))
+                bays = max(1, round(np.linalg.norm(b - a, axis=-1) / 2.1))
                 spots = a + (b - a) * np.linspace(0, 1, bays + 1)[:, None] + rng.normal(0, 0.05, (bays + 1, 2))
                 feet = self.ground.points(spots[:, 0], spots[:, 1], -0.1)
                 parts.append(
@@ -760,16 +764,16 @@ class _Village:
         size = np.clip(rng.lognormal(-1.6, 0.6, (count, 1)), 0.06, 1.2) * rng.uniform(0.6, 1.2, (count, 3))
         lump = ball(1.0, self.count(8), self.m.stone)
         noise = rng.normal(0, 0.09, (64, 3))
-        key = np.abs((lump.positions * 7.3).round().astype(int) @ np.array([7, 31, 17])) % 64
+        key = np.abs(((lump.positions * 7.3).round().astype(int) * [7, 31, 17]).sum(axis=1)) % 64
         lump.positions += noise[key].astype(np.float32)
-        keep = self._free(x, z, 1.0) & (np.hypot(x - 3, z - street(3)) > 7.5)
+        keep = self._free(x, z, 1.0) & (hypot(x - 3, z - street(3)) > 7.5)
         stones = repeat(
             lump,
             placement(self.ground.points(x, z, -0.05), rng.uniform(0, 360, count), size)[keep],
             (rng.uniform(0.7, 1.2, (count, 1)) * np.ones(3))[keep],
         )
         angle = np.arange(7) * 0.9
-        ring = self.ground.points(-8 + 5 * np.cos(angle), 43 + 5 * np.sin(angle), 0.9)
+        ring = self.ground.points(-8 + 5 * cos(angle), 43 + 5 * sin(angle), 0.9)
         runes = boxes(
             ring,
             np.array([0.9, 2.6, 0.45]) * rng.uniform(0.8, 1.2, (7, 3)),
@@ -782,7 +786,7 @@ class _Village:
         """Whether points lie outside all houses and the longhouse's front yard."""
         free = np.ones(np.shape(x), bool)
         for (hx, hz, yaw), house in zip(self.houses, HOUSES, strict=True):
-            c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
+            c, s = cos(np.radians(yaw)), sin(np.radians(yaw))
             u, v = (x - hx) * c - (z - hz) * s, (x - hx) * s + (z - hz) * c
             free &= (np.abs(u) > house[2] / 2 + margin) | (np.abs(v) > house[3] / 2 + margin)
         return free
@@ -818,10 +822,10 @@ class _Village:
     def _tree_places(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(x, z) of broadleaf trees, firs and bushes, clear of houses and the street."""
         x, z = rng.uniform(-57, 57, (2, 160))
-        ok = self._free(x, z, 3.0) & (np.abs(z - street(x)) > 7) & (np.hypot(x - 3, z - street(3)) > 11)
+        ok = self._free(x, z, 3.0) & (np.abs(z - street(x)) > 7) & (hypot(x - 3, z - street(3)) > 11)
         broad = np.stack([x[ok], z[ok]], axis=1)[:36]
         angle, r = rng.uniform(0, 2 * np.pi, 260), np.sqrt(rng.uniform(60**2, 150**2, 260))
-        firs = np.stack([r * np.cos(angle), r * np.sin(angle)], axis=1)
+        firs = np.stack([r * cos(angle), r * sin(angle)], axis=1)
         firs = firs[np.abs(firs[:, 1] - street(firs[:, 0])) > 6]
         x, z = rng.uniform(-56, 56, (2, 220))
         ok = self._free(x, z, 0.9) & (np.abs(z - street(x)) > 4.6)
@@ -844,8 +848,8 @@ class _Village:
     def _branch(self, start, end, radius: float, rng: np.random.Generator, steps: int) -> Mesh:
         """A bent, tapering branch."""
         t = np.linspace(0, 1, steps)[:, None]
-        bend = rng.normal(0, 0.12, 3) * np.linalg.norm(np.subtract(end, start))
-        line = np.asarray(start) + (np.asarray(end) - start) * t + bend * np.sin(np.pi * t)
+        bend = rng.normal(0, 0.12, 3) * np.linalg.norm(np.subtract(end, start), axis=-1)
+        line = np.asarray(start) + (np.asarray(end) - start) * t + bend * sin(np.pi * t)
         return tube(line, radius * (1 - 0.75 * t[:, 0]), self.count(6), self.m.bark)
 
     def _broadleaf(self, cards: int, rng: np.random.Generator) -> Mesh:
@@ -855,18 +859,18 @@ class _Village:
         for k in range(7):
             angle = k * 2.4 + rng.uniform(-0.3, 0.3)
             start = np.array([0.05, 2.0 + 0.3 * k, 0.03])
-            end = start + np.array([np.cos(angle) * 1.7, 1.0 + 0.2 * k, np.sin(angle) * 1.7])
+            end = start + np.array([cos(angle) * 1.7, 1.0 + 0.2 * k, sin(angle) * 1.7])
             parts.append(self._branch(start, end, 0.11, rng, self.count(4)))
         way = rng.normal(size=(cards, 3))
         way /= np.linalg.norm(way, axis=1, keepdims=True)
-        radius = rng.uniform(0.35, 1.0, cards) ** 0.5
-        lumps = 1 + 0.22 * np.sin(way[:, 0] * 5 + way[:, 2] * 4) * np.cos(way[:, 1] * 6)
+        radius = np.sqrt(rng.uniform(0.35, 1.0, cards))
+        lumps = 1 + 0.22 * sin(way[:, 0] * 5 + way[:, 2] * 4) * cos(way[:, 1] * 6)
         centres = crown + way * (radius * lumps)[:, None] * np.array([2.5, 2.2, 2.5])
         ups = way * 0.6 + rng.normal(0, 0.6, (cards, 3)) + 0.3 * UP
         ups /= np.linalg.norm(ups, axis=1, keepdims=True)
         sides = np.cross(ups, rng.normal(size=(cards, 3)))
         sides /= np.linalg.norm(sides, axis=1, keepdims=True)
-        size = float(np.clip(1.75 * (180 / cards) ** 0.5, 0.3, 2.0))
+        size = float(np.clip(1.75 * math.sqrt(180 / cards), 0.3, 2.0))
         sizes = size * rng.uniform(0.7, 1.2, cards)
         shade = (0.55 + 0.5 * radius)[:, None] * rng.uniform(0.8, 1.15, (cards, 1)) * np.ones(3)
         return merge([*parts, self._cards(centres, ups, sides, sizes, crown - UP, self.m.leaves, shade)])
@@ -878,14 +882,14 @@ class _Village:
         height = 9.2 - 8.2 * level
         angle = np.arange(cards) * 2.39996
         reach = 0.35 + 2.2 * level
-        out = np.stack([np.cos(angle), -0.45 + 0 * angle, np.sin(angle)], axis=1)
+        out = np.stack([cos(angle), -0.45 + 0 * angle, sin(angle)], axis=1)
         out /= np.linalg.norm(out, axis=1, keepdims=True)
         centres = out * (reach * 0.55)[:, None] + height[:, None] * UP
         sides = np.cross(out, UP)
         sides /= np.linalg.norm(sides, axis=1, keepdims=True)
-        sides = sides * np.cos(0.3) + np.cross(out, sides) * np.sin(rng.normal(0, 0.35, (cards, 1)))
+        sides = sides * cos(0.3) + np.cross(out, sides) * sin(rng.normal(0, 0.35, (cards, 1)))
         sides /= np.linalg.norm(sides, axis=1, keepdims=True)
-        sizes = reach * 1.15 * float(np.clip((90 / cards) ** 0.25, 0.45, 1.35))
+        sizes = reach * 1.15 * float(np.clip(math.sqrt(math.sqrt(90 / cards)), 0.45, 1.35))
         shade = (0.7 + 0.35 * level)[:, None] * rng.uniform(0.75, 1.2, (cards, 1)) * np.ones(3)
         boughs = self._cards(centres, -out, sides, sizes, np.array([0, 3.0, 0]), self.m.needles, shade)
         return merge([trunk, boughs])
@@ -900,7 +904,7 @@ class _Village:
         sides /= np.linalg.norm(sides, axis=1, keepdims=True)
         ups = np.cross(sides, way)
         ups /= np.maximum(np.linalg.norm(ups, axis=1, keepdims=True), 1e-9)
-        sizes = float(np.clip(0.9 * (40 / cards) ** 0.5, 0.18, 1.1)) * rng.uniform(0.8, 1.2, cards)
+        sizes = float(np.clip(0.9 * math.sqrt(40 / cards), 0.18, 1.1)) * rng.uniform(0.8, 1.2, cards)
         return self._cards(
             centres, ups, sides, sizes, np.zeros(3), self.m.leaves, rng.uniform(0.7, 1.1, (cards, 1)) * np.ones(3)
         )
@@ -917,7 +921,7 @@ class _Village:
         ok = (
             self._free(x, z, 0.25)
             & (np.abs(z - street(x)) > 2.4)
-            & (np.hypot(x - 3, z - street(3)) > 6.6)
+            & (hypot(x - 3, z - street(3)) > 6.6)
             & (np.abs(z) < 59)
         )
         x, z = x[ok][:tufts], z[ok][:tufts]
@@ -925,9 +929,9 @@ class _Village:
         x, z = np.tile(np.repeat(x[order], 2)[:cards], 1), np.repeat(z[order], 2)[:cards]
         turn = np.repeat(rng.uniform(0, np.pi, len(order)), 2)[:cards] + np.pi / 2 * (np.arange(cards) % 2)
         tall = np.repeat(rng.uniform(0.22, 0.6, len(order)), 2)[:cards] * float(
-            np.clip((20_000 / cards) ** 0.15, 0.6, 1.3)
+            np.clip(power(20_000 / cards, 0.15), 0.6, 1.3)
         )
-        sides = np.stack([np.cos(turn), 0 * turn, np.sin(turn)], axis=1)
+        sides = np.stack([cos(turn), 0 * turn, sin(turn)], axis=1)
         ups = UP + 0.15 * rng.normal(size=(cards, 3)) * np.array([1, 0, 1])
         foot = self.ground.points(x, z, -0.03)
         tints = np.repeat(rng.uniform(0.75, 1.2, (len(order), 1)), 2, axis=0)[:cards] * np.array([1.0, 1.0, 0.9])
@@ -939,8 +943,8 @@ class _Village:
 def _roof_frame(width: float, wall: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float]:
     """One side of a roof: its eave at x = 0, the directions up along it and outwards, its length, the overhang."""
     over, half, rise = 0.55, width / 2, width * 0.55
-    slope = np.array([0, rise, -half]) / np.hypot(rise, half)
-    reach = np.hypot(rise, half) * (1 + over / half)
+    slope = np.array([0, rise, -half]) / hypot(rise, half)
+    reach = hypot(rise, half) * (1 + over / half)
     eave = np.array([0, wall + rise, 0]) - slope * reach
     return eave, slope, np.array([0, -slope[2], slope[1]]), float(reach), over
 
@@ -952,12 +956,17 @@ def _lay(axis: str) -> np.ndarray:
     return matrix
 
 
+def _bell(away: np.ndarray) -> np.ndarray:
+    """1 where `away` is 0, falling smoothly to 1 / e where it is 1."""
+    return exp(-(away * away))
+
+
 def _patches(rng: np.random.Generator, x: np.ndarray, z: np.ndarray) -> np.ndarray:
     """Irregular patches of 10 to 60 m, about -1..1, at points."""
     out = np.zeros_like(x)
     for _ in range(12):
         turn, length, phase = rng.uniform(0, 6.28), rng.uniform(10, 60), rng.uniform(0, 6.28)
-        out += np.sin((x * np.cos(turn) + z * np.sin(turn)) * 6.28 / length + phase)
+        out += sin((x * cos(turn) + z * sin(turn)) * 6.28 / length + phase)
     return out / 4
 
 

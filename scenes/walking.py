@@ -11,6 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arithmetic.functions import hypot
+from arithmetic.matrices import dot, product
+from scenes.lines import smoothed
 from scenes.model import Scene
 
 CELL = 0.1  # metres
@@ -56,11 +59,12 @@ def surface_points(scene: Scene, low: np.ndarray, high: np.ndarray, spacing: flo
         inside = ((np.minimum(np.minimum(p, q), r) <= half) & (np.maximum(np.maximum(p, q), r) >= -half)).all(axis=1)
         triangles, ids = triangles[inside], ids[inside]
         edges = triangles[:, [1, 2, 0]] - triangles
-        edges = np.einsum("tci,tci->tc", edges, edges)
+        edges = dot(edges, edges)
         longest = edges.max(axis=1, initial=0)
-        done = longest <= (4 * spacing) ** 2
-        for chosen, steps in ((longest <= spacing**2, 1), (done & (longest > spacing**2), 4)):
-            points.append((_LATTICES[steps] @ triangles[chosen]).reshape(-1, 3))
+        done = longest <= 16 * spacing * spacing
+        small = longest <= spacing * spacing
+        for chosen, steps in ((small, 1), (done & ~small, 4)):
+            points.append(product(_LATTICES[steps], triangles[chosen]).reshape(-1, 3))
             owners.append(np.repeat(ids[chosen], len(_LATTICES[steps])))
         triangles, ids = _halves(triangles[~done], edges[~done]), np.tile(ids[~done], 2)
     found, owner = np.concatenate(points), np.concatenate(owners)
@@ -150,7 +154,7 @@ class Surroundings:
         level = np.full((self.size, self.size), -1, np.int16)
         everywhere = np.indices((self.size, self.size)).reshape(2, -1)
         start, free = self._stand(everywhere, np.full(everywhere.shape[1], under))
-        away = np.hypot(*(everywhere - middle)) + 1e6 * ~free
+        away = hypot(*(everywhere - middle)) + 1e6 * ~free
         first = int(np.argmin(away))
         if away[first] < 1.5 / CELL:
             level[tuple(everywhere[:, first])] = start[first]
@@ -196,7 +200,7 @@ def route_from(scene: Scene, eye: np.ndarray, direction: np.ndarray, length: flo
 
     eye: origin-relative, scene units. direction: of the view; a way that leads there is preferred.
     """
-    from scipy.ndimage import distance_transform_edt, gaussian_filter1d
+    from scipy.ndimage import distance_transform_edt
 
     around = Surroundings(scene, eye)
     clear = distance_transform_edt(around.free) * CELL
@@ -204,10 +208,10 @@ def route_from(scene: Scene, eye: np.ndarray, direction: np.ndarray, length: flo
     if cells is None:
         return None
     for smoothing in (8.0, 5.0, 3.0, 1.5, 0.0):
-        line = gaussian_filter1d(cells, smoothing, axis=0, mode="nearest") if smoothing else cells
+        line = smoothed(cells, smoothing) if smoothing else cells
         if _lookup(clear, line).min() >= CLEARANCE - 0.1:
             break
-    heights = gaussian_filter1d(_lookup(around.floor, line), 4.0, mode="nearest")
+    heights = smoothed(_lookup(around.floor, line), 4.0)
     offsets = np.stack([line[:, 0], heights, line[:, 1]], axis=1)
     offsets[:, [0, 2]] = (offsets[:, [0, 2]] + 0.5) * CELL - REACH
     if around.walks:
@@ -230,9 +234,9 @@ def _legs(clear: np.ndarray, direction: np.ndarray, length: float) -> np.ndarray
     graph = _graph(usable, clear)
     middle = (np.array(clear.shape) - 1) / 2
     here = int(np.argmin(np.linalg.norm(cells - middle, axis=1)))
-    if np.linalg.norm(cells[here] - middle) * CELL > 1.5:
+    if np.linalg.norm(cells[here] - middle, axis=-1) * CELL > 1.5:
         return None
-    forward = direction / max(np.linalg.norm(direction), 1e-9)
+    forward = direction / max(np.linalg.norm(direction, axis=-1), 1e-9)
     way, walked = [cells[here : here + 1]], 0.0
     while walked < length:
         leg = _farthest(graph, cells, here, forward, length - walked)
@@ -258,7 +262,7 @@ def _graph(usable: np.ndarray, clear: np.ndarray):
         narrow = clear[: -dx or None, max(0, -dz) : (-dz if dz > 0 else None)][both]
         rows.append(a[both])
         columns.append(b[both])
-        costs.append(np.hypot(dx, dz) * CELL * (1 + 0.3 / narrow))
+        costs.append(hypot(dx, dz) * CELL * (1 + 0.3 / narrow))
     count = int(usable.sum())
     entries = (np.concatenate(costs), (np.concatenate(rows), np.concatenate(columns)))
     return coo_matrix(entries, shape=(count, count)).tocsr()
@@ -271,7 +275,7 @@ def _farthest(graph, cells: np.ndarray, here: int, forward: np.ndarray, wanted: 
     cost, before = dijkstra(graph, directed=False, indices=here, return_predecessors=True)
     offset = (cells - cells[here]) * CELL
     away = np.linalg.norm(offset, axis=1)
-    ahead = offset @ forward / np.maximum(away, 1e-9)
+    ahead = dot(offset, forward) / np.maximum(away, 1e-9)
     score = np.where(
         np.isfinite(cost), np.minimum(cost, 1.2 * wanted + 1) + 3 * ahead * np.minimum(away, 3) / 3, -np.inf
     )
@@ -305,14 +309,14 @@ def viewpoints(scene: Scene, count: int = 4) -> list[tuple[np.ndarray, np.ndarra
     if not len(spots):
         return []
     middle = np.median(points, axis=0)
-    off = np.linalg.norm((low + (spots + 0.5) * spacing - middle), axis=1) / np.linalg.norm(high - low)
+    off = np.linalg.norm((low + (spots + 0.5) * spacing - middle), axis=1) / np.linalg.norm(high - low, axis=-1)
     score = np.minimum(clear[tuple(spots.T)], 1.5) - 4 * off
     out: list[tuple[np.ndarray, np.ndarray]] = []
     for best in np.argsort(-score, kind="stable"):
         place = low + (spots[best] + 0.5) * spacing
-        if all(np.linalg.norm(place - other) * scene.metres_per_unit > 2 for other, _ in out):
+        if all(np.linalg.norm(place - other, axis=-1) * scene.metres_per_unit > 2 for other, _ in out):
             towards = (middle - place) * np.array([1, 0, 1]) + np.array([0, 0, -1e-6])
-            out.append((place, towards / np.linalg.norm(towards)))
+            out.append((place, towards / np.linalg.norm(towards, axis=-1)))
         if len(out) == count:
             break
     return out

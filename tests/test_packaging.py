@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("kernels", "scenes", "packers", "harness", "reports")
+PACKAGES = ("arithmetic", "kernels", "scenes", "packers", "harness", "reports")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md")
 PICTURES = (".jpg", ".png")  # of the documentation
 HEAVY = ("pyopencl", "trimesh", "pymeshlab", "OpenImageIO", "colour", "av", "plotly", "scipy", "lz4", "sqlite3")
@@ -54,7 +54,7 @@ def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.Zi
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
     (entries,) = (wheel.read(name).decode() for name in names if name.endswith("entry_points.txt"))
-    assert "bench = harness.cli:main" in entries
+    assert "bench = harness.supervisor:main" in entries
     assert "[shading_atlas_packers]" in entries
     assert [name for name in names if name.startswith("tests/")] == []
 

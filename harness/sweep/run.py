@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import itertools
 import json
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rich.progress import Progress
 
-from harness.console import make_console
+from harness.console import make_console, tell_passed_over
 from harness.lane import Lane
 from harness.plan import FREE, check_folder, make_plan, source_digest
 from harness.run import Run, folder_for, locked, show_progress, stops_kept, write_notes
@@ -20,9 +18,9 @@ from harness.settings import Settings
 from harness.sweep.grid import SETTINGS, Cell, Grid, make_grid, shuffled
 from harness.sweep.timing import Timed, note_of
 from harness.sweep.wanted import Wanted
-from harness.watchdog import restart
 from kernels.cache import VERSION
 from kernels.device import kernels_digest
+from kernels.journal import journal
 from reports.csv_files import replace_file
 from reports.store import Store
 from reports.sweep import FILE
@@ -52,7 +50,9 @@ def sweep(wanted: Wanted, out: Path | None) -> bool:
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
         replace_file(folder / FILE, json.dumps(describe(wanted, grid), indent=2) + "\n")
+        tell_passed_over(session.device)
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
+        journal().note(again=["--out", str(folder)])
         with stops_kept(folder):
             write_notes(store, session)
             with show_progress() as progress:
@@ -101,7 +101,6 @@ class SweepRun:
         self.wanted, self.grid, self.folder, self.sessions = wanted, grid, folder, sessions
         self.folders = grid.folders()
         self.progress = progress
-        self.start_again: Callable[[], None] = partial(restart, "--out", str(folder))
         self._warm: set[int] = set()
 
     def all_cells(self) -> None:
@@ -123,7 +122,7 @@ class SweepRun:
             for cell in shuffled(going, self.wanted.settings.seed, turn):
                 timed, warm = known[id(cell)], id(cell) in self._warm
                 self._warm.add(id(cell))
-                fine = timed.again(self.sessions.at(cell.settings), warm, self.start_again)
+                fine = timed.again(self.sessions.at(cell.settings), warm)
                 if not (fine and timed.goes_on(self.wanted.rule)):
                     going.remove(cell)
                     self.progress.advance(task)
@@ -142,8 +141,7 @@ class SweepRun:
             siblings = [other for other in self.grid.cells if other.settings == cell.settings]
             store.set_plan(make_plan(session, [Lane(other.packer, session.scene, cell.settings) for other in siblings]))
             lane = Lane(cell.fresh(), session.scene, cell.settings)
-            run = Run(session, [lane], store, folder, pictures=False, start_again=self.start_again)
-            run.all_frames(progress)
+            Run(session, [lane], store, folder, pictures=False).all_frames(progress)
             if not self.wanted.timed:
                 store.notes[note_of(cell)] = NOT_TIMED
             self._warm.add(id(cell))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
@@ -11,7 +11,7 @@ from statistics import median
 from harness.lane import Lane
 from harness.session import Session
 from harness.sweep.grid import Cell
-from harness.watchdog import PackTimeoutError, time_limit
+from harness.watchdog import PackTimeoutError, ended_steps, time_limit
 from reports.columns import MEASURED_STATUSES
 from reports.csv_files import median_interval
 from reports.store import Store
@@ -77,18 +77,17 @@ class Timed:
             self._note(reason)
         return reason is None
 
-    def again(self, session: Session, warm: bool, hung: Callable[[], None]) -> bool:
-        """One more pass; False, with the reason noted, if it fails.
+    def again(self, session: Session, warm: bool) -> bool:
+        """One more pass; False, with the reason noted, if it fails, or if an earlier process ended in it.
 
-        warm: whether this process ran the cell's kernels already. hung: called when a kernel hangs, never to return.
+        warm: whether this process ran the cell's kernels already.
         """
-
-        def give_up() -> None:
-            self._note("timeout")
-            hung()
-
+        ended = {"folder": str(self.folder), "timing": note_of(self.cell)}
+        for step in ended_steps(**ended):
+            self._note(f"{step['status']}: {step['reason']}")
+            return False
         try:
-            entries = _one_pass(self.cell, session, warm, give_up)
+            entries = _one_pass(self.cell, session, warm, ended)
         except PackTimeoutError:
             self._note("timeout")
             return False
@@ -107,21 +106,21 @@ class Timed:
             store.notes[note_of(self.cell)] = reason
 
 
-def _one_pass(cell: Cell, session: Session, warm: bool, give_up: Callable[[], None]) -> list[tuple[int, str, float]]:
+def _one_pass(cell: Cell, session: Session, warm: bool, ended: dict[str, str]) -> list[tuple[int, str, float]]:
     """(frame, stage, milliseconds) of packing all frames with a packer of no past; host times are under `wall/`."""
     lane = Lane(cell.fresh(), session.scene, session.settings)
-    limit = session.settings.timeout
+    limit, name = session.settings.timeout, lane.method
     start = time.perf_counter()
-    with time_limit(PREPARE * limit, give_up):
+    with time_limit(PREPARE * limit, f"preparing: {name}", ended):
         lane.packer.prepare(session.scene)
         session.device.finish()
     entries = [(0, "wall/prepare", (time.perf_counter() - start) * 1000)]
     if not warm:
-        with time_limit(2 * limit, give_up):
+        with time_limit(2 * limit, f"warming up: {name}", ended):
             lane.warm_up(session.source.work(0))
     for index in range(session.settings.frames):
         frame = session.source.work(index).frame
-        with time_limit(limit, give_up):
+        with time_limit(limit, f"timing frame {index}: {name}", ended):
             packed = lane.pack(frame)
         entries += [(index, stage, ms) for stage, ms in packed.stages.items()]
         entries.append((index, "wall/pack", packed.wall_ms))

@@ -1,18 +1,28 @@
-"""Independent cells of a sweep side by side, for quality only: their times share the machine and mean nothing."""
+"""Independent cells of a sweep side by side, for quality only: their times share the machine and mean nothing.
+
+This process watches its workers as the supervisor watches it: one that crashes or hangs in a cell ends, and another
+goes on without that cell.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import json
 import multiprocessing
 import os
 import queue
 import signal
+import tempfile
 import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from harness.console import InputError
 from harness.run import show_progress
+from harness.supervisor import crashed, ended_by, name_of, overdue_steps
 from harness.sweep.grid import Grid, make_grid, shuffled
+from harness.watchdog import ENDED
+from kernels.journal import VARIABLE, read_journal
 from reports.store import Store
 
 if TYPE_CHECKING:
@@ -20,11 +30,11 @@ if TYPE_CHECKING:
 
     from harness.sweep.wanted import Wanted
 
-HUNG = 3  # exit code of a worker whose kernel hangs
+TICK = 0.5  # seconds between looks at the workers
 
 
 def run_workers(wanted: Wanted, grid: Grid, folder: Path, progress: Progress) -> None:
-    """Measure every unfinished cell once, in as many processes as wanted; a hanging kernel ends only its worker.
+    """Measure every unfinished cell once, in as many processes as wanted.
 
     Raises InputError if workers die without getting anything done.
     """
@@ -33,7 +43,10 @@ def run_workers(wanted: Wanted, grid: Grid, folder: Path, progress: Progress) ->
         if left == before:
             raise InputError("The workers ended before any cell was finished: run without --workers to see why.")
         before = left
-        _work_through(wanted, list(left), folder, progress)
+        ended = _work_through(wanted, list(left), folder, progress)
+        if ended:
+            before = None
+            os.environ[ENDED] = json.dumps(json.loads(os.environ.get(ENDED, "[]")) + ended)
 
 
 def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
@@ -51,35 +64,50 @@ def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
     return left
 
 
-def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progress) -> None:
-    """Hand the cells to new workers and wait until all of them have ended."""
+def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progress) -> list[dict[str, Any]]:
+    """Hand the cells to new workers and wait until all have ended; returns the steps in which some were ended."""
     context = multiprocessing.get_context("spawn")
     cells, done = context.Queue(), context.Queue()
     count = min(wanted.workers, len(left))
     for number in [*left, *[None] * count]:
         cells.put(number)
-    workers = [context.Process(target=_worker, args=(wanted, folder, cells, done), daemon=True) for _ in range(count)]
     task = progress.add_task(f"cells, {count} at a time", total=len(left))
-    try:
-        for worker in workers:
-            worker.start()
-        while any(worker.is_alive() for worker in workers):
-            try:
-                done.get(timeout=0.5)
-                progress.advance(task)
-            except queue.Empty:
-                continue
-    finally:
-        for worker in workers:
-            worker.terminate()
-        for worker in workers:
-            worker.join()
-        cells.cancel_join_thread()
-        progress.remove_task(task)
+    ended = []
+    with tempfile.TemporaryDirectory(prefix="bench-") as place:
+        journals = [Path(place) / f"journal-{number}" for number in range(count)]
+        workers = [
+            context.Process(target=_worker, args=(wanted, folder, cells, done, journal), daemon=True)
+            for journal in journals
+        ]
+        try:
+            for worker in workers:
+                worker.start()
+            while any(worker.is_alive() for worker in workers):
+                for worker, journal in zip(workers, journals, strict=True):
+                    if worker.is_alive() and (steps := overdue_steps(read_journal(journal))):
+                        ended += ended_by(steps, "timeout", "it did not end")
+                        worker.kill()
+                with contextlib.suppress(queue.Empty):
+                    done.get(timeout=TICK)
+                    progress.advance(task)
+            for worker, journal in zip(workers, journals, strict=True):
+                state = read_journal(journal)
+                if crashed(worker.exitcode) and state:
+                    steps = state["steps"].values()
+                    ended += ended_by(steps, "failed", f"the process crashed ({name_of(worker.exitcode)})")
+        finally:
+            for worker in workers:
+                worker.terminate()
+            for worker in workers:
+                worker.join()
+            cells.cancel_join_thread()
+            progress.remove_task(task)
+    return ended
 
 
-def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any) -> None:
+def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path) -> None:
     """Measure cells until there are no more; ends with its parent, however that ends."""
+    os.environ[VARIABLE] = str(journal)  # its own, not that of its parent
     from harness.sweep.run import Sessions, SweepRun
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
@@ -89,7 +117,6 @@ def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any) -> None:
         os.environ.setdefault(name, share)
     grid = make_grid(wanted.settings, wanted.vary)
     run = SweepRun(wanted, grid, folder, Sessions())
-    run.start_again = lambda: os._exit(HUNG)
     with show_progress() as progress:
         progress.disable = True
         while (number := cells.get()) is not None:

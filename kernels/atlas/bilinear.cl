@@ -21,8 +21,17 @@ INLINE int8 fetch(__global const int *plane, int8 at) {
     return texels;
 }
 
-// Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel.
+// x, or, beyond a texel outside the plane, what shows the same border: far away MAGIC does not round.
+INLINE float8 near_plane(float8 x, int size) {
+    const float8 before = LESSER(x, (float8)(size));
+    return GREATER(before, (float8)(-1.0f));
+}
+
+// Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel; beyond the plane, those of
+// its border.
 INLINE int8 bilinear(__global const int *plane, int width, int height, float8 x, float8 y) {
+    x = near_plane(x, width);
+    y = near_plane(y, height);
     // Rounding x - 0.5 is flooring x, or at whole numbers one less with a fraction of 1, which blends to the same.
     const float8 left = x - 0.5f + MAGIC, above = y - 0.5f + MAGIC;
     const float8 fx = x - (left - MAGIC), fy = y - (above - MAGIC);

@@ -11,7 +11,7 @@ from kernels.atlas.lookup import look_up, look_up_twin
 from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
 from kernels.case import Cost, Result, Trial, case, seeded
 from kernels.fragments.opacity import VARIES
-from kernels.samples import Samples
+from kernels.samples import WIDTH, Samples
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -52,7 +52,8 @@ def lookup(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: at texel centres, beyond the edges and without a place."""
     rng, hard = seeded(kind), kind == "adversarial"
     plane = rng.integers(0, 256, (SIDE, SIDE, 4), dtype=np.uint8)
-    places = rng.uniform(0, SIDE - 1, (2, size)).astype(np.float32)
+    room = -(-size // WIDTH) * WIDTH
+    places = rng.uniform(0, SIDE - 1, (2, room)).astype(np.float32)
     if hard:
         places[:, ::3] = np.round(places[:, ::3])
         places[:, 1::7] += SIDE // 2
@@ -67,7 +68,7 @@ def lookup(device: Device, kind: str, size: int) -> Trial:
 
     def results() -> list[Result]:
         run()
-        expected = look_up_twin(places.T.astype(np.float64), plane)
+        expected = look_up_twin(places[:, :size].T.astype(np.float64), plane)
         placed = np.isfinite(expected[:, 0])
         colours = Result(rgb.get()[0, placed, :3], expected[placed])
         return [colours, Result(drawn.get()[0], np.where(placed, triangle, 0))]

@@ -3,7 +3,7 @@
 // A client's picture from its atlas, 8 pixels per step.
 
 // A sample's triangle counts through the client's list; `ids` are the scene's. Pixels of triangles without a place, whose
-// places are NaN, stay as they are.
+// places are NaN, stay as they are. `room`, where the places' y begin, is a multiple of 8.
 __kernel void look_up(int count, int room, __global const int *triangle, __global const int *texel,
                       __global const float *places, __global const int *ids, __global const int *plane, int width,
                       int height, __global uint *rgb, __global int *drawn) {

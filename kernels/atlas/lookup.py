@@ -20,18 +20,23 @@ def look_up(
     """Colour the pixels of `samples`.
 
     places: float32 (2, room), column and row in the atlas of each sample's surface point, where texel (0, 0) has its
-    centre at (0, 0); NaN for one without a place, whose pixel is left alone. ids: int32 (n), what `drawn` calls the
-    triangles. plane: uint8 (H, W, 4).
+    centre at (0, 0); NaN for one without a place, whose pixel is left alone. The room is a multiple of 8, as that of
+    `locate` is, because 8 are read at a time; what lies beyond the count changes nothing. ids: int32 (n), what `drawn`
+    calls the triangles. plane: uint8 (H, W, 4).
     rgb: uint8 (h, w, 4), drawn: int32 (h, w); both written where there is a sample. Bytes are interpolated as they are
     (sRGB, not linear light), as texture units do without an sRGB format: the decoded video is such a texture.
+    Raises ValueError for a room that is too small or no multiple of 8.
     """
     if samples.count == 0:
         return
+    room = places.shape[1]
+    if room < samples.count or room % 8:
+        raise ValueError(f"places has room for {room} samples: give it a multiple of 8, at least {samples.count}.")
     height, width = plane.shape[:2]
     arrays = (samples.triangle, samples.texel, places, ids, plane)
     kernel = device.build("atlas/lookup.cl").look_up
     items = -(-samples.count // 8)
-    device.launch(stage, kernel, items, samples.count, places.shape[1], *arrays, width, height, rgb, drawn)
+    device.launch(stage, kernel, items, samples.count, room, *arrays, width, height, rgb, drawn)
 
 
 def look_up_twin(places: np.ndarray, plane: np.ndarray) -> np.ndarray:

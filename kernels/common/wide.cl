@@ -20,7 +20,8 @@ typedef float8 __attribute__((aligned(4))) loose_float8;
 #define STREAM(value, pointer) (*(pointer) = (value))
 #endif
 
-#define INLINE __attribute__((always_inline)) inline
+// `static`, as everywhere beside `inline`: without it C99 provides no body for calls that are not inlined.
+#define INLINE __attribute__((always_inline)) static inline
 
 // Loops over the elements of small arrays must be unrolled, or the arrays go through memory.
 #define UNROLL _Pragma("unroll")

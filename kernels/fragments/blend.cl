@@ -7,7 +7,7 @@ typedef struct {
 } Over;
 
 // Put the next fragment behind those so far; alpha in 0..1.
-inline Over put_behind(Over over, const uint colour, const float alpha)
+static inline Over put_behind(Over over, const uint colour, const float alpha)
 {
     const float share = over.through * alpha;
     over.sum += share * (float4)(colour & 255, (colour >> 8) & 255, (colour >> 16) & 255, 255.0f);
@@ -16,7 +16,7 @@ inline Over put_behind(Over over, const uint colour, const float alpha)
 }
 
 // The pixel over a background whose alpha is how much it covers.
-inline uint over_background(const Over over, const uint behind)
+static inline uint over_background(const Over over, const uint behind)
 {
     const float4 back = (float4)(behind & 255, (behind >> 8) & 255, (behind >> 16) & 255, behind >> 24);
     const float4 sum = over.sum + over.through * back + 0.5f;

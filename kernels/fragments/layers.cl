@@ -21,6 +21,7 @@ __kernel void count_up(const int count, __global int *numbers)
 
 // flags[id] = 1 for the triangles whose colour makes up 1/255 or more of a pixel: alpha times what is let through by
 // the fragments in front. triangle, opacity (0..255): of the fragments, nearest first. opaque: what is behind them.
+// Items that mark the same triangle store the same byte, see raster/mark.cl.
 __kernel void mark_layers(const int pixels, __global const int *offsets, __global const int *triangle,
                           __global const int *opacity, __global const int *opaque, __global uchar *flags)
 {

@@ -20,7 +20,7 @@ __kernel void lab_planes(const int width, const int height, const int stride, __
 }
 
 // sqrt(c^7 / (c^7 + 25^7)), with c in units of 25.
-inline float16 chroma_weight(const float16 chroma)
+static inline float16 chroma_weight(const float16 chroma)
 {
     const float16 c = chroma * 0.04f;
     const float16 c2 = c * c;
@@ -29,7 +29,7 @@ inline float16 chroma_weight(const float16 chroma)
 }
 
 // The angle in degrees of the vector (x, y) with x > 0, from the half-angle tangent (error 1e-4).
-inline float16 degrees_from_axis(const float16 x, const float16 y, const float16 length)
+static inline float16 degrees_from_axis(const float16 x, const float16 y, const float16 length)
 {
     const float16 t = y / (x + length);
     const float16 s = t * t;
@@ -39,14 +39,14 @@ inline float16 degrees_from_axis(const float16 x, const float16 y, const float16
 }
 
 // sin of x in 0..pi/3 (error 1e-7).
-inline float16 small_sine(const float16 x)
+static inline float16 small_sine(const float16 x)
 {
     const float16 s = x * x;
     return x * (1.0f + s * (-1.0f / 6 + s * (1.0f / 120 + s * (-1.0f / 5040 + s * (1.0f / 362880)))));
 }
 
 // The rotation R_T of mean hue (c, s): -sin(2 * 30 exp(-((h - 275) / 25)^2)) times 2 sqrt(C^7 / (C^7 + 25^7)).
-inline float16 rotation_term(const float16 c, const float16 s, const float16 chroma)
+static inline float16 rotation_term(const float16 c, const float16 s, const float16 chroma)
 {
     const float cosine = 0.08715574f, sine = -0.99619470f;  // of 275 degrees
     const float16 x = c * cosine + s * sine, y = s * cosine - c * sine;
@@ -58,13 +58,13 @@ inline float16 rotation_term(const float16 c, const float16 s, const float16 chr
 }
 
 // Unfused, so that it is exactly 0 for equal and for opposite hues.
-inline float16 cross_product(const wide3 p, const wide3 q)
+static inline float16 cross_product(const wide3 p, const wide3 q)
 {
     #pragma OPENCL FP_CONTRACT OFF
     return p.y * q.z - q.y * p.z;
 }
 
-inline float16 ciede2000(const wide3 p, const wide3 q)
+static inline float16 ciede2000(const wide3 p, const wide3 q)
 {
     const float16 mean_ab = 0.5f * (sqrt(p.y * p.y + p.z * p.z) + sqrt(q.y * q.y + q.z * q.z));
     const float16 stretch = 1.5f - 0.5f * chroma_weight(mean_ab);

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.functions import exp, hypot, log, power
+from arithmetic.matrices import inverse
 from kernels.metrics.colour import RGB_TO_RELATIVE, lab_from_relative, linear_values
 from kernels.metrics.planes import MARGIN, Layout, padded_taps, total
 
@@ -49,19 +51,20 @@ class Filters:
     @classmethod
     def at(cls, pixels_per_degree: float) -> Filters:
         """The filters for a resolution, in pixels per degree of visual angle."""
-        radius = int(np.ceil(3 * np.sqrt(0.04 / (2 * np.pi**2)) * pixels_per_degree))
-        sharp = min(radius, int(np.ceil(np.sqrt(np.log(1e7) * 0.0053) / np.pi * pixels_per_degree)))
+        radius = int(np.ceil(3 * np.sqrt(0.04 / (2 * np.pi * np.pi)) * pixels_per_degree))
+        sharp = min(radius, int(np.ceil(np.sqrt(log(1e7) * 0.0053) / np.pi * pixels_per_degree)))
 
         def gaussian(b: float, reach: int) -> tuple[np.ndarray, float]:
-            values = np.exp(-(np.pi**2) / b * (np.arange(-reach, reach + 1) / pixels_per_degree) ** 2)
+            place = np.pi * np.arange(-reach, reach + 1) / pixels_per_degree
+            values = exp(-place * place / b)
             return values / values.sum(), values.sum()
 
         (a1, b1), (a2, b2) = SENSITIVITY["yellow_1"], SENSITIVITY["yellow_2"]
         (yellow_1, sum_1), (yellow_2, sum_2) = gaussian(b1, radius), gaussian(b2, radius)
-        weight_1, weight_2 = a1 * np.sqrt(np.pi / b1) * sum_1**2, a2 * np.sqrt(np.pi / b2) * sum_2**2
+        weight_1, weight_2 = (a * np.sqrt(np.pi / b) * s * s for a, b, s in ((a1, b1, sum_1), (a2, b2, sum_2)))
         deviation = 0.5 * FEATURE_WIDTH * pixels_per_degree
         x = np.arange(-np.ceil(3 * deviation), np.ceil(3 * deviation) + 1)
-        smooth = np.exp(-(x**2) / (2 * deviation**2))
+        smooth = exp(-x * x / (2 * deviation * deviation))
         return cls(
             gaussian(SENSITIVITY["luminance"][1], sharp)[0],
             gaussian(SENSITIVITY["red_green"][1], sharp)[0],
@@ -70,7 +73,7 @@ class Filters:
             float(weight_1 / (weight_1 + weight_2)),
             smooth / smooth.sum(),
             _halves_sum_to_one(-x * smooth),
-            _halves_sum_to_one((x**2 / deviation**2 - 1) * smooth),
+            _halves_sum_to_one((x * x / (deviation * deviation) - 1) * smooth),
         )
 
     @property
@@ -94,7 +97,7 @@ def _hunt_lab(relative_xyz: np.ndarray) -> np.ndarray:
 def largest_colour_difference() -> float:
     """The difference of green and blue, the largest on an sRGB display, to the power .7."""
     green, blue = _hunt_lab(RGB_TO_RELATIVE.T[1]), _hunt_lab(RGB_TO_RELATIVE.T[2])
-    return float((abs(green[0] - blue[0]) + np.hypot(*(green - blue)[1:])) ** COLOUR_EXPONENT)
+    return float(power(abs(green[0] - blue[0]) + hypot(*(green - blue)[1:]), COLOUR_EXPONENT))
 
 
 class Flip:
@@ -115,7 +118,7 @@ class Flip:
         self.taps, self.share = device.upload(filters.taps), filters.yellow_share
         self.linear = device.upload(linear_values().astype(np.float32))
         self.to_xyz = device.upload(RGB_TO_RELATIVE.astype(np.float32))
-        self.to_rgb = device.upload(np.linalg.inv(RGB_TO_RELATIVE).astype(np.float32))
+        self.to_rgb = device.upload(inverse(RGB_TO_RELATIVE).astype(np.float32))
         self.largest = largest_colour_difference()
         self.planes, self.rows = self.layout.empty(device, 3), self.layout.empty(device, 7)
         self.reference_features, self.test_features = self.layout.empty(device, 5), self.layout.empty(device, 5)

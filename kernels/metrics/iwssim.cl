@@ -27,14 +27,14 @@ __kernel void reflect_margins(const int width, const int height, const int strid
     }
 }
 
-inline int reflected(const int row, const int height, const int skip)
+static inline int reflected(const int row, const int height, const int skip)
 {
     const int positive = row < 0 ? -row : row;
     return positive < height ? positive : 2 * height - 1 - skip - positive;
 }
 
 // 16 columns of the vertical pass around `row`.
-inline float16 binomial_column(__global const float *p, const int row, const int height, const int stride)
+static inline float16 binomial_column(__global const float *p, const int row, const int height, const int stride)
 {
     const float16 far = vload16(0, p + reflected(row - 2, height, 1) * stride) +
                         vload16(0, p + reflected(row + 2, height, 1) * stride);
@@ -66,7 +66,7 @@ __kernel void reduce(const int height, const int stride, const int coarse_width,
 }
 
 // Even and odd pixels of one coarse row brought to the fine spacing, 16 fine pixels from an even column on.
-inline float16 expanded_row(__global const float *p)
+static inline float16 expanded_row(__global const float *p)
 {
     const float8 before = vload8(0, p - 1), here = vload8(0, p), after = vload8(0, p + 1);
     float16 fine;
@@ -121,7 +121,7 @@ __kernel void enlarge(const int width, const int height, const int stride, const
 }
 
 // Where neighbour `number` of the pixel at 0 lies: the 3x3 around it row by row, then the parent.
-inline __global const float *neighbour(__global const float *band, __global const float *parent, const int stride,
+static inline __global const float *neighbour(__global const float *band, __global const float *parent, const int stride,
                                        const int number)
 {
     return number < 9 ? band + (number / 3 - 1) * stride + number % 3 - 1 : parent;
@@ -189,7 +189,7 @@ typedef struct {
     float16 gain, variance;
 } channel_model;
 
-inline channel_model fitted(__global const float *reference, __global const float *test, const int stride,
+static inline channel_model fitted(__global const float *reference, __global const float *test, const int stride,
                             const float least)
 {
     // Moments about the middle pixel: small numbers, so that nothing is lost in the difference of squares.
@@ -217,7 +217,7 @@ inline channel_model fitted(__global const float *reference, __global const floa
 
 // Information weight: sum over eigenvalues e of log2(1 + ((v + (1 + g^2) n) energy e + n v) / n^2), n the noise.
 // The product of the terms is taken, its exponents apart, and one logarithm of what is left.
-inline float16 information(const channel_model m, const float16 energy, const int neighbours,
+static inline float16 information(const channel_model m, const float16 energy, const int neighbours,
                            __global const float *eigenvalues)
 {
     const float16 slope = (m.variance + (1.0f + m.gain * m.gain) * NOISE) * energy * (1.0f / (NOISE * NOISE));

@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.functions import power
+from arithmetic.matrices import eigenvectors
 from kernels.metrics.colour import luma
 from kernels.metrics.planes import Layout, padded_taps
 from kernels.metrics.ssim import C1, C2, ORIGIN, RADIUS, similarity_twin, window
@@ -46,7 +48,7 @@ def decorrelation(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
     Negative eigenvalues become 0 with the trace kept; directions without variance are left out of the whitening.
     """
-    values, vectors = np.linalg.eigh(covariance)
+    values, vectors = eigenvectors(covariance)
     positive = np.where(values > LEAST_EIGENVALUE * max(values[-1], 0), values, 0)
     if not positive.any():
         return positive, np.zeros_like(covariance)
@@ -189,7 +191,7 @@ class IwSsim:
             "metrics/iwssim/coarsest",
             self.kernels.coarsest_similarity,
             self.coarsest_ssim.size,
-            *(at.width, at.height, at.stride, *planes, ORIGIN * 2.0 ** (SCALES - 1), C1, C2, self.coarsest_ssim),
+            *(at.width, at.height, at.stride, *planes, ORIGIN * 2 ** (SCALES - 1), C1, C2, self.coarsest_ssim),
         )
 
     def score(self) -> float:
@@ -200,7 +202,7 @@ class IwSsim:
             # Without any information in either picture both are flat, and no weighting can tell pixels apart.
             means.append(weighted / weight if weight > 0 else 1.0)
         means.append(self.coarsest_ssim.get().mean(dtype=np.float64))
-        return float(np.prod(np.abs(means) ** WEIGHTS))
+        return float(np.prod(power(np.abs(means), WEIGHTS)))
 
 
 def _reduced(image: np.ndarray) -> np.ndarray:

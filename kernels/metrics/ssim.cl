@@ -40,7 +40,7 @@ __kernel void window_rows(const int width, const int height, const int stride, _
     vstore16(product, 0, rows + at + 2 * size);
 }
 
-inline wide_rows window_columns(__global const float *rows, const int row, const int height, const int stride,
+static inline wide_rows window_columns(__global const float *rows, const int row, const int height, const int stride,
                                 __global const float *taps)
 {
     return filtered_down(rows, row, height, stride, RADIUS, taps + MIDDLE);
@@ -53,7 +53,7 @@ typedef struct {
 
 // The similarity of a reference of mean mu_a and mean square aa, and a test of mu_b, bb and mean product ab.
 // origin: what was subtracted from both. c1, c2: (K1 L)^2 and (K2 L)^2.
-inline similarity similarity_of(const float16 mu_a, const float16 aa, const float16 mu_b, const float16 bb,
+static inline similarity similarity_of(const float16 mu_a, const float16 aa, const float16 mu_b, const float16 bb,
                                 const float16 ab, const float origin, const float c1, const float c2)
 {
     // Unfused, so that identical pictures give exactly 1.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.functions import exp
 from kernels.metrics.colour import luma
 from kernels.metrics.planes import Layout, padded_taps, total
 
@@ -21,13 +22,13 @@ if TYPE_CHECKING:
 RADIUS = 5
 SMALLEST_SIDE = 2 * RADIUS + 1
 SIGMA = 1.5
-C1, C2 = (0.01 * 255) ** 2, (0.03 * 255) ** 2
+C1, C2 = 2.55 * 2.55, 7.65 * 7.65  # (K * 255) squared
 ORIGIN = 128.0  # subtracted from luma
 
 
 def window() -> np.ndarray:
     """The 11 taps of the Gaussian window, float64, sum 1."""
-    taps = np.exp(-(np.arange(-RADIUS, RADIUS + 1) ** 2) / (2 * SIGMA**2))
+    taps = exp(-np.square(np.arange(-RADIUS, RADIUS + 1)) / (2 * SIGMA * SIGMA))
     return taps / taps.sum()
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import inverse, product
 from kernels.common.scan import exclusive_scan
 from kernels.ppll.lists import Host, Lists
 from kernels.ppll.rows import NORMAL_WORDS
@@ -29,7 +30,7 @@ def lens(projection: np.ndarray, width: int, height: int) -> np.ndarray:
 
 def turning(old: np.ndarray, new: np.ndarray) -> np.ndarray:
     """float64 (4, 4): from one view's eye space to another's; the identity exactly where they are the same."""
-    return np.eye(4) if np.array_equal(old, new) else new @ np.linalg.inv(old)
+    return np.eye(4) if np.array_equal(old, new) else product(new, inverse(old))
 
 
 def move_lists(device: Device, held: Lists, turn: np.ndarray, projection: np.ndarray, stage: str) -> Lists:

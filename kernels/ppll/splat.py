@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import inverse, product
 from kernels.common.scan import exclusive_scan
 from kernels.ppll.lists import Lists
 from kernels.ppll.rows import rays
@@ -64,7 +65,7 @@ def _placing(
     from pyopencl import cltypes
 
     projection = view[1]
-    turn = view[0] @ np.linalg.inv(taken[0])
+    turn = product(view[0], inverse(taken[0]))
     turn[np.abs(turn) < 1e-12] = 0  # what inverting leaves of zeros
     lens = (
         projection[0, 0] * width / 2,

@@ -7,6 +7,8 @@ from typing import Any
 
 import numpy as np
 
+from arithmetic.matrices import inverse, product, transform, turned
+
 SUBPIXELS = 256  # positions on screen are snapped to 1/256 pixel
 LARGEST_SIZE = 8192
 
@@ -32,8 +34,8 @@ class Camera:
             raise ValueError("View and projection must be finite 4 x 4 matrices.")
         if not (1 <= width <= LARGEST_SIZE and 1 <= height <= LARGEST_SIZE):
             raise ValueError(f"The image is {width} x {height} pixels; both sides must be 1 to {LARGEST_SIZE}.")
-        eye = np.linalg.solve(view[:3, :3], -view[:3, 3])
-        rows = np.column_stack([projection[:, :3] @ view[:3, :3], projection[:, 3]])
+        eye = -turned(inverse(view[:3, :3]), view[:3, 3])
+        rows = np.column_stack([product(projection[:, :3], view[:3, :3]), projection[:, 3]])
         rows[0] *= width * SUBPIXELS / 2
         rows[1] *= -height * SUBPIXELS / 2
         return cls(eye, rows, width, height)
@@ -43,10 +45,11 @@ class Camera:
         from pyopencl import cltypes
 
         eye = self.eye.astype(np.float32)
-        constants = self.rows[:, 3] - self.rows[:, :3] @ (self.eye - eye)
+        constants = self.rows[:, 3] - turned(self.rows[:, :3], self.eye - eye)
         rows = np.column_stack([self.rows[:, :3], constants]).astype(np.float32)
         return cltypes.make_float4(*eye, 0), cltypes.make_float16(*rows.ravel())
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Float64 (..., 4) of points (..., 3): x and y in sub-pixels from the centre times w, z, w."""
-        return (np.asarray(points, np.float64) - self.eye) @ self.rows[:, :3].T + self.rows[:, 3]
+        points = np.asarray(points, np.float64) - self.eye
+        return transform(self.rows, points.reshape(-1, 3)).reshape(*points.shape[:-1], 4)

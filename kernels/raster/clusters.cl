@@ -154,7 +154,7 @@ __kernel void strike_hidden(const int chunks, const int clusters, const float4 e
 }
 
 // Note which clusters a picture shows, from every eighth row, in turn: what is missed costs time only. Items that note
-// the same cluster write the same value.
+// the same cluster store the same value, whole, so it does not matter which is last, and nobody reads it meanwhile.
 __kernel void note_seen(const int height, const int width, __global const int *triangles, const int now,
                         __global int *last_seen)
 {

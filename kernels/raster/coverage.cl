@@ -1,6 +1,8 @@
 // Which pixels a record covers, and at which depth: edges, depth plane, and the holes of alpha masks.
 #include "raster/record.cl"
 
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
 #if MASKED
 #include "texture/mask.cl"
 #define ALPHA_PARAMETERS                                                                                               \

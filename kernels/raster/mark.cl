@@ -1,6 +1,7 @@
 #include "raster/runs.cl"
 
-// One item per row; items that mark the same triangle write the same value.
+// One item per row. Items that mark the same triangle store the same byte, whole and without touching its neighbours,
+// as every OpenCL from 1.1 on does: it does not matter which is last, and nobody reads it meanwhile.
 __kernel void mark_visible(const int height, const int width, __global const int *triangles, __global uchar *flags)
 {
     const int y = get_global_id(0);

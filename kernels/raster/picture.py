@@ -37,5 +37,5 @@ class Picture:
         tiles_x, tiles_y = -(-camera.width // tile), -(-camera.height // tile)
         tiles, shape = tiles_x * tiles_y, (camera.height, camera.width)
         images = (device.recycled(shape, np.int32), device.recycled(shape, np.float32))
-        blocks = device.recycled(tiles * (tile // BLOCK) ** 2, np.float32)
+        blocks = device.recycled(tiles * (tile // BLOCK) * (tile // BLOCK), np.float32)
         return cls(camera, tile, tiles_x, tiles, *images, blocks, device.recycled(tiles, np.float32))

@@ -3,6 +3,8 @@
 #include "raster/chunks.cl"
 #include "raster/record.cl"
 
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
 #define DOUBLE_SIDED 1
 #define MASKED 2
 #define BLOCK 8
@@ -153,37 +155,36 @@ INLINE int8 edge_inside(const uint8 steps_x, const uint8 steps_y, const uint8 at
 }
 
 // Lanes to keep of the good ones of 8 triangles with snapped corners x, y: those that face the viewer and may cover a sample. Exact for
-// boxes of up to 2 x 2 pixels; unsigned arithmetic, because lanes to ignore may overflow.
+// boxes of up to 2 x 2 pixels; unsigned arithmetic, because lanes to ignore may lie anywhere and their sums overflow.
 INLINE int8 worth_drawing(const int8 *x, const int8 *y, const int8 good, const int8 two_sided, const int width,
                           const int height)
 {
     const int8 left = LESSER(x[0], LESSER(x[1], x[2])), right = GREATER(x[0], GREATER(x[1], x[2]));
     const int8 top = LESSER(y[0], LESSER(y[1], y[2])), bottom = GREATER(y[0], GREATER(y[1], y[2]));
-    const int8 begin_x = (left + 127) >> 8, first_x = GREATER(begin_x, 0);
-    const int8 begin_y = (top + 127) >> 8, first_y = GREATER(begin_y, 0);
-    const int8 end_x = (right - 128) >> 8, last_x = LESSER(end_x, width - 1);
-    const int8 end_y = (bottom - 128) >> 8, last_y = LESSER(end_y, height - 1);
+    const int8 begin_x = as_int8(as_uint8(left) + 127) >> 8, first_x = GREATER(begin_x, 0);
+    const int8 begin_y = as_int8(as_uint8(top) + 127) >> 8, first_y = GREATER(begin_y, 0);
+    const int8 end_x = as_int8(as_uint8(right) - 128) >> 8, last_x = LESSER(end_x, width - 1);
+    const int8 end_y = as_int8(as_uint8(bottom) - 128) >> 8, last_y = LESSER(end_y, height - 1);
     int8 keep = good ? ((first_x <= last_x) & (first_y <= last_y)) : (int8)0;
     if (!any8(keep))
         return keep;
-    const uint8 abx = as_uint8(x[1] - x[0]), aby = as_uint8(y[1] - y[0]);
-    const uint8 bcx = as_uint8(x[2] - x[1]), bcy = as_uint8(y[2] - y[1]);
-    const uint8 cax = as_uint8(x[0] - x[2]), cay = as_uint8(y[0] - y[2]);
+    const uint8 ax = as_uint8(x[0]), bx = as_uint8(x[1]), cx = as_uint8(x[2]);
+    const uint8 ay = as_uint8(y[0]), by = as_uint8(y[1]), cy = as_uint8(y[2]);
+    const uint8 abx = bx - ax, bcx = cx - bx, cax = ax - cx;
+    const uint8 aby = by - ay, bcy = cy - by, cay = ay - cy;
     const int8 area = as_int8(aby * cax - abx * cay);
-    const int8 small = (right - left < (1 << 14)) & (bottom - top < (1 << 14));
+    const int8 wide = as_int8(as_uint8(right) - as_uint8(left)), high = as_int8(as_uint8(bottom) - as_uint8(top));
+    const int8 small = (wide < (1 << 14)) & (high < (1 << 14));
     keep &= ~small | (area < 0) | (two_sided & (area > 0));
     const int8 tiny = small & (last_x - first_x < 2) & (last_y - first_y < 2);
     if (!any8(keep & tiny))
         return keep;
     const uint8 turn = (area > 0) ? (uint8)1 : (uint8)(-1); // edges run so that the inside is positive
-    const uint8 px = as_uint8(first_x * SUBPIXELS + 128), py = as_uint8(first_y * SUBPIXELS + 128);
+    const uint8 px = as_uint8(first_x) * SUBPIXELS + 128, py = as_uint8(first_y) * SUBPIXELS + 128;
     int8 here = 0, beside = 0, below = 0, both = 0;
-    here |= edge_inside(-aby * turn, abx * turn, (abx * (py - as_uint8(y[0])) - aby * (px - as_uint8(x[0]))) * turn,
-                        &beside, &below, &both);
-    here |= edge_inside(-bcy * turn, bcx * turn, (bcx * (py - as_uint8(y[1])) - bcy * (px - as_uint8(x[1]))) * turn,
-                        &beside, &below, &both);
-    here |= edge_inside(-cay * turn, cax * turn, (cax * (py - as_uint8(y[2])) - cay * (px - as_uint8(x[2]))) * turn,
-                        &beside, &below, &both);
+    here |= edge_inside(-aby * turn, abx * turn, (abx * (py - ay) - aby * (px - ax)) * turn, &beside, &below, &both);
+    here |= edge_inside(-bcy * turn, bcx * turn, (bcx * (py - by) - bcy * (px - bx)) * turn, &beside, &below, &both);
+    here |= edge_inside(-cay * turn, cax * turn, (cax * (py - cy) - cay * (px - cx)) * turn, &beside, &below, &both);
     return keep & (~tiny | (here >= 0) | (beside >= 0) | (below >= 0) | (both >= 0));
 }
 
@@ -205,8 +206,8 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
         cz[i] = ((rows.s8 * dx + rows.s9 * dy) + rows.sa * dz) + rows.sb;
         cw[i] = ((rows.sc * dx + rows.sd * dy) + rows.se * dz) + rows.sf;
         const float8 inverse = 1.0f / cw[i], sx = cx[i] * inverse, sy = cy[i] * inverse;
-        x[i] = as_int8(sx + ROUND) + (middle.x - as_int(ROUND));
-        y[i] = as_int8(sy + ROUND) + (middle.y - as_int(ROUND));
+        x[i] = as_int8(as_uint8(sx + ROUND) + (uint)(middle.x - as_int(ROUND)));
+        y[i] = as_int8(as_uint8(sy + ROUND) + (uint)(middle.y - as_int(ROUND)));
         depth[i] = cz[i] * inverse;
         good &= (cz[i] <= cw[i]) & (sx <= GUARD) & (sx >= -GUARD) & (sy <= GUARD) & (sy >= -GUARD);
     }

@@ -1,6 +1,8 @@
 // Shapes: 8 records of a tile made ready to draw at once, one per lane, because everything here is the same for each.
 #include "raster/coverage.cl"
 
+#pragma OPENCL EXTENSION cl_khr_fp64 : enable
+
 typedef struct {
     int8 left, top, right, bottom; // the tile's pixels that the boxes hold
     int8 id;                       // triangle | MASK_BIT

@@ -4,9 +4,9 @@
 
 #define STEPS 8
 
-inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
+static inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
 
-inline int class_of_word(uint word, int top) {
+static inline int class_of_word(uint word, int top) {
     const Block block = unpack_location(word);
     return size_class(block.w, block.h, top);
 }

@@ -37,7 +37,7 @@ class Grid:
 
     @property
     def classes(self) -> int:
-        return (self.top + 1) ** 2
+        return (self.top + 1) * (self.top + 1)
 
     @property
     def capacity(self) -> np.ndarray:

@@ -20,11 +20,11 @@ __kernel void sum_columns(__global int *histogram) {
 }
 
 // Largest size that falls into `level` at `bias` (both -1 below the first level).
-inline int largest_size(int level, int bias, int top) {
+static inline int largest_size(int level, int bias, int top) {
     return level < 0 ? -1 : level == top ? SIZES - 1 : min(SIZES - 1, STEPS * level + bias);
 }
 
-inline int below(__global const int *sums, int w, int h) { return w < 0 || h < 0 ? 0 : sums[SIZES * h + w]; }
+static inline int below(__global const int *sums, int w, int h) { return w < 0 || h < 0 ? 0 : sums[SIZES * h + w]; }
 
 __kernel void needed_superblocks(__global const int *sums, int top, __global int *needed) {
     const int bias = get_global_id(0);

@@ -159,7 +159,7 @@ INLINE Samples8 sample_row(int column, const Row *row, const Part *part, int mem
     return s;
 }
 
-inline void store_lanes(int8 value, __global int *array, int count) {
+static inline void store_lanes(int8 value, __global int *array, int count) {
     for (int k = 0; k < count; k++) array[k] = ((int *)&value)[k];
 }
 

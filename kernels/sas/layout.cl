@@ -5,13 +5,13 @@ typedef struct {
     int w, h;  // log2 of the sides
 } Block;
 
-inline int trailing_zeros(int value) { return (int)popcount((uint)((value & -value) - 1)); }
+static inline int trailing_zeros(int value) { return (int)popcount((uint)((value & -value) - 1)); }
 
-inline uint pack_location(Block block) {
+static inline uint pack_location(Block block) {
     return (uint)(2 * block.x + (1 << block.w)) | (uint)(2 * block.y + (1 << block.h)) << 16;
 }
 
-inline Block unpack_location(uint word) {
+static inline Block unpack_location(uint word) {
     const int cx = (int)(word & 0xFFFF), cy = (int)(word >> 16);
     Block block;
     block.w = trailing_zeros(cx);
@@ -22,4 +22,4 @@ inline Block unpack_location(uint word) {
 }
 
 // Blocks of one size form a class; `top` is log2 of a superblock's side, the largest level.
-inline int size_class(int w, int h, int top) { return h * (top + 1) + w; }
+static inline int size_class(int w, int h, int top) { return h * (top + 1) + w; }

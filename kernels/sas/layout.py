@@ -19,6 +19,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import inverse
+
 SINGLE_OR_FIRST, SECOND, CENTRE, RIGHT, LEFT = range(5)
 
 # The five points of the square that corners can lie on: u, v.
@@ -29,7 +31,7 @@ APEX = 4
 ROLE_POINTS = np.array([(0, 1, 3), (2, 3, 1), (APEX, 2, 3), (APEX, 1, 2), (APEX, 3, 0)])
 
 # For each role and corner the weight of the corner at (u, v) as a, b, c in a + b u + c v.
-ROLE_WEIGHTS = np.linalg.inv(np.concatenate([np.ones((5, 3, 1)), POINTS[ROLE_POINTS]], axis=2)).transpose(0, 2, 1)
+ROLE_WEIGHTS = inverse(np.concatenate([np.ones((5, 3, 1)), POINTS[ROLE_POINTS]], axis=2)).transpose(0, 2, 1)
 
 # A role's place in its patch's list of members.
 ROLE_SLOT = np.array([0, 1, 0, 1, 2])
@@ -56,5 +58,5 @@ def unpack_location(words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarr
     """x, y, w, h (int64) of location words; meaningless where a word is 0."""
     centre_x, centre_y = words.astype(np.int64) & 0xFFFF, words.astype(np.int64) >> 16
     side_x, side_y = np.maximum(centre_x & -centre_x, 1), np.maximum(centre_y & -centre_y, 1)
-    w, h = np.log2(side_x).astype(np.int64), np.log2(side_y).astype(np.int64)
+    w, h = (np.frexp(side)[1].astype(np.int64) - 1 for side in (side_x, side_y))
     return (centre_x - side_x) // 2, (centre_y - side_y) // 2, w, h

@@ -2,7 +2,7 @@
 
 // Potentially visible patches in the order of their first triangle, and which of their triangles are in the set.
 
-inline bool marked(int triangle, __global const int *marks, int mark) {
+static inline bool marked(int triangle, __global const int *marks, int mark) {
     return triangle >= 0 && marks[triangle] == mark;
 }
 

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.functions import tan
+from arithmetic.matrices import product, transform, turned
 from kernels.raster.rasteriser import Rasteriser
 from kernels.shade.tables import LightLike
 from kernels.triangles import Triangles
@@ -45,9 +47,14 @@ class ShadowCamera:
     texel: tuple[float, float]
     slope: tuple[float, float]
 
+    @property
+    def texels(self) -> int:
+        """Of the whole map."""
+        return self.size * self.size
+
     def row(self, start: int) -> np.ndarray:
         """float32 (28): the shadow's part of the light's record, for a map that begins at float `start`."""
-        x, y, depth, w = self.projection @ self.view
+        x, y, depth, w = product(self.projection, self.view)
         half = self.size / 2
         row = np.zeros(ROW_FLOATS, np.float32)
         row[:16] = np.concatenate([half * (w + x), half * (w - y), depth, w])
@@ -91,15 +98,15 @@ class ShadowMaps:
             return cls.none(device, len(lights))
         flags = casters.host_flags | np.uint8(Triangles.DOUBLE_SIDED)
         rasteriser = Rasteriser(device, replace(casters, flags=device.upload(flags), host_flags=flags), mask)
-        maps = device.empty(sum(camera.size**2 for camera in cameras if camera), np.float32)
+        maps = device.empty(sum(camera.texels for camera in cameras if camera), np.float32)
         rows = np.zeros((len(lights), ROW_FLOATS), np.float32)
         start = 0
         for row, camera in zip(rows, cameras, strict=True):
             if camera:
                 drawn = rasteriser.draw(camera.view, camera.projection, camera.size, camera.size, stage="shadows")
-                maps[start : start + camera.size**2] = drawn.depth.ravel()
+                maps[start : start + camera.texels] = drawn.depth.ravel()
                 row[:] = camera.row(start)
-                start += camera.size**2
+                start += camera.texels
         return cls(maps, rows)
 
 
@@ -110,14 +117,14 @@ def shadow_camera(light: ShadowLight, casters: Triangles, focus: np.ndarray, met
     COARSEST_TEXEL, a square around `focus` in which they are not; what lies outside is lit.
     """
     forward = np.asarray(light.direction, np.float64)
-    forward = forward / np.linalg.norm(forward)
+    forward = forward / np.linalg.norm(forward, axis=-1)
     if light.kind == "spot":
         return _spot_camera(light, _looking(np.asarray(light.position, np.float64), forward), metres_per_unit)
     view = _looking(np.zeros(3), forward)
     used = np.zeros(len(casters.host_positions), bool)
     used[casters.host_indices] = True
-    points = casters.host_positions[used] @ view[:3, :3].T.astype(np.float32)
-    low, high = points.min(axis=0).astype(np.float64), points.max(axis=0).astype(np.float64)
+    points = transform(view[:3, :3], casters.host_positions[used])
+    low, high = points.min(axis=0), points.max(axis=0)
     extent = max((high - low)[:2].max(), 1e-6)
     coarsest = COARSEST_TEXEL / metres_per_unit
     size = DIRECTIONAL_SIZE if extent <= DIRECTIONAL_SIZE * coarsest else LARGE_SIZE
@@ -125,7 +132,7 @@ def shadow_camera(light: ShadowLight, casters: Triangles, focus: np.ndarray, met
     middle = (low + high) / 2
     if side < extent:
         reach = np.maximum((high - low)[:2] - side, 0) / 2
-        middle[:2] = np.clip((view[:3, :3] @ focus)[:2], middle[:2] - reach, middle[:2] + reach)
+        middle[:2] = np.clip(turned(view[:3, :3], focus)[:2], middle[:2] - reach, middle[:2] + reach)
     margin = 0.01 * (high[2] - low[2]) + 4 * side / size  # so that nothing lies on the near or far end
     depth = high[2] - low[2] + 2 * margin
     view[:3, 3] = -middle[0], -middle[1], -(high[2] + margin)
@@ -135,7 +142,7 @@ def shadow_camera(light: ShadowLight, casters: Triangles, focus: np.ndarray, met
 
 
 def _spot_camera(light: ShadowLight, view: np.ndarray, metres_per_unit: float) -> ShadowCamera:
-    tangent = float(np.tan(np.radians(min(light.cone, WIDEST_SPOT)))) * 1.01
+    tangent = float(tan(np.radians(min(light.cone, WIDEST_SPOT)))) * 1.01
     near = SPOT_NEAR / metres_per_unit
     projection = np.array([[1 / tangent, 0, 0, 0], [0, 1 / tangent, 0, 0], [0, 0, 0, near], [0, 0, -1, 0]])
     return ShadowCamera(view, projection, SPOT_SIZE, (0.0, 2 * tangent / SPOT_SIZE), (0.0, 1 / near))
@@ -145,8 +152,8 @@ def _looking(eye: np.ndarray, forward: np.ndarray) -> np.ndarray:
     """View matrix of a camera at `eye` that looks along the unit vector `forward`."""
     helper = np.eye(3)[np.argmin(np.abs(forward))]
     right = np.cross(forward, helper)
-    right /= np.linalg.norm(right)
+    right /= np.linalg.norm(right, axis=-1)
     view = np.eye(4)
     view[:3, :3] = right, np.cross(right, forward), -forward
-    view[:3, 3] = -view[:3, :3] @ eye
+    view[:3, 3] = -turned(view[:3, :3], eye)
     return view

@@ -32,6 +32,7 @@ INLINE float8 row8(__global const float *row, float8 x, float8 y, float8 z)
 }
 
 // The map's 3x3 bilinear taps around texel coordinates (column, row): each is clamp(depth - steepness * map, 0, 1).
+// Lanes that are not `inside` give 1.
 INLINE float8 filtered8(__global const float *map, int size, float8 column, float8 row, float8 depth, float8 steepness,
                         int8 inside)
 {
@@ -43,7 +44,7 @@ INLINE float8 filtered8(__global const float *map, int size, float8 column, floa
     STORE8(depth, depths);
     STORE8(steepness, slopes);
     STORE_INT8(inside, looked);
-    STORE_INT8(inside ? (convert_int8(row_low) - 1) * size + convert_int8(column_low) - 1 : (int8)0, starts);
+    STORE_INT8((convert_int8(row_low) - 1) * size + convert_int8(column_low) - 1, starts);
     for (int lane = 0; lane < 8; lane++) {
         lit[lane] = 1.0f;
         if (!looked[lane])
@@ -89,7 +90,9 @@ INLINE float8 shadow8(__global const float *light, __global const float *shadow_
     const int8 inside = wanted && w > 0.0f && column >= 2.0f && column <= far && row >= 2.0f && row <= far;
     if (!any_of8(inside))
         return 1.0f;
-    return filtered8(shadow_maps + as_int(light[SHADOW_START]), size, column, row, depth * steepness + 1.0f, steepness,
-                     inside);
+    // Other lanes may lie anywhere, also where no int reaches.
+    const float8 x_inside = inside ? column : (float8)2.0f, y_inside = inside ? row : (float8)2.0f;
+    return filtered8(shadow_maps + as_int(light[SHADOW_START]), size, x_inside, y_inside, depth * steepness + 1.0f,
+                     steepness, inside);
 }
 #endif

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import product
 from kernels.shade.colour import encode, sky_radiance
 
 
@@ -12,11 +13,10 @@ def pixel_rays(view: np.ndarray, projection: np.ndarray, width: int, height: int
 
     view, projection: float64 (4, 4), a perspective with the conventions of the packer interface.
     """
-    to_world = view[:3, :3].T
     x, y = 1 / width - 1 + projection[0, 2], 1 - 1 / height + projection[1, 2]
     right, up = 1 / projection[0, 0], 1 / projection[1, 1]
     rays = np.array([[x * right, y * up, -1.0], [2 / width * right, 0, 0], [0, -2 / height * up, 0]])
-    return (rays @ to_world.T).ravel()
+    return product(rays, view[:3, :3]).ravel()
 
 
 def paint_sky_twin(view: np.ndarray, projection: np.ndarray, width: int, height: int, environment: np.ndarray):

@@ -8,6 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from arithmetic.functions import cos
+
 MATERIAL_FLOATS = 16
 LIGHT_FLOATS = 48
 KINDS = {"directional": 0, "point": 1, "spot": 2}
@@ -122,11 +124,11 @@ def light_rows(lights: Sequence[LightLike], metres_per_unit: float) -> np.ndarra
     rows = np.zeros((len(lights), LIGHT_FLOATS), np.float32)
     for row, light in zip(rows, lights, strict=True):
         direction = np.asarray(light.direction, np.float64)
-        outer, inner = (np.cos(np.radians(light.cone * share)) for share in (1.0, FADE_START))
+        outer, inner = (cos(np.radians(light.cone * share)) for share in (1.0, FADE_START))
         row[0] = KINDS[light.kind]
         row[4:7] = light.position
-        row[8:11] = direction / max(np.linalg.norm(direction), 1e-30)
-        row[11] = metres_per_unit**2
+        row[8:11] = direction / max(np.linalg.norm(direction, axis=-1), 1e-30)
+        row[11] = metres_per_unit * metres_per_unit
         row[12:14] = outer, 1 / max(inner - outer, 1e-9)
         row[16:19] = light.colour
     return rows

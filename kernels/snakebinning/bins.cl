@@ -9,6 +9,6 @@
 // thresholds: cotangents of the lower edges of bins 1 to 29 of alpha, then, from BETA_EDGES on, of beta.
 #define BETA_EDGES 32
 
-inline int bin_of(int alpha, int beta, int height) {
+static inline int bin_of(int alpha, int beta, int height) {
     return (alpha * ANGLES + beta) * COLUMN + height;
 }

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arithmetic.functions import log2, power, tan
+
 ANGLES = 30  # bins of alpha, 15 to 90 degrees, and of beta, 0 to 60 degrees
 HEIGHTS = 1500
 COLUMN = 1504  # heights padded to whole words of 32 bins
@@ -21,8 +23,8 @@ BETA_EDGES = 2.0 * np.arange(ANGLES + 1)
 def edge_table() -> np.ndarray:
     """float32 (64): cotangents of the lower edges of bins 1 to 29, of alpha and from 32 on of beta."""
     table = np.zeros(64, np.float32)
-    table[:29] = 1 / np.tan(np.radians(ALPHA_EDGES[1:-1]))
-    table[32:61] = 1 / np.tan(np.radians(BETA_EDGES[1:-1]))
+    table[:29] = 1 / tan(np.radians(ALPHA_EDGES[1:-1]))
+    table[32:61] = 1 / tan(np.radians(BETA_EDGES[1:-1]))
     return table
 
 
@@ -39,13 +41,13 @@ class HeightBins:
     @property
     def scale(self) -> float:
         """Bins per doubling of the height, or per texel."""
-        span = np.log2(self.highest / SHORTEST) if self.logarithmic else self.highest - SHORTEST
+        span = log2(self.highest / SHORTEST) if self.logarithmic else self.highest - SHORTEST
         return float(np.float32((HEIGHTS - 1) / max(float(span), 1e-3)))
 
     def tops(self) -> np.ndarray:
         """int32 (COLUMN): upper edge of each bin in 1/8 texel, rounded up, at most `highest`."""
         steps = np.arange(COLUMN) / self.scale
-        edges = SHORTEST * 2.0**steps if self.logarithmic else SHORTEST + steps
+        edges = SHORTEST * power(2.0, steps) if self.logarithmic else SHORTEST + steps
         return np.ceil(np.minimum(edges, self.highest) * UNIT - 1e-9).astype(np.int32)
 
 

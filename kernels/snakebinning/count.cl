@@ -23,7 +23,7 @@ __kernel void forget_bins(int count, __global const int *list, __global int *cou
     if (i >= count) return;
     const int bin = list[i];
     counts[bin] = widest[2 * bin] = widest[2 * bin + 1] = 0;
-    used[bin >> 5] = 0;
+    atomic_and(&used[bin >> 5], ~(1u << (bin & 31)));
 }
 
 __kernel void count_bits(int words, __global const uint *bits, __global int *counts) {

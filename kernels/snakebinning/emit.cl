@@ -7,7 +7,7 @@
 #define OUTSIDE 1.9f       // texels that a sample's barycentrics may lie further outside than one height
 #define POSITIVE 0.35f     // share of the least inverse distance that the interpolated one stays above
 
-inline int2 columns_of(const Strip *s, ushort4 own, int line, int full, int enlarge) {
+static inline int2 columns_of(const Strip *s, ushort4 own, int line, int full, int enlarge) {
     const int2 slot = needed_columns(s->before8, s->before8, s->after8, s->height8, s->inset, line, enlarge);
     if (full) return slot;
     const int2 needed = needed_columns(s->before8, own.x, own.y, own.z, s->inset, line, enlarge);
@@ -50,7 +50,7 @@ typedef struct {
     int triangle;  // which the samples name
 } Plane;
 
-inline Plane plane_of(ushort4 own, uint word, __global const float *positions, __global const int *indices,
+static inline Plane plane_of(ushort4 own, uint word, __global const float *positions, __global const int *indices,
                       int triangle, int first_piece, __global const float *pieces) {
     const float before = 0.125f * own.x, after = 0.125f * own.y, height = 0.125f * own.z, length = before + after;
     const int a = word >> 24 & 3, after_a = a == 2 ? 0 : a + 1, last = 3 - a - after_a;
@@ -125,7 +125,7 @@ INLINE Samples8 sample8(const Plane *p, float8 x, float y) {
     return s;
 }
 
-inline void store_lanes(int8 value, __global int *array, int count) {
+static inline void store_lanes(int8 value, __global int *array, int count) {
     for (int k = 0; k < count; k++) array[k] = ((int *)&value)[k];
 }
 

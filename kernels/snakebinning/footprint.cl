@@ -84,7 +84,7 @@ typedef struct {
     float height, before, after;
 } Shape;
 
-inline Shape shape_on(const float *x, const float *y, int a, int b, int c) {
+static inline Shape shape_on(const float *x, const float *y, int a, int b, int c) {
     const float ex = x[b] - x[a], ey = y[b] - y[a], cx = x[c] - x[a], cy = y[c] - y[a];
     const float edge = sqrt(ex * ex + ey * ey), inverse = edge > 0.0f ? 1.0f / edge : 0.0f;
     const float before = (ex * cx + ey * cy) * inverse;
@@ -92,7 +92,7 @@ inline Shape shape_on(const float *x, const float *y, int a, int b, int c) {
 }
 
 // a | 4 where b is not the corner after a.
-inline int roles_of(const float *x, const float *y) {
+static inline int roles_of(const float *x, const float *y) {
     float squared[3];  // of the edge opposite each corner
     for (int k = 0; k < 3; k++) {
         const int i = k == 2 ? 0 : k + 1, j = k == 0 ? 2 : k - 1;
@@ -107,7 +107,7 @@ inline int roles_of(const float *x, const float *y) {
 }
 
 // The shape as strips can hold it.
-inline Shape fitted(Shape s, float highest, float longest, int *flags) {
+static inline Shape fitted(Shape s, float highest, float longest, int *flags) {
     if (s.height > highest) {
         const float scale = highest / s.height;
         s.before *= scale, s.after *= scale, s.height = highest;
@@ -130,7 +130,7 @@ inline Shape fitted(Shape s, float highest, float longest, int *flags) {
 }
 
 // Number of edges, cotangents in falling order, that the angle with this cotangent (before / height) passes.
-inline int angle_index(__constant const float *edges, float before, float height) {
+static inline int angle_index(__constant const float *edges, float before, float height) {
     int low = 0, high = ANGLES - 1;
     while (low < high) {
         const int middle = (low + high) / 2;
@@ -140,12 +140,12 @@ inline int angle_index(__constant const float *edges, float before, float height
     return low;
 }
 
-inline int height_index(float height, float scale, int logarithmic) {
+static inline int height_index(float height, float scale, int logarithmic) {
     const float steps = scale * (logarithmic ? log2(height) : height - 1.0f);
     return clamp((int)ceil(steps), 0, HEIGHTS - 1);
 }
 
-inline int3 indices_of(Shape s, __constant const float *edges, float scale, int logarithmic) {
+static inline int3 indices_of(Shape s, __constant const float *edges, float scale, int logarithmic) {
     return (int3)(angle_index(edges, s.before, s.height), angle_index(edges + BETA_EDGES, s.after, s.height),
                   height_index(s.height, scale, logarithmic));
 }
@@ -154,7 +154,7 @@ inline int3 indices_of(Shape s, __constant const float *edges, float scale, int 
 // gentle: with q(x, y) the interpolated inverse distance, (|dq/dx| + |dq/dy|) max(q) / min(q)^2 <= STEEPEST per texel.
 // Bilinear interpolation between samples is then right within 0.1 texel, and q is positive wherever lookups reach. Nor
 // does a barycentric there, up to -REACH / height max(q) / min(q), pass where emit.cl stops it.
-inline uint limited_weights(const float *w, int a, int b, int c, Shape s) {
+static inline uint limited_weights(const float *w, int a, int b, int c, Shape s) {
     const float nearest = fmin(fmin(w[0], w[1]), w[2]);
     float q[3];
     for (int k = 0; k < 3; k++) q[k] = fmax(nearest / w[k], 1.0f / 255.0f);
@@ -175,7 +175,7 @@ inline uint limited_weights(const float *w, int a, int b, int c, Shape s) {
 }
 
 // Of a shape, in texels.
-inline float area_of(ushort4 length) {
+static inline float area_of(ushort4 length) {
     return 0.5f / (UNIT * UNIT) * (float)(length.x + length.y) * (float)length.z;
 }
 

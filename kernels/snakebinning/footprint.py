@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
+from arithmetic.matrices import turned
 from kernels.snakebinning.bins import ANGLES, HEIGHTS, UNIT, HeightBins, bin_of, edge_table, indices_of
 
 if TYPE_CHECKING:
@@ -66,7 +67,7 @@ def pack_views(matrices: Sequence[tuple[np.ndarray, np.ndarray, int]], rate: flo
     of tangent (`rate` texels per pixel), inverse half-angle tangents across and up, near."""
     rows = np.zeros((len(matrices), VIEW_FLOATS), np.float32)
     for row, (view, projection, width) in zip(rows, matrices, strict=True):
-        eye = -view[:3, :3].T @ view[:3, 3]
+        eye = -turned(view[:3, :3].T, view[:3, 3])
         row[:3] = eye
         row[3:6] = eye - row[:3]
         row[6:9], row[9:12] = view[1, :3], view[0, :3]

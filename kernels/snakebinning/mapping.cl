@@ -23,7 +23,7 @@ __kernel void find_sinks(int count, __global const int *used, __global const int
 }
 
 // The first sink of a column from height `low` to `high`, -1 for none.
-inline int first_sink(__global const uint *column, int low, int high) {
+static inline int first_sink(__global const uint *column, int low, int high) {
     for (int word = low >> 5; word <= high >> 5; word++) {
         uint bits = column[word];
         if (word == low >> 5) bits &= 0xFFFFFFFFu << (low & 31);
@@ -67,7 +67,7 @@ typedef struct {
     int cell, a, b, h;  // number, and the bin's place in it
 } Place;
 
-inline Place place_in(int level, int bin) {
+static inline Place place_in(int level, int bin) {
     const int side = SIDES[level], tall = 20 * side, across = ANGLES / side, up = (HEIGHTS + tall - 1) / tall;
     const int alpha = bin / COLUMN / ANGLES, beta = bin / COLUMN % ANGLES, height = bin % COLUMN;
     const int cell = (alpha / side * across + beta / side) * up + height / tall;

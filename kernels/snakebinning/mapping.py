@@ -17,7 +17,7 @@ STAGE = "structs/mapping"
 ANGLE_RANGE, HEIGHT_RANGE = 5, 200  # bins: to either side, and upwards only
 PER_ANGLE = 400  # distance^2 = 400 (da^2 + db^2) + dh^2: 20 bins of the height are as far as one of an angle
 SIDES = (1, 2, 5, 10)  # of the hierarchy's cells in bins of an angle; 20 times as many of the height
-CELLS = [(ANGLES // side) ** 2 * -(-HEIGHTS // (20 * side)) for side in SIDES]
+CELLS = [(ANGLES // side) * (ANGLES // side) * -(-HEIGHTS // (20 * side)) for side in SIDES]
 NO_KEY = 0xFFFFFFFF
 
 
@@ -98,7 +98,7 @@ def first_in_hierarchy(source: int, sinks: np.ndarray) -> int | None:
         if not len(inside):
             continue
         off = 2 * (inside % size) + 1 - size
-        central = inside[np.lexsort((*inside.T[::-1], (off**2 * [PER_ANGLE, PER_ANGLE, 1]).sum(axis=1)))[0]]
+        central = inside[np.lexsort((*inside.T[::-1], (off * off * [PER_ANGLE, PER_ANGLE, 1]).sum(axis=1)))[0]]
         if central[2] >= own[2]:
             return int(bin_of(*central))
     return None

@@ -5,7 +5,7 @@
 #define PIECE_PARENT 15  // as bits
 
 // Corner `corner` (0..2) of a triangle or piece.
-inline __global const float *corner_of(int triangle, int corner, __global const float *positions,
+static inline __global const float *corner_of(int triangle, int corner, __global const float *positions,
                                        __global const int *indices, int first_piece, __global const float *pieces) {
     return triangle < first_piece ? positions + 3 * (size_t)indices[3 * (size_t)triangle + corner]
                                   : pieces + PIECE_FLOATS * (triangle - first_piece) + 3 * corner;

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import dot, product, transform
 from kernels.snakebinning.corners import locate_corners_twin
 
 if TYPE_CHECKING:
@@ -69,7 +70,7 @@ def split_polygon(polygon: np.ndarray, distances: np.ndarray) -> tuple[np.ndarra
 
 def _distances(polygon: np.ndarray, corners: np.ndarray, plane: np.ndarray) -> np.ndarray:
     """Of the points with barycentrics `polygon` (n, 3) in a triangle from a plane."""
-    return polygon @ (corners @ plane[:3] + plane[3])
+    return dot(polygon, dot(corners, plane[:3]) + plane[3])
 
 
 def cut(corners: np.ndarray, matrix: np.ndarray, margin: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
@@ -112,7 +113,7 @@ def texel_steps(bary: np.ndarray, lengths: np.ndarray, words: np.ndarray) -> np.
     at = place[..., :2] / w[..., None]
     # The derivative of sum(lambda x w) / sum(lambda w) by a weight, at each corner.
     moved = (at[:, :, None] - at[:, None]) * (w[:, :, None] / w[:, None])[..., None]
-    steps = np.einsum("nikx,nib->nkxb", moved, weight_steps(bary))
+    steps = product(moved.transpose(0, 2, 3, 1), weight_steps(bary)[:, None])
     return np.abs(steps).sum(axis=3).max(axis=(1, 2), initial=0)
 
 
@@ -123,11 +124,11 @@ def screen_share(corners: np.ndarray, matrix: np.ndarray) -> float:
         polygon, _ = split_polygon(polygon, _distances(polygon, corners, plane))
         if len(polygon) < 3:
             return 0.0
-    clip = np.concatenate([polygon @ corners, np.ones((len(polygon), 1))], axis=1) @ matrix.T
+    clip = transform(matrix, product(polygon, corners))
     if (clip[:, 3] <= 0).any():
         return 0.0 if (clip[:, 3] <= 0).all() else 1.0
     x, y = clip[:, 0] / clip[:, 3], clip[:, 1] / clip[:, 3]
-    return float(abs(np.dot(x, np.roll(y, -1)) - np.dot(y, np.roll(x, -1))) / 8)
+    return float(abs(dot(x, np.roll(y, -1)) - dot(y, np.roll(x, -1))) / 8)
 
 
 def slice_dominating(
@@ -150,7 +151,7 @@ def slice_dominating(
         for piece, is_inside in [(p, True) for p in within] + [(p, False) for p in beyond]:
             parents.append(triangle)
             bary.append(piece)
-            places.append(piece @ triangle_corners)
+            places.append(product(piece, triangle_corners))
             inside.append(is_inside)
     if not parents:
         return Slices()

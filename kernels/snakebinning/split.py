@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import inverse
 from kernels.samples import Samples
 
 if TYPE_CHECKING:
@@ -21,8 +22,8 @@ def piece_maps(bary: np.ndarray) -> np.ndarray:
     corners in the parent."""
     bary = bary.astype(np.float64)
     edges = (bary[:, 1:] - bary[:, :1]).transpose(0, 2, 1)
-    inverse = np.linalg.inv(edges) if len(bary) else np.empty((0, 2, 2))
-    return np.concatenate([bary[:, 0], inverse.reshape(-1, 4)], axis=1)
+    steps = inverse(edges)
+    return np.concatenate([bary[:, 0], steps.reshape(-1, 4)], axis=1)
 
 
 def split_samples(device: Device, samples: Samples, triangles: int, pieces: Array, maps: Array, stage: str) -> Samples:

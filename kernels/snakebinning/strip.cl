@@ -34,7 +34,7 @@ typedef struct {
 // Columns [x, y] of line `line` of a slot that a triangle needs, whose foot of the height is `tip8` from the slot's
 // column `inset`. Exact: those that bilinear lookups inside it touch, which is those less than one texel away in both
 // directions. As in the paper: those inside the triangle with its sides moved out by half a texel.
-inline int2 needed_columns(int tip8, int before8, int after8, int height8, int inset, int line, int enlarge) {
+static inline int2 needed_columns(int tip8, int before8, int after8, int height8, int inset, int line, int enlarge) {
     if (enlarge == HALF_PIXEL) {
         const float out_before = 4.0f * sqrt(1.0f + (float)before8 * before8 / ((float)height8 * height8));
         const float out_after = 4.0f * sqrt(1.0f + (float)after8 * after8 / ((float)height8 * height8));
@@ -48,23 +48,23 @@ inline int2 needed_columns(int tip8, int before8, int after8, int height8, int i
     return (int2)(inset + (first8 >> 3), inset + ((last8 + 7) >> 3));
 }
 
-inline int lines_of(int height8) {
+static inline int lines_of(int height8) {
     return ((height8 + 7) >> 3) + 1;
 }
 
 // Columns of `n` slots in a row, and how many slots fit into `width`.
-inline int row_width(const Strip *s, int n) {
+static inline int row_width(const Strip *s, int n) {
     return (n - 1) / 2 * s->period + ((n & 1) ? s->extent : s->odd) + 1;
 }
 
-inline int slots_in(const Strip *s, int width) {
+static inline int slots_in(const Strip *s, int width) {
     const int odd = width > s->extent ? 2 * ((width - s->extent - 1) / s->period) + 1 : 0;
     const int even = width > s->odd ? 2 * ((width - s->odd - 1) / s->period) + 2 : 0;
     return max(odd, even);
 }
 
 // The slot's shape from the largest triangle: lengths in 1/8 texel.
-inline void set_shape(Strip *s, int before8, int after8, int height8, int enlarge) {
+static inline void set_shape(Strip *s, int before8, int after8, int height8, int enlarge) {
     s->before8 = before8, s->height8 = height8;
     s->after8 = max(after8 + ((8 - ((before8 + after8) & 7)) & 7), 8 - before8);  // ends on a texel's centre
     s->lines = lines_of(height8);

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.functions import hypot
+
 UNIT = 8  # lengths are in 1/8 texel
 ENLARGE = {"exact": 0, "paper": 1}
 
@@ -20,8 +22,8 @@ def needed_columns(
         lean = max(line - 1, 0) / height
         first, last = (tip - before) / UNIT + before * lean, (tip + after) / UNIT - after * lean
         return inset + int(np.floor(first + 1e-9)), inset + int(np.ceil(last - 1e-9))
-    first = (tip - before) / UNIT + before * line / height - 0.5 * np.hypot(1, before / height)
-    last = (tip + after) / UNIT - after * line / height + 0.5 * np.hypot(1, after / height)
+    first = (tip - before) / UNIT + before * line / height - 0.5 * hypot(1, before / height)
+    last = (tip + after) / UNIT - after * line / height + 0.5 * hypot(1, after / height)
     return inset + int(np.ceil(first)), inset + int(np.floor(last))
 
 

@@ -26,12 +26,12 @@ typedef struct {
     __global int *state, *orphans, *strip_of;
 } Manager;
 
-inline void push_orphan(Manager m, int strip) {
+static inline void push_orphan(Manager m, int strip) {
     m.orphans[m.state[ORPHANS]++] = strip;
 }
 
 // Takes a strip out of its superblock.
-inline void detach(Manager m, int strip) {
+static inline void detach(Manager m, int strip) {
     __global Strip *s = m.strips + strip;
     __global Superblock *b = m.blocks + s->superblock;
     if (b->first == strip) b->first = s->next;
@@ -47,13 +47,13 @@ inline void detach(Manager m, int strip) {
     s->superblock = -1;
 }
 
-inline int rows_for(const Strip *s, int per_row, float capacity) {
+static inline int rows_for(const Strip *s, int per_row, float capacity) {
     const int room = max(s->count, (int)(capacity * s->count));
     return (room + per_row - 1) / per_row;
 }
 
 // Puts a strip into the first gap of a superblock that holds it; whether there is one.
-inline bool attach(Manager m, int strip, int block) {
+static inline bool attach(Manager m, int strip, int block) {
     Strip s = m.strips[strip];
     Superblock b = m.blocks[block];
     s.per_row = slots_in(&s, b.width);
@@ -83,11 +83,11 @@ inline bool attach(Manager m, int strip, int block) {
 }
 
 // Texels of atlas that a strip should take, and that it would take in a superblock; -1 if it has no room for sure.
-inline float wanted_area(Manager m, const Strip *s) {
+static inline float wanted_area(Manager m, const Strip *s) {
     return 0.5f * m.capacity * s->count * s->period * s->lines;
 }
 
-inline float area_in(Manager m, const Strip *s, int block) {
+static inline float area_in(Manager m, const Strip *s, int block) {
     const int per_row = slots_in(s, m.blocks[block].width);
     if (per_row == 0) return -1.0f;
     const int lines = rows_for(s, per_row, m.capacity) * s->lines;
@@ -96,7 +96,7 @@ inline float area_in(Manager m, const Strip *s, int block) {
 
 // The superblock for a strip, -1 for none: the first with room, or, for best fit, the widest in which it wastes next to
 // nothing, else the one in which it takes the smallest area.
-inline int find_superblock(Manager m, const Strip *s) {
+static inline int find_superblock(Manager m, const Strip *s) {
     const float little = GENEROUS * wanted_area(m, s);
     int best = -1, widest = 0;
     float least = 0.0f;
@@ -111,7 +111,7 @@ inline int find_superblock(Manager m, const Strip *s) {
     return best;
 }
 
-inline bool attach_anywhere(Manager m, int strip) {
+static inline bool attach_anywhere(Manager m, int strip) {
     const Strip s = m.strips[strip];
     for (int block = find_superblock(m, &s); block >= 0; block = find_superblock(m, &s))
         if (attach(m, strip, block)) return true;  // else its `room` is smaller now
@@ -120,7 +120,7 @@ inline bool attach_anywhere(Manager m, int strip) {
 
 // Width of a superblock in which the strip would be a square, to whole blocks of two slots; wider if the strip would
 // be too high, narrower if the atlas ends. 0 if it cannot be.
-inline int superblock_width(Manager m, const Strip *s, int left) {
+static inline int superblock_width(Manager m, const Strip *s, int left) {
     int blocks = max(1, (int)(sqrt(wanted_area(m, s)) / s->period + 0.5f));
     while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > m.height)
         blocks += 1 + blocks / 8;
@@ -130,7 +130,7 @@ inline int superblock_width(Manager m, const Strip *s, int left) {
 }
 
 // A new superblock for a strip, next to the last one; false if the atlas has no room.
-inline bool create_superblock(Manager m, int strip) {
+static inline bool create_superblock(Manager m, int strip) {
     __global int *state = m.state;
     const Strip s = m.strips[strip];
     int x = state[CURSOR_X], y = state[CURSOR_Y], width = superblock_width(m, &s, m.atlas_width - x);
@@ -148,7 +148,7 @@ inline bool create_superblock(Manager m, int strip) {
 }
 
 // An entry for the strip of a bin that has none.
-inline int new_strip(Manager m, int bin) {
+static inline int new_strip(Manager m, int bin) {
     int strip = m.state[FREE];
     if (strip >= 0) m.state[FREE] = m.strips[strip].next;
     else strip = m.state[STRIPS]++;
@@ -162,7 +162,7 @@ inline int new_strip(Manager m, int bin) {
     return strip;
 }
 
-inline void release(Manager m, int strip) {
+static inline void release(Manager m, int strip) {
     if (m.strips[strip].superblock >= 0) detach(m, strip);
     m.strip_of[m.strips[strip].bin] = -1;
     m.strips[strip].bin = -1;
@@ -171,7 +171,7 @@ inline void release(Manager m, int strip) {
 }
 
 // The frame's triangles per strip, and how wide those of the strip's own bin are; if it has none, those mapped to it.
-inline void collect(Manager m, int used_count, __global const int *used, __global const int *map,
+static inline void collect(Manager m, int used_count, __global const int *used, __global const int *map,
                     __global const int *counts, __global const int *widest) {
     for (int i = 0; i < m.state[STRIPS]; i++) {
         __global Strip *s = m.strips + i;
@@ -194,13 +194,13 @@ inline void collect(Manager m, int used_count, __global const int *used, __globa
 
 // Whether a placed strip must move: too many triangles, or, where things may move, those of its own bin are wider than
 // it by more than an eighth.
-inline bool outgrown(const Strip *s, int frozen) {
+static inline bool outgrown(const Strip *s, int frozen) {
     return s->count > s->rows * s->per_row ||
            (s->native && !frozen && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
 }
 
 // Shrinks a placed strip, or takes it out and makes it an orphan.
-inline void update(Manager m, int strip) {
+static inline void update(Manager m, int strip) {
     const Strip s = m.strips[strip];
     if (outgrown(&s, m.frozen)) {
         detach(m, strip);
@@ -219,7 +219,7 @@ inline void update(Manager m, int strip) {
 }
 
 // Superblocks whose use has dropped below a share of their highest become empty; empty ones at the end cease to exist.
-inline void collapse(Manager m) {
+static inline void collapse(Manager m) {
     for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
         if (m.blocks[block].strips == 0 || m.blocks[block].used >= m.collapse * m.blocks[block].peak) continue;
         while (m.blocks[block].first >= 0) {
@@ -237,7 +237,7 @@ inline void collapse(Manager m) {
 }
 
 // Fits a strip's slots to its triangles, before it is placed; in a frozen frame these are those before and the new ones.
-inline void reshape(Manager m, int strip, __global const int *tops) {
+static inline void reshape(Manager m, int strip, __global const int *tops) {
     Strip s = m.strips[strip];
     const int before8 = m.frozen ? max(s.need_before8, s.before8) : s.need_before8;
     const int after8 = m.frozen ? max(s.need_after8, s.after8) : s.need_after8;
@@ -246,14 +246,14 @@ inline void reshape(Manager m, int strip, __global const int *tops) {
 }
 
 // Eight times the logarithm to base 2, rounded down.
-inline int width_class(int width) {
+static inline int width_class(int width) {
     const int whole = 31 - clz(width);
     return 8 * whole + ((width << 3 >> whole) & 7);
 }
 
 // Orphans by the width of their slots, the widest first (in eighths of powers of two; equal ones in the order of the
 // list): into a superblock that has room, else into a new one. So superblocks hold strips of about their width.
-inline void place_orphans(Manager m, __global const int *tops) {
+static inline void place_orphans(Manager m, __global const int *tops) {
     __global int *state = m.state;
     int widest = 0;
     for (int i = 0; i < state[ORPHANS]; i++) {

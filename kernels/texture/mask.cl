@@ -7,7 +7,7 @@
 
 // The row of the level table to test a masked triangle with, where `pixels` is its whole area on screen: one texel per
 // pixel, rounded to the sharper level at up to half a level.
-inline int mask_level(const int triangle, const float pixels, MASK_PARAMETERS)
+static inline int mask_level(const int triangle, const float pixels, MASK_PARAMETERS)
 {
     const float8 corner = vload8(mask_slots[triangle], mask_corners);
     const int2 chain = vload2(as_int(corner.s6), mask_chains);
@@ -16,7 +16,7 @@ inline int mask_level(const int triangle, const float pixels, MASK_PARAMETERS)
 }
 
 // A coordinate wrapped into 0..1 (0: repeat, 1: clamp, 2: mirror); what is not a number or beyond 1e6 counts as 0.
-inline float mask_wrapped(const float coordinate, const int mode)
+static inline float mask_wrapped(const float coordinate, const int mode)
 {
     const float u = coordinate > -1e6f && coordinate < 1e6f ? coordinate : 0.0f;
     const float half_turn = u * 0.5f;
@@ -28,7 +28,7 @@ inline float mask_wrapped(const float coordinate, const int mode)
 
 // Whether a masked triangle is there at weights b1, b2 of its corners 1 and 2: bilinear alpha reaches the threshold of
 // the level, a row given by mask_level.
-inline int mask_keeps(const int triangle, const float b1, const float b2, const int level, MASK_PARAMETERS)
+static inline int mask_keeps(const int triangle, const float b1, const float b2, const int level, MASK_PARAMETERS)
 {
     const float8 corner = vload8(mask_slots[triangle], mask_corners);
     const int8 row = vload8(level, mask_levels);

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
+from arithmetic.functions import log2
 from kernels.texture.buffers import WRAP, TextureImage
 from kernels.texture.mipmap import mip_chain
 from kernels.texture.sample import neighbours
@@ -102,7 +103,7 @@ def _corners(uvs: np.ndarray, chain: np.ndarray, sizes: np.ndarray) -> np.ndarra
     rows[:, 2:6] = sides.reshape(-1, 4)
     rows[:, 6] = chain.astype(np.int32).view(np.float32)
     area = np.abs(sides[:, 0, 0] * sides[:, 1, 1] - sides[:, 0, 1] * sides[:, 1, 0]) / 2 * sizes.prod(axis=1)
-    rows[:, 7] = 0.5 * np.log2(np.fmax(area, 1e-12))
+    rows[:, 7] = 0.5 * log2(np.fmax(area, 1e-12))
     return rows
 
 

@@ -6,11 +6,13 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from arithmetic.functions import power
+
 
 def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
     """Linear values, float64, of sRGB-encoded values in 0..1 (IEC 61966-2-1)."""
     encoded = np.asarray(encoded, np.float64)
-    return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    return np.where(encoded <= 0.04045, encoded / 12.92, power((encoded + 0.055) / 1.055, 2.4))
 
 
 def linear_texels(texels: np.ndarray, srgb: bool) -> np.ndarray:

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.matrices import turned
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -21,11 +23,11 @@ def camera_floats(view: np.ndarray, projection: np.ndarray, width: int, height: 
     view, projection: float64 (4, 4), the projection with reversed depth and an infinite far plane.
     """
     turn = view[:3, :3]
-    eye = -turn.T @ view[:3, 3]
+    eye = -turned(turn.T, view[:3, 3])
     high = eye.astype(np.float32)
     tangents = (1 + np.abs(projection[:2, 2])) / np.abs(projection[[0, 1], [0, 1]])
     scale = np.array([projection[0, 0] * width / 2, projection[1, 1] * height / 2])
-    last = [*tangents, 1 / np.sqrt(1 + (tangents**2).sum()), projection[2, 3]]
+    last = [*tangents, 1 / np.sqrt(1 + (tangents * tangents).sum()), projection[2, 3]]
     return np.concatenate([high, eye - high, turn[0], turn[1], -turn[2], scale, last]).astype(np.float32)
 
 

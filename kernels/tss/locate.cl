@@ -23,9 +23,10 @@ INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y) {
 // Screen weights of corners 1 and 2 of the piece that holds a point, and the piece's number; n along an edge.
 INLINE int8 find_piece(int8 n, float8 *b, float8 *c) {
     const float8 number = convert_float8(n), u = *b * number, v = *c * number;
-    int8 row = convert_int8(v), column = convert_int8(u);
-    row = clamp(row, (int8)(0), n - 1);
-    column = clamp(column, (int8)(0), n - 1 - row);
+    // Bounded before they are converted: samples beyond their triangle may lie anywhere, and what is no number counts as 0.
+    const float8 right = GREATER(u, 0.0f), down = GREATER(v, 0.0f);
+    const int8 row = convert_int8(LESSER(down, number - 1.0f));
+    const int8 column = convert_int8(LESSER(right, number - 1.0f - convert_float8(row)));
     const float8 p = u - convert_float8(column), q = v - convert_float8(row);
     const int8 turned = p + q > 1.0f && column + row < n - 1;
     *b = turned ? 1.0f - p : p;

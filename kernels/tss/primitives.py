@@ -67,8 +67,9 @@ def piece_corners(pieces: np.ndarray, index: np.ndarray) -> np.ndarray:
 
     pieces: int (n), along an edge. Pieces are numbered in rows towards corner 2, upright and turned ones in turn.
     """
-    row = pieces - np.ceil(np.sqrt(pieces**2 - index)).astype(int)
-    inside = index - (pieces**2 - (pieces - row) ** 2)
+    left = pieces * pieces - index
+    row = pieces - np.ceil(np.sqrt(left)).astype(int)
+    inside = (pieces - row) * (pieces - row) - left
     column, turned = inside // 2, inside % 2
     origin = np.stack([column + turned, row + turned], axis=1) / pieces[:, None]
     step = ((1 - 2 * turned) / pieces)[:, None, None]

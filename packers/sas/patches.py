@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.cache import cache_folder, write_atomically
+from kernels.cache import cache_root, read_checked, write_checked
 from kernels.sas.layout import CENTRE, LEFT, RIGHT, ROLE_POINTS, ROLE_SLOT, SECOND, pack_role
 
 if TYPE_CHECKING:
@@ -55,16 +55,14 @@ def cached_patches(scene: Scene) -> Patches:
     if not scene.content_hash:
         return find_patches(scene.positions, scene.indices)
     method = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]  # other methods find other patches
-    path = cache_folder("patches") / f"{scene.content_hash}-{method}.npy"
-    try:
-        packed = np.load(path)
-        if packed.shape == (scene.triangle_count,):
-            return _with_members(scene.indices, (packed >> 4).astype(np.int32), (packed & 15).astype(np.uint8))
-    except (OSError, ValueError, EOFError):
-        pass  # absent or broken: found again below
+    path = cache_root() / "patches" / f"{scene.content_hash}-{method}"
+    content = read_checked(path)
+    if content is not None:
+        packed = np.frombuffer(content, np.uint32)
+        return _with_members(scene.indices, (packed >> 4).astype(np.int32), (packed & 15).astype(np.uint8))
     found = find_patches(scene.positions, scene.indices)
     packed = found.of_triangle.astype(np.uint32) << 4 | found.codes
-    write_atomically(path, lambda file: np.save(file, packed))
+    write_checked(path, packed.tobytes())
     return found
 
 

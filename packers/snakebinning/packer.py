@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.functions import log2
 from kernels.snakebinning.bins import LARGEST_ATLAS, HeightBins
 from kernels.snakebinning.clear import clear_strips
 from kernels.snakebinning.count import BinCounts
@@ -234,8 +235,8 @@ class SnakeBinning(Packer):
         steps = texel_steps(self.slices.bary[rows], *measured)
         fine = steps > ROUNDING
         if fine.any():
-            halvings = np.ceil(np.log2(steps[fine] / ROUNDING))
-            areas[fine] = self._measure_each(frame, ids[fine], rates[fine] * 2.0**-halvings)
+            halvings = np.ceil(log2(steps[fine] / ROUNDING)).astype(int)
+            areas[fine] = self._measure_each(frame, ids[fine], np.ldexp(rates[fine], -halvings))
         return float(areas.sum(dtype=np.float64))
 
     def _measure_each(self, frame: Frame, ids: np.ndarray, rates: np.ndarray) -> np.ndarray:

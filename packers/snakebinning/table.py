@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> int:
     """Run and print; returns the exit code."""
     methods = [f"snakebinning[{values}]" if values else "snakebinning" for values in VARIANTS.values()] + ["sas", "tss"]
     with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "harness.cli", "run", "--crf", RATE, "--out", f"{folder}/run", *arguments]
+        command = [sys.executable, "-m", "harness", "run", "--crf", RATE, "--out", f"{folder}/run", *arguments]
         for method in methods:
             command += ["--method", method]
         code = subprocess.run(command, stdout=sys.stderr, check=False).returncode

@@ -83,7 +83,7 @@ def decode(blobs: Mapping[str, bytes], rows: int, bins: Bins) -> Records:
     pieces = np.ones(rows, np.int32)
     at = np.cumsum(unshuffle(blobs["pieces"], np.uint32, cut).astype(np.int64))
     pieces[at] = np.frombuffer(blobs["pieces"], np.uint8, cut, 4 * cut)
-    ends = np.cumsum(pieces.astype(np.int64) ** 2)
+    ends = np.cumsum(np.square(pieces, dtype=np.int64))
     count = int(ends[-1]) if rows else 0
     halves = np.unpackbits(np.frombuffer(blobs["strategies"], np.uint8), count=count).astype(bool)
     records = np.zeros((count, 4), np.int32)
@@ -92,7 +92,7 @@ def decode(blobs: Mapping[str, bytes], rows: int, bins: Bins) -> Records:
     records[~halves] = _decode_l(words, regions, bins)
     quads = unshuffle(blobs["oversampling"], np.uint32, 4 * int(halves.sum())).view(np.int32).reshape(-1, 4)
     records[halves] = _decode_halves(quads)
-    starts = (ends - pieces**2).astype(np.int32)
+    starts = (ends - pieces * pieces).astype(np.int32)
     return Records(camera[:-1], float(camera[-1]), pieces, starts, records)
 
 

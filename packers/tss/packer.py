@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic import draws
+from arithmetic.functions import log2, power
 from kernels.common.rank import rank_by_class
 from kernels.tss.bins import Bins
 from kernels.tss.emit import CellTable, build_kernels, emit_samples
@@ -153,7 +155,7 @@ class TessellatedShadingStreaming(Packer):
             if primitives.count == primitives.rows and not (uncut and step >= uncut[0]):
                 uncut = (step, primitives)
             arranged = self._arrange_at(frame, primitives, step)
-            over = float(np.log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
+            over = float(log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
             if over <= 0 or step == LAST:
                 fitting = arranged
             return over
@@ -172,7 +174,7 @@ class TessellatedShadingStreaming(Packer):
         device, count, scale = frame.scene.device, primitives.count, scale_at(step)
         turns = np.arange(count, dtype=np.int32)
         if self.order == "arrival":
-            turns = np.random.default_rng((frame.seed, frame.index)).permutation(turns)
+            turns = draws.generator([frame.seed, frame.index]).permutation(turns)
         turns = device.upload(turns)
         form = (primitives, scale, self.threshold, turns, self.bin_tables)
         forms, items = choose_forms(device, *form)
@@ -216,7 +218,7 @@ class Arranged:
 
 def scale_at(step: int) -> float:
     """Texels per pixel."""
-    return 2.0 ** (-step / STEPS)
+    return float(power(2.0, -step / STEPS))
 
 
 def smallest_that_fits(excess: Callable[[int], float], last: int, guess: int = 0) -> int:

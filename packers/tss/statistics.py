@@ -53,12 +53,12 @@ def describe(placement: Placement) -> dict[str, float]:
     sides = np.sort(sides[np.concatenate([places[halves, k] >= 0 for k in (0, 1)])], axis=1)
     pairs, number = np.unique(sides[:, 0] * 1024 + sides[:, 1], return_counts=True)
     counts = np.array([half_samples(int(pair) % 1024, int(pair) // 1024) for pair in pairs]).reshape(-1, 3)
-    exact, inside, paper = (int(k) for k in number @ counts) if len(pairs) else (0, 0, 0)
+    exact, inside, paper = (int(k) for k in (number[:, None] * counts).sum(axis=0)) if len(pairs) else (0, 0, 0)
     cut = placement.pieces > 1
     return {
         "primitives": len(placement.forms),
         "split_triangles": int(cut.sum()),
-        "pieces": int((placement.pieces[cut] ** 2).sum()),
+        "pieces": int(np.square(placement.pieces[cut]).sum()),
         "single_texels": int(by_level[0]),
         "lpacking_primitives": len(levels) - int(by_level[0]),
         "oversampling_primitives": int(halves.sum()),

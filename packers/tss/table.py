@@ -25,7 +25,7 @@ def measure(scene: str, folder: Path) -> None:
     """Run all strategies on a scene; raises CalledProcessError if a row fails."""
     methods = [f"--method={METHOD}[strategy={name}]" for name in STRATEGIES.values()]
     settings = ["--frames", str(FRAMES), "--size", SIZE, "--atlas", ATLAS, "--crf", CRF, "--display-crf", CRF]
-    command = [sys.executable, "-m", "harness.cli", "run", "--scene", scene, *methods, *settings, "--out", str(folder)]
+    command = [sys.executable, "-m", "harness", "run", "--scene", scene, *methods, *settings, "--out", str(folder)]
     subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
 
 

@@ -1,5 +1,7 @@
 """Packers that go wrong, each in one way, for the tests of the run loop."""
 
+import ctypes
+import os
 import time
 
 from packers.interface import Packer, Paper
@@ -67,3 +69,32 @@ class Unprepared(Packer):
 
     def client(self, scene):
         raise AssertionError("never reached")
+
+
+class Aborting(ShadingAtlasStreaming):
+    """Takes its process with it in its second frame."""
+
+    name = "aborting"
+
+    def pack(self, frame):
+        if frame.index == 1:
+            os.abort()
+        return super().pack(frame)
+
+
+class Holding(ShadingAtlasStreaming):
+    """Hangs in native code that never lets another thread run."""
+
+    name = "holding"
+
+    def pack(self, frame):
+        ctypes.PyDLL(None).sleep(10_000)
+
+
+class AbortingBeside(ShadingAtlasStreaming):
+    """Takes its process with it where other methods work beside it."""
+
+    name = "aborting-beside"
+
+    def owners(self, payload):
+        os.abort()

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.codecs import CodecError, Picture, VideoStream, encode_all, pack_lz4, rgb_to_yuv, unpack_lz4
+from harness.codecs import CodecError, Picture, VideoStream, encode_all, pack_lz4, unpack_lz4, yuv_to_rgb
 
 PATCHES = np.array(
     [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [0, 255, 255], [255, 0, 255], [255] * 3, [0] * 3], np.uint8
@@ -55,15 +55,99 @@ def test_a_grey_plane_survives_in_full_range(codec, most):
     assert frames[0].bytes == 70 * 121 if codec == "none" else frames[0].bytes < 3000
 
 
-def test_the_conversion_is_bt709_in_limited_range():
-    rng = np.random.default_rng(0)
-    image = rng.integers(0, 256, (32, 48, 3)).astype(np.uint8)
-    planes = rgb_to_yuv(image)
-    luma = image @ [0.2126, 0.7152, 0.0722]
-    means = {name: (image[..., c] - luma).reshape(16, 2, 24, 2).mean(axis=(1, 3)) for name, c in (("b", 2), ("r", 0))}
-    np.testing.assert_allclose(planes[:32], 16 + 219 / 255 * luma, atol=0.6)
-    np.testing.assert_allclose(planes[32:40].reshape(16, 24), 128 + means["b"] / 1.8556 * 224 / 255, atol=0.6)
-    np.testing.assert_allclose(planes[40:].reshape(16, 24), 128 + means["r"] / 1.5748 * 224 / 255, atol=0.6)
+def smooth_colours(height, width, seed=0):
+    """Every colour somewhere: each channel a sum of long random waves, stretched to 0..255."""
+    rng = np.random.default_rng(seed)
+    y, x = np.mgrid[:height, :width][..., None] / 50
+    waves = sum(np.sin(x * rng.uniform(-1, 1, 3) + y * rng.uniform(-1, 1, 3) + rng.uniform(0, 6, 3)) for _ in range(6))
+    waves -= waves.min(axis=(0, 1))
+    return np.rint(waves / np.maximum(waves.max(axis=(0, 1)), 1e-9) * 255).astype(np.uint8)
+
+
+def bt709_twin(rgb):
+    """Limited-range BT.709 of full-range RGB (H, W, 3), float64: Y (H, W), the means of Cb and Cr over 2x2."""
+    luma = rgb @ [0.2126, 0.7152, 0.0722]
+    half = (rgb.shape[0] // 2, 2, rgb.shape[1] // 2, 2)
+    cb, cr = (
+        ((rgb[..., channel] - luma) / scale).reshape(half).mean(axis=(1, 3))
+        for channel, scale in ((2, 1.8556), (0, 1.5748))
+    )
+    return 16 + 219 / 255 * luma, 128 + 224 / 255 * cb, 128 + 224 / 255 * cr
+
+
+def rgb_twin(y, cb, cr):
+    """The inverse, float64 (H, W, 3), within 0..255: each chroma value stands for 2x2 texels."""
+    luma = (y - 16.0) * 255 / 219
+    cb, cr = (
+        ((plane - 128.0) * 255 / 224).repeat(2, axis=0).repeat(2, axis=1)[: len(y), : y.shape[1]] for plane in (cb, cr)
+    )
+    red, blue = luma + 1.5748 * cr, luma + 1.8556 * cb
+    return np.clip(np.stack([red, (luma - 0.2126 * red - 0.0722 * blue) / 0.7152, blue], axis=-1), 0, 255)
+
+
+CONVERSION_ERROR = 0.52  # levels; 0.5 is the rounding
+
+
+@pytest.mark.parametrize("size", [(540, 960), (67, 121), (1, 1), (201, 334), (2, 4099)])
+@pytest.mark.parametrize("channels", [3, 4])
+def test_colours_become_limited_range_bt709(size, channels):
+    """Odd sizes are padded by their last row and column, so that border chroma is not mixed with anything else."""
+    pixels = np.dstack([smooth_colours(*size), np.zeros(size, np.uint8)])[..., :channels]
+    got = Picture(pixels).yuv
+    height, width = (-(-side // 4) * 4 for side in size)
+    padded = np.pad(pixels[..., :3], [(0, height - size[0]), (0, width - size[1]), (0, 0)], "edge")
+    chroma = got[height:].reshape(2, height // 2, width // 2)
+    for plane, exact in zip((got[:height], *chroma), bt709_twin(padded), strict=True):
+        assert np.abs(plane - exact).max() <= CONVERSION_ERROR
+        if plane.size > 10_000:
+            assert abs((plane - exact).mean()) <= 0.01
+
+
+def frame_of(*planes):
+    """A yuv420p frame of these planes, uint8."""
+    import av
+
+    height, width = planes[0].shape
+    frame = av.VideoFrame(width, height, "yuv420p")
+    for plane, values in zip(frame.planes, planes, strict=True):
+        padded = np.zeros((plane.height, plane.line_size), np.uint8)
+        padded[:, : plane.width] = values
+        plane.update(padded)
+    return frame
+
+
+@pytest.mark.parametrize("size", [(540, 960), (2, 2), (202, 334), (16, 4100), (66, 122)])
+def test_limited_range_bt709_becomes_colours(size):
+    rng = np.random.default_rng(3)
+    planes = [rng.integers(16, 241, (size[0] // n, size[1] // n), dtype=np.uint8) for n in (1, 2, 2)]
+    error = yuv_to_rgb(frame_of(*planes)) - rgb_twin(*planes)
+    assert error.shape == (*size, 3)
+    assert np.abs(error).max() <= CONVERSION_ERROR
+    if error.size > 100_000:
+        assert np.abs(error.mean(axis=(0, 1))).max() <= 0.01
+
+
+@pytest.mark.parametrize("cr", [0, 16, 128, 240, 255])
+def test_no_decoded_value_overflows(cr):
+    """All values of Y and Cb: coding makes more of them than colours have (white beside blue at a low rate)."""
+    y, cb = np.mgrid[:256, :256].astype(np.uint8)
+    planes = (y.repeat(2, axis=0).repeat(2, axis=1), cb, np.full_like(cb, cr))
+    assert np.abs(yuv_to_rgb(frame_of(*planes)) - rgb_twin(*planes)).max() <= CONVERSION_ERROR
+
+
+# Codec, rate factor or quality, grey, largest error in levels: almost lossless, so that a bias of conversions shows.
+ALMOST_LOSSLESS = [("h264", 0, False, 9), ("h264", 0, True, 0), ("jpeg", 100, False, 9), ("jpeg", 100, True, 2)]
+
+
+@pytest.mark.parametrize(("codec", "rate", "grey", "most"), ALMOST_LOSSLESS)
+@pytest.mark.parametrize("size", [(540, 960), (203, 333)])
+def test_there_and_back_no_colour_drifts(codec, rate, grey, most, size):
+    image = smooth_colours(*size)
+    rates = {"crf": rate} if codec == "h264" else {"crf": None, "quality": rate}
+    decoded = VideoStream(codec, width=size[1], height=size[0], decode=True, grey=grey, **rates).encode(image).decoded
+    error = decoded - image[..., :1].astype(float) if grey else decoded - image.astype(float)
+    assert np.abs(error.mean(axis=(0, 1))).max() <= 0.05
+    assert np.abs(error).max() <= most
 
 
 def test_the_stream_says_what_its_colours_are():

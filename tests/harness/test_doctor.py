@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from harness import doctor, noise
 from kernels.device import Device
 from kernels.doctor.smoke import DEGREE, ERROR_BOUND, smoke, smoke_twin
+from kernels.runtime.opencl import POCL, FoundDevice
 from scenes.model import SceneError
 
 
@@ -64,18 +65,23 @@ def test_no_linker(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_no_device_at_all(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("kernels.device.list_devices", list)
+    monkeypatch.setattr("kernels.runtime.opencl.find_devices", list)
+    monkeypatch.setattr("kernels.device.find_devices", list)
     (opencl,), (kernel,) = findings("OpenCL"), findings("kernel")
     assert (opencl.ok, kernel.ok) == (False, False)
     assert "pip install 'pyopencl[pocl]'" in opencl.detail
 
 
 def test_of_two_pocls_the_newest_is_recorded(monkeypatch: pytest.MonkeyPatch):
-    def fake(version: str) -> Any:
-        return SimpleNamespace(name="cpu ", platform=SimpleNamespace(version=version), driver_version="x")
+    def fake(version: str) -> FoundDevice:
+        platform = SimpleNamespace(name=POCL, version=version)
+        device = SimpleNamespace(
+            name="cpu ", platform=platform, driver_version="x", extensions="cl_khr_fp64", compiler_available=True
+        )
+        return FoundDevice(device, version)
 
     two = [fake("OpenCL 3.0 PoCL 6.0"), fake("OpenCL 3.0 PoCL 3.0")]
-    monkeypatch.setattr("kernels.device.list_devices", lambda: two)
+    monkeypatch.setattr("kernels.runtime.opencl.find_devices", lambda: two)
     first, second, choice = doctor._devices()
     assert first.detail.startswith("default: cpu, OpenCL 3.0 PoCL 6.0")
     assert second.detail.startswith("also present")

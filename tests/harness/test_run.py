@@ -32,7 +32,7 @@ VARYING = {
 def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
     """Run the command line in a process of its own, at 80 columns."""
     return subprocess.run(
-        [sys.executable, "-m", "harness.cli", *arguments],
+        [sys.executable, "-m", "harness", *arguments],
         cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
         check=False,
     )  # fmt: skip
@@ -100,7 +100,7 @@ def test_the_work_group_size_changes_no_byte(whole: Path, tmp_path: Path):
 
 def test_a_killed_run_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "harness.cli", "run", *SMALL, "--out", str(folder)]
+    command = [sys.executable, "-m", "harness", "run", *SMALL, "--out", str(folder)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         until = time.monotonic() + 200
@@ -279,7 +279,7 @@ def test_results_of_an_edited_packer_do_not_mix_with_older_ones(tmp_path: Path):
 
 def test_a_stopped_run_says_what_is_kept(tmp_path: Path):
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "harness.cli", "run", *SMALL, "--out", str(folder)]
+    command = [sys.executable, "-m", "harness", "run", *SMALL, "--out", str(folder)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 200
     while not _finished(folder) and time.monotonic() < until and process.poll() is None:

@@ -90,7 +90,7 @@ def test_the_same_command_again_changes_nothing_and_another_plan_is_refused(whol
 
 def test_a_killed_sweep_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
     folder = tmp_path / "out"
-    command = [sys.executable, "-m", "harness.cli", "sweep", *GRID, *QUICK, "--out", str(folder)]
+    command = [sys.executable, "-m", "harness", "sweep", *GRID, *QUICK, "--out", str(folder)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 200
     while len(list(folder.glob("cells/*"))) < 2 and time.monotonic() < until and process.poll() is None:

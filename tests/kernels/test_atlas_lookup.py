@@ -48,6 +48,31 @@ def test_matches_its_twin(device, size, count):
     assert (found[~placed] == 0).all()
 
 
+def test_beyond_the_plane_its_border_goes_on(device):
+    """As far as float32 reaches, also where no int does."""
+    plane = np.random.default_rng(1).integers(0, 256, (8, 16, 4), dtype=np.uint8)
+    far = [-3e38, -1e9, -(2.0**24), -(2.0**22), -1.0, 3.25, 16.0, 2.0**22, 2.0**24, 1e9, 3e38]
+    places = np.stack(np.meshgrid(far, far), axis=-1).reshape(-1, 2).astype(np.float32)
+    count, room = len(places), -(-len(places) // 8) * 8
+    padded = np.full((2, room), np.nan, np.float32)
+    padded[:, :count] = places.T
+    samples = samples_of(device, np.zeros(count), np.zeros((count, 2), np.float32))
+    rgb, drawn = device.zeros((1, len(samples.texel)), np.uint32), device.zeros((1, len(samples.texel)), np.int32)
+    ids = device.upload(np.zeros(1, np.int32))
+    look_up(device, samples, device.upload(padded), ids, device.upload(plane), rgb, drawn, "client/test")
+    found = rgb.get().view(np.uint8).reshape(-1, 4)[::-1][:count, :3]
+    near = np.clip(places.astype(np.float64), -1, [16, 8])
+    np.testing.assert_allclose(found, look_up_twin(near, plane), atol=0.5 + 1e-2)
+
+
+@pytest.mark.parametrize("room", [8, 20])
+def test_places_with_no_room_for_whole_steps_are_refused(device, room):
+    samples = samples_of(device, np.zeros(17), np.zeros((17, 2), np.float32))
+    places, other = device.zeros((2, room), np.float32), device.zeros((1, 32), np.int32)
+    with pytest.raises(ValueError, match=f"room for {room} samples: give it a multiple of 8, at least 17"):
+        look_up(device, samples, places, other, device.zeros((4, 4, 4), np.uint8), other, other, "client/test")
+
+
 def test_texel_centres_give_the_texels_themselves(device):
     plane = np.random.default_rng(0).integers(0, 256, (8, 8, 4), dtype=np.uint8)
     corners = np.zeros((64, 3, 2), np.float32)

@@ -69,6 +69,25 @@ def test_records_of_random_triangles_are_within_a_subpixel_of_the_twins(device):
     assert compared >= 0.98 * len(in_both)
 
 
+def test_corners_far_outside_are_clipped_as_the_twins_are(device):
+    """Up to where their positions in sub-pixels no longer fit whole numbers."""
+    rng = np.random.default_rng(11)
+    pixels = rng.uniform(0, 1, (900, 3, 2)) * SIZE
+    far = rng.random((900, 3, 1)) < 0.5
+    pixels = np.where(far, rng.choice([-1, 1], (900, 3, 2)) * 2.0 ** rng.uniform(13, 60, (900, 3, 2)), pixels)
+    triangles = soup(device, pixel_points(pixels, *SIZE), Triangles.DOUBLE_SIDED)
+    camera = Camera.of(np.eye(4), perspective(90, 2), *SIZE)
+    records, _, _ = stages(device, triangles, camera)
+    expected = set_up_twin(triangles, camera)
+    assert len(np.unique(expected[:, 9])) > 500
+    assert len(np.setxor1d(records[:, 9], expected[:, 9])) <= 5
+    whole = ~far.any(axis=(1, 2))[records[:, 9]]
+    assert 50 < whole.sum() < len(records) / 2
+    alike = [np.isin(one[:, 9], other[:, 9]) for one, other in ((records, expected), (expected, records))]
+    boxes = [rows[kept][:, 10:] for rows, kept in zip((records, expected), alike, strict=True)]
+    assert (boxes[0] == boxes[1]).all(axis=1).mean() > 0.99
+
+
 @pytest.mark.parametrize("seed", range(3))
 def test_tiles_show_what_the_twin_draws_from_the_same_records(device, seed):
     rng = np.random.default_rng(seed)

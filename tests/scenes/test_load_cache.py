@@ -1,6 +1,8 @@
 """The cache of loaded scenes, repair and decimation."""
 
 import dataclasses
+from concurrent.futures import ThreadPoolExecutor
+from threading import Barrier
 
 import numpy as np
 import pytest
@@ -36,7 +38,8 @@ def test_cached_scenes_are_the_same_and_mapped(tmp_path, png):
     assert_same(first, second)
     assert isinstance(second.positions, np.memmap)
     assert len(second.content_hash) == 16
-    assert [folder.suffix for folder in cache.iterdir()] == [""]
+    assert second.positions.ctypes.data % 64 == 0
+    assert [entry.suffix for entry in cache.iterdir()] == [""]
 
 
 def test_every_field_of_a_scene_is_kept(tmp_path):
@@ -62,13 +65,37 @@ def test_every_input_file_counts(tmp_path, png, changed):
     assert len(list(cache.iterdir())) == 2
 
 
-def test_options_count_and_damaged_entries_are_remade(tmp_path):
+def test_options_count(tmp_path):
     file, cache = square_scene().write(tmp_path / "a.glb"), tmp_path / "cache"
     whole = load_scene(file, cache=cache)
     assert load_scene(file, unit=2.0, cache=cache).content_hash != whole.content_hash
-    for folder in cache.iterdir():
-        (folder / "positions.npy").write_bytes(b"")
-    assert_same(load_scene(file, cache=cache), whole)
+    assert len(list(cache.iterdir())) == 2
+
+
+def test_runs_at_once_heal_the_same_scene(tmp_path, png):
+    """All find it damaged; what one has mapped stays good while another replaces the file."""
+    file, cache = textured_obj(tmp_path, png), tmp_path / "cache"
+    whole = load_scene(str(file), cache=cache)
+    (entry,) = cache.iterdir()
+    runs = 4
+    together = Barrier(runs)
+
+    def heal(run):
+        for _ in range(10):
+            if run == 0:
+                entry.unlink()
+                (entry / "within").mkdir(parents=True)
+            together.wait(timeout=60)
+            scenes = [load_scene(str(file), cache=cache) for _ in range(2)]
+            together.wait(timeout=60)
+            for scene in scenes:
+                assert_same(scene, whole)
+            assert fetch(entry) is not None
+            together.wait(timeout=60)
+
+    with ThreadPoolExecutor(runs) as pool:
+        list(pool.map(heal, range(runs)))
+    assert list(cache.iterdir()) == [entry]
 
 
 @pytest.mark.usefixtures("pymeshlab")

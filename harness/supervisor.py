@@ -1,0 +1,224 @@
+"""The entry point of `bench`: commands that use a device run in a process of their own, and this one watches it.
+
+Compilers of drivers abort, kernels hang, packers crash; a process cannot survive any of that, but the one beside it
+can. The watched process says in a journal what it is at. If it dies compiling, the kernel cache is thrown away and it
+starts once more; if it dies again, the device is passed over from then on. If it dies or hangs in a step of a method,
+it goes on without that method. Finished frames are in the store, so that whoever goes on knows what is left.
+"""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+import time
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+from kernels.journal import VARIABLE, read_journal
+
+WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels")
+HARMLESS = {"--help", "--dry-run", "--list"}
+SWITCH = "BENCH_SUPERVISED"  # 0 switches it off, for debuggers; watched processes find 1
+ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
+TICK = 0.1  # seconds between looks at the journal
+# Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
+PATIENCE = {signal.SIGINT: 5.0, signal.SIGTERM: 0.0}
+FAILED, INTERRUPTED, KILLED = 1, 130, 137
+MOST_DEATHS = 2  # of one device's compiler
+CRASHES = {
+    getattr(signal, name)
+    for name in ("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP")
+    if hasattr(signal, name)
+}
+ILLEGAL = {getattr(signal, "SIGILL", 4)}  # instructions that the processor lacks: always the compiler's fault
+WINDOWS_CRASH = 0xC0000000  # exit codes from here on are exceptions of Windows
+
+
+def main() -> None:
+    """Run the command line, watched where it uses a device."""
+    arguments = sys.argv[1:]
+    if not arguments or arguments[0] not in WATCHED or HARMLESS & set(arguments) or os.environ.get(SWITCH):
+        from harness.cli import main as run_here
+
+        run_here()
+        return
+    sys.exit(Supervisor(arguments).run())
+
+
+class Supervisor:
+    """One command, started until it ends by itself."""
+
+    def __init__(self, arguments: list[str]) -> None:
+        self.arguments = arguments
+        self.again: list[str] = []  # arguments with which the command goes on
+        self.ended: list[dict[str, Any]] = []
+        self.serial = False
+        self.deaths: Counter[str] = Counter()  # of each device's compiler
+        self.stopped: tuple[int, float] | None = None  # by which signal, and when
+
+    def run(self) -> int:
+        """The exit code of the command."""
+        signal.signal(signal.SIGINT, self._stop)
+        signal.signal(signal.SIGTERM, self._stop)
+        with tempfile.TemporaryDirectory(prefix="bench-") as folder:
+            for number in itertools.count():
+                journal = Path(folder) / f"journal-{number}"
+                code, overdue = self._once(journal)
+                state = read_journal(journal) or {"device": None, "again": None, "steps": {}, "building": {}}
+                self.again = state["again"] or self.again
+                exit_code = self._judge(code, overdue, state)
+                if exit_code is not None:
+                    return exit_code
+        raise AssertionError("the numbers do not end")
+
+    def _stop(self, number: int, _frame: object) -> None:
+        self.stopped = self.stopped or (number, time.monotonic())
+
+    def _once(self, journal: Path) -> tuple[int, list[dict[str, Any]]]:
+        """Start the command and wait for it: its exit code, and the steps it was killed for because they hang."""
+        environment = os.environ | {VARIABLE: str(journal), SWITCH: "1", ENDED: json.dumps(self.ended)}
+        if self.serial:
+            environment[SERIAL] = "1"
+        command = [sys.executable, "-m", "harness.cli", *self.arguments, *self.again]
+        # The other end of its standard input closes with this process, however that ends; then it ends too.
+        child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
+        told = False
+        while True:
+            try:
+                return child.wait(TICK), []
+            except subprocess.TimeoutExpired:
+                pass
+            if self.stopped and not told and time.monotonic() > self.stopped[1] + PATIENCE[self.stopped[0]]:
+                told = True
+                child.terminate()
+            if overdue := overdue_steps(read_journal(journal)):
+                child.kill()
+                child.wait()
+                return -KILLED, overdue
+
+    def _judge(self, code: int, overdue: list[dict[str, Any]], state: dict[str, Any]) -> int | None:
+        """What the end of a process means: the exit code of the command, or None to start it again."""
+        if self.stopped:
+            return code if code >= 0 else INTERRUPTED
+        if overdue:
+            return self._blame(overdue, "timeout", "it did not end")
+        building, device = list(state["building"].values()), state["device"]
+        steps = list(state["steps"].values())
+        if building and device and (crashed(code) or code > 0):
+            # The second time a kernel dies running, where only a method's step can have given it what it died of.
+            methods_fault = (
+                self.deaths[device["key"]]
+                and any(step["ended"] for step in steps)
+                and -code not in ILLEGAL
+                and _compiled(building[0]["kernel"])
+            )
+            if not methods_fault:
+                return self._compiler_died(building[0]["what"], device)
+        elif not crashed(code):
+            return _passed_on(code)
+        if sum(step["ended"] is not None for step in steps) > 1 and not self.serial:
+            self.serial = True  # which of them it was shows when they run one after the other
+            return None
+        return self._blame(steps, "failed", f"the process crashed ({name_of(code)})")
+
+    def _blame(self, steps: list[dict[str, Any]], status: str, reason: str) -> int | None:
+        """End these steps and go on without them, or end the command where nothing is known that could go on."""
+        ended = ended_by(steps, status, reason) if self.again else []
+        if not ended:
+            what = "; ".join(step["what"] for step in steps) or "starting"
+            _say(f"{what}: {reason}. Finished results are kept: the same command goes on from there.")
+            return FAILED
+        for step in ended:
+            _say(f"{step['reason']} Going on without it.")
+        self.ended += ended
+        return None
+
+    def _compiler_died(self, what: str, device: dict[str, Any]) -> int | None:
+        """A device's compiler died: heal its cache the first time, then pass the device over."""
+        from kernels.runtime import kernel_cache
+        from kernels.runtime.opencl import note_death, pocl_cache
+
+        sentence = f"{device['name']} died while it built {what}."
+        self.deaths[device["key"]] += 1
+        kernel_cache.discard(pocl_cache())
+        if self.deaths[device["key"]] == 1:
+            _say(f"{sentence} Its kernel cache is thrown away, and it starts once more.")
+            return None
+        note_death(device["key"], device["kernels"], f"{sentence} `bench doctor` tries it again.")
+        if device["asked"]:
+            _say(f"{sentence} Without --device and BENCH_DEVICE the next one is used.")
+            return FAILED
+        if self.deaths[device["key"]] > MOST_DEATHS:
+            _say(f"{sentence} That cannot be remembered: make the cache folder writable.")
+            return FAILED
+        _say(f"{sentence} It is passed over from now on.")
+        return None
+
+
+def _compiled(kernel: str | None) -> bool:
+    """Whether this kernel's compilation ended, so that it died running."""
+    from kernels.runtime import kernel_cache
+    from kernels.runtime.opencl import pocl_cache
+
+    return kernel is not None and kernel_cache.holds(pocl_cache(), kernel)
+
+
+def overdue_steps(state: dict[str, Any] | None) -> list[dict[str, Any]]:
+    """Steps of a journal's state that should have ended by now."""
+    now = time.monotonic()
+    steps = state["steps"].values() if state else ()
+    return [step for step in steps if step["deadline"] and now > step["deadline"]]
+
+
+def ended_by(steps: Iterable[dict[str, Any]], status: str, reason: str) -> list[dict[str, Any]]:
+    """What is to be noted of these steps, with status and reason; nothing of those of which nothing is."""
+    return [
+        step["ended"] | {"status": status, "reason": f"{step['what']}: {reason}."} for step in steps if step["ended"]
+    ]
+
+
+def crashed(code: int) -> bool:
+    """Whether an exit code is that of a process which ended by a fault of its own."""
+    return -code in CRASHES or code >= WINDOWS_CRASH
+
+
+def name_of(code: int) -> str:
+    """The name of the signal, or the number of the exception, that such an exit code stands for."""
+    return hex(code) if code > 0 else signal.Signals(-code).name
+
+
+def _passed_on(code: int) -> int:
+    """The exit code for one that a process ended with by itself, or by a signal from outside."""
+    if code == -getattr(signal, "SIGKILL", 9):
+        _say("bench was killed from outside; if nobody did, memory ran out. Finished results are kept.")
+        return KILLED
+    return code if code >= 0 else 128 - code
+
+
+def _say(sentence: str) -> None:
+    print(f"bench: {sentence}", file=sys.stderr, flush=True)
+
+
+def end_with_supervisor() -> None:
+    """End this process when the one that watches it has ended, however that happened."""
+    if os.environ.get(SWITCH) != "1" or VARIABLE not in os.environ:
+        return
+
+    def wait() -> None:
+        while os.read(0, 1 << 10):  # nothing is ever written to it
+            pass
+        os._exit(KILLED)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,112 @@
+"""PoCL's cache of compiled kernels: damaged ones are thrown away before PoCL loads them.
+
+PoCL takes what it finds: of an emptied program it makes one without kernels, a flipped byte of machine code it runs. So
+every process that has compiled something leaves a seal, the size and CRC-32 of each file, and every process that
+starts compares. One folder holds one program, in all its forms.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import zlib
+from pathlib import Path
+
+import psutil
+
+from kernels.cache import write_atomically
+
+SEAL = "seal.json"
+SEALED = (".bc", ".so")  # PoCL rewrites the others: logs and times of access
+Seals = dict[str, tuple[int, int]]
+
+
+def heal(folder: Path) -> int:
+    """Delete every program that is not as it was sealed, and all where the seal itself is damaged; how many it knew.
+
+    A file without a seal is of a process that was killed, or of one that is still running: it stays unless it is empty,
+    or the system started after it was written, which may have been in the middle of it.
+    """
+    seals = _read(folder)
+    if seals is None:
+        discard(folder)
+        return 0
+    damaged = {
+        _program(folder, file)
+        for file in _files(folder)
+        if (seals[name] != _measure(file) if (name := _name(folder, file)) in seals else not _may_be_whole(file))
+    }
+    for program in damaged:
+        shutil.rmtree(program, ignore_errors=True)
+    if damaged:
+        seal(folder)  # which forgets theirs
+    return len(damaged)
+
+
+def seal(folder: Path) -> None:
+    """Seal every file that has no seal yet, and forget the seals of those that are gone."""
+    seals, found = _read(folder) or {}, {_name(folder, file): file for file in _files(folder)}
+    new = {name: measured for name, file in found.items() if name not in seals and (measured := _measure(file))}
+    kept = {name: value for name, value in seals.items() if name in found}
+    if new or kept != seals:
+        text = json.dumps({"crc": zlib.crc32(_text(kept | new)), "files": kept | new})
+        write_atomically(folder / SEAL, lambda out: out.write(text.encode()))
+
+
+def discard(folder: Path) -> None:
+    """Delete all compiled kernels; PoCL compiles them again."""
+    for entry in folder.iterdir() if folder.is_dir() else ():
+        if entry.is_dir():
+            shutil.rmtree(entry, ignore_errors=True)
+        else:
+            entry.unlink(missing_ok=True)
+
+
+def holds(folder: Path, kernel: str) -> bool:
+    """Whether machine code of a kernel of this name is there."""
+    return any(folder.glob(f"*/*/{kernel}/*/{kernel}.so"))
+
+
+def _files(folder: Path) -> list[Path]:
+    return [file for file in folder.glob("*/*/**/*") if file.suffix in SEALED]
+
+
+def _name(folder: Path, file: Path) -> str:
+    return file.relative_to(folder).as_posix()
+
+
+def _program(folder: Path, file: Path) -> Path:
+    """The folder of a file's program, two levels below the cache's."""
+    return folder.joinpath(*file.relative_to(folder).parts[:2])
+
+
+def _measure(file: Path) -> tuple[int, int] | None:
+    try:
+        content = file.read_bytes()
+    except OSError:
+        return None
+    return len(content), zlib.crc32(content)
+
+
+def _may_be_whole(file: Path) -> bool:
+    try:
+        stat = file.stat()
+    except OSError:
+        return False
+    return file.is_file() and stat.st_size > 0 and stat.st_mtime >= psutil.boot_time()
+
+
+def _read(folder: Path) -> Seals | None:
+    """The seals, none where there is no such file yet; None where it is damaged itself."""
+    try:
+        record = json.loads((folder / SEAL).read_bytes())
+        files = {str(name): (int(size), int(crc)) for name, (size, crc) in record["files"].items()}
+        return files if record["crc"] == zlib.crc32(_text(files)) else None
+    except FileNotFoundError:
+        return {}
+    except (OSError, ValueError, KeyError, TypeError, AttributeError):
+        return None
+
+
+def _text(files: Seals) -> bytes:
+    return json.dumps({name: list(value) for name, value in files.items()}, sort_keys=True).encode()

@@ -1,0 +1,211 @@
+"""Whatever dies or hangs under `bench`, the command ends with results and a sentence: packers, kernels, compilers."""
+
+import csv
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from harness import supervisor
+from harness.supervisor import Supervisor, ended_by, overdue_steps
+from kernels.journal import Journal, read_journal
+from kernels.runtime.builtins_library import installed_package
+from kernels.runtime.vendors import mirror
+
+ROOT = Path(__file__).parents[2]
+BAD = Path(__file__).parent / "bad_packers.py"
+SMALL = ["run", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--codec", "none"]
+
+
+def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
+    """The watched command line."""
+    return subprocess.run(
+        [sys.executable, "-m", "harness", *arguments],
+        cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
+        check=False,
+    )  # fmt: skip
+
+
+def rows_of(folder: Path) -> dict[str, list[tuple[str, str]]]:
+    """Status and reason of each frame, by method."""
+    rows: dict[str, list[tuple[str, str]]] = {}
+    with open(folder / "frames.csv", newline="") as file:
+        for row in csv.DictReader(file):
+            rows.setdefault(row["method"], []).append((row["status"], row["reason"]))
+    return rows
+
+
+def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: Path):
+    folder = tmp_path / "run"
+    methods = [word for name in ("Aborting", "AbortingBeside") for word in ("--method", f"{BAD}:{name}")]
+    done = bench(*SMALL, *methods, "--method", "sas", "--out", str(folder))
+    assert done.returncode == 1, done.stderr
+    rows = rows_of(folder)
+    assert [status for status, _ in rows["sas"]] == ["ok"] * 3
+    assert [status for status, _ in rows["aborting"]] == ["ok", "failed", "failed"]
+    assert rows["aborting"][1][1] == "frame 1: aborting: the process crashed (SIGABRT)."
+    assert [status for status, _ in rows["aborting-beside"]] == ["failed"] * 3
+    assert "measuring frame 0: aborting-beside: the process crashed" in rows["aborting-beside"][0][1]
+    assert "Going on without it." in done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a C library's sleep")
+def test_a_hang_that_no_thread_can_interrupt_is_ended_from_outside(tmp_path: Path):
+    folder = tmp_path / "run"
+    done = bench(*SMALL, "--method", f"{BAD}:Holding", "--method", "sas", "--timeout", "2", "--out", str(folder))
+    assert done.returncode == 1, done.stderr
+    rows = rows_of(folder)
+    assert [status for status, _ in rows["sas"]] == ["ok"] * 3
+    assert (
+        rows["holding"] == [("timeout", "frame 0: holding: it did not end.")] * 3
+        or rows["holding"] == [("timeout", "warming up: holding: it did not end.")] * 3
+    )
+
+
+def test_a_check_that_hangs_in_a_kernel_ends_with_a_sentence(tmp_path: Path):
+    done = bench("check", f"{BAD}:Spinning", "--timeout", "1")
+    assert done.returncode == 1
+    assert "spinning, check " in done.stderr
+    assert "it did not end" in done.stderr
+
+
+@pytest.fixture
+def unfit(tmp_path: Path) -> Path:
+    """A folder of a PoCL whose library of built-ins has registers that this processor's compiler does not know."""
+    package = installed_package()
+    if package is None:
+        pytest.skip("the PoCL of PyPI is not installed")
+    if "avx512f" in Path("/proc/cpuinfo").read_text():
+        pytest.skip("this processor has AVX-512, and so runs what others cannot")
+    home = tmp_path / "pyopencl"
+    for name, value in mirror(package, "avx2", "avx512").items():
+        file = Path(os.path.normpath(home / name))
+        file.parent.mkdir(parents=True, exist_ok=True)
+        if isinstance(value, str):
+            file.write_text(value.replace("{home}", str(home)))
+        elif value == package.driver:
+            shutil.copy(value, file)  # the loader takes links to one file for one driver
+        else:
+            file.symlink_to(value)
+    return home / ".libs"
+
+
+def test_a_compiler_that_dies_is_passed_over_from_then_on(unfit: Path, tmp_path: Path):
+    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "OCL_ICD_VENDORS": str(unfit)}
+    done = bench(*SMALL, "--method", "sas", "--out", str(tmp_path / "first"), **cache)
+    assert done.returncode == 0, done.stderr
+    assert "Its kernel cache is thrown away, and it starts once more." in done.stderr
+    assert "It is passed over from now on." in done.stderr
+    assert "Used instead: " in done.stderr
+    assert [status for status, _ in rows_of(tmp_path / "first")["sas"]] == ["ok"] * 3
+    done = bench(*SMALL, "--method", "sas", "--out", str(tmp_path / "second"), **cache)
+    assert done.returncode == 0, done.stderr
+    assert "starts once more" not in done.stderr
+    assert "Used instead: " in done.stderr
+
+
+def journal_state(folder: Path, *, building: dict | None = None, ended: dict | None = None) -> dict:
+    """What a process leaves that was at this."""
+    journal = Journal(folder / "journal")
+    journal.note(device={"key": "d", "name": "Device", "kernels": "k", "asked": False}, again=["--out", "there"])
+    with journal.step("frame 1: m", 60, ended):
+        if building:
+            with journal.building(**building):
+                return read_journal(folder / "journal")
+        return read_journal(folder / "journal")
+
+
+@pytest.fixture
+def quiet(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr("kernels.runtime.opencl.pocl_cache", lambda: tmp_path / "kernels")
+
+
+ENDED = {"folder": "there", "method": "m", "variant": ""}
+SEGV, ILL = -signal.SIGSEGV, -getattr(signal, "SIGILL", 4)
+
+
+@pytest.mark.parametrize(
+    ("code", "compiled", "ended", "codes", "died"),
+    [
+        (SEGV, False, ENDED, [None, None, 1], True),  # the compiler dies: again, passed over, and then in vain
+        (SEGV, True, ENDED, [None, None], False),  # it ran, and a packer may have given it bad arguments
+        (SEGV, True, None, [None, None, 1], True),  # nobody else is there to blame
+        (ILL, True, ENDED, [None, None, 1], True),  # no argument makes an instruction illegal
+        (1, False, ENDED, [None, None, 1], True),  # some compilers exit
+    ],
+)
+def test_whose_fault_a_death_is(quiet, tmp_path, monkeypatch, code, compiled, ended, codes, died):
+    monkeypatch.setattr(supervisor, "_compiled", lambda kernel: compiled)
+    watched = Supervisor(["run"])
+    watched.again = ["--out", "there"]
+    state = journal_state(tmp_path, building={"what": "raster/tiles.draw", "kernel": "draw"}, ended=ended)
+    assert [watched._judge(code, [], state) for _ in codes] == codes
+    assert bool(list(tmp_path.rglob("died-d-k.json"))) == died
+    assert watched.ended == ([] if died else [ENDED | {"status": "failed", "reason": watched.ended[0]["reason"]}])
+
+
+def test_two_suspects_of_a_crash_are_tried_one_after_the_other(quiet, tmp_path):
+    watched = Supervisor(["run"])
+    watched.again = ["--out", "there"]
+    state = journal_state(tmp_path, ended=ENDED)
+    state["steps"]["other"] = {"what": "frame 1: n", "deadline": None, "ended": ENDED | {"method": "n"}}
+    assert watched._judge(SEGV, [], state) is None
+    assert watched.serial
+    assert watched.ended == []
+
+
+def test_a_kill_from_outside_blames_nobody(quiet, tmp_path, capsys):
+    watched = Supervisor(["run"])
+    watched.again = ["--out", "there"]
+    assert watched._judge(-9, [], journal_state(tmp_path, ended=ENDED)) == 137
+    assert watched.ended == []
+    assert "memory" in capsys.readouterr().err
+
+
+def test_only_steps_past_their_time_are_overdue(tmp_path):
+    journal = Journal(tmp_path / "journal")
+    with journal.step("slow", -1.0, ENDED), journal.step("fast", 60.0, ENDED), journal.step("endless"):
+        overdue = overdue_steps(read_journal(tmp_path / "journal"))
+    assert [step["what"] for step in overdue] == ["slow"]
+    assert ended_by(overdue, "timeout", "it did not end") == [
+        ENDED | {"status": "timeout", "reason": "slow: it did not end."}
+    ]
+    assert overdue_steps(read_journal(tmp_path / "journal")) == []
+    assert overdue_steps(None) == []
+
+
+def test_half_a_journal_is_none(tmp_path):
+    journal = Journal(tmp_path / "journal")
+    journal.note(again=["--out", "x" * 1000])
+    content = (tmp_path / "journal").read_bytes()
+    assert read_journal(tmp_path / "journal")["again"][1] == "x" * 1000
+    for damaged in (content[:-1], content[:5], b"", content.replace(b"xx", b"xy", 1)):
+        (tmp_path / "journal").write_bytes(damaged)
+        assert read_journal(tmp_path / "journal") is None
+    assert read_journal(tmp_path / "nowhere") is None
+
+
+def test_a_shorter_state_leaves_nothing_of_the_longer_one(tmp_path):
+    journal = Journal(tmp_path / "journal")
+    journal.note(again=["x" * 1000])
+    journal.note(again=["y"])
+    assert read_journal(tmp_path / "journal")["again"] == ["y"]
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="asks Linux for the children of a process")
+def test_the_watched_process_ends_with_its_supervisor(tmp_path: Path):
+    command = [sys.executable, "-m", "harness", *SMALL, "--frames", "600", "--out", str(tmp_path / "run")]
+    process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    until = time.monotonic() + 60
+    while not children.read_text() and time.monotonic() < until:
+        os.sched_yield()
+    process.kill()
+    out, _ = process.communicate(timeout=60)  # ends when nobody has its standard output open any more
+    assert b"report.html" not in out

@@ -1,0 +1,86 @@
+"""What OpenCL compilers are given: every kernel source with its options, noted while cases and runs are made."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager, redirect_stderr, redirect_stdout
+from dataclasses import dataclass
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+from harness.run import run
+from harness.settings import Settings
+from kernels.case import INPUTS, find_cases
+from kernels.device import Device
+from tests.portability.small import small_trial
+
+# Materials, lights and masks differ between these, and with them what the shading kernel is built with.
+SCENES = ("hall", "village", "shells")
+SMALL = {"frames": 1, "width": 160, "height": 90, "atlas_width": 1024, "atlas_height": 1024, "crf": (25,)}
+
+
+@dataclass(frozen=True, order=True)
+class Build:
+    """A source as it reaches the compiler, with the options given; path: of its file below kernels/."""
+
+    path: str
+    options: tuple[str, ...]
+    source: str
+
+    @property
+    def name(self) -> str:
+        """The path, and the options that differ between builds of it."""
+        return " ".join([self.path, *(option.removeprefix("-D") for option in self.options if option[:2] == "-D")])
+
+
+@contextmanager
+def noted() -> Iterator[set[Build]]:
+    """Note what devices build inside the block."""
+    import pyopencl as cl
+
+    builds: set[Build] = set()
+    compiler, build = cl.Program, Device.build
+    paths: list[str] = []  # of the builds that are under way
+
+    class Program(compiler):
+        def __init__(self, context: cl.Context, source: str, *rest: Any) -> None:
+            super().__init__(context, source, *rest)
+            self.text = source
+
+        def build(self, options: Any = (), *rest: Any, **named: Any) -> Any:
+            if paths:
+                builds.add(Build(paths[-1], tuple(options), self.text))
+            return super().build(options, *rest, **named)
+
+    def build_noted(device: Device, path: str, *rest: Any, **defines: Any) -> Any:
+        paths.append(path)
+        try:
+            return build(device, path, *rest, **defines)
+        finally:
+            paths.pop()
+
+    cl.Program, Device.build = Program, build_noted
+    try:
+        yield builds
+    finally:
+        cl.Program, Device.build = compiler, build
+
+
+def builds_of_cases(device: Device) -> list[Build]:
+    """What the kernels' cases build, in order."""
+    with noted() as builds:
+        for case in find_cases():
+            for kind in INPUTS:
+                small_trial(case, device, kind).run()
+    return sorted(builds)
+
+
+def builds_of_runs() -> list[Build]:
+    """What small runs of all methods build, in order."""
+    with noted() as builds, tempfile.TemporaryDirectory() as folder:
+        for scene in SCENES:
+            with redirect_stdout(StringIO()), redirect_stderr(StringIO()):
+                run(Settings(scene=scene, **SMALL), Path(folder) / scene)
+    return sorted(builds)

@@ -1,0 +1,20 @@
+"""The kernels' cases at sizes that an interpreter of OpenCL gets through."""
+
+from __future__ import annotations
+
+from kernels.case import Case, Trial
+from kernels.device import Device
+
+# No multiple of a vector's width or of a work-group, so that what is left over is there.
+SIZE = 61
+# What takes whole vectors only, what needs 161 pixels a side, and what has samples by the hundred thousand.
+SIZES = {
+    **dict.fromkeys(("doctor/polynomial", "roofline/copying", "roofline/arithmetic"), 64),
+    "metrics/iwssim": 289,
+    **dict.fromkeys(("snakebinning/clearing", "snakebinning/emission", "tss/emission"), 13),
+}
+
+
+def small_trial(case: Case, device: Device, kind: str) -> Trial:
+    """A case at a small size."""
+    return case.make(device, kind, min(case.checked, SIZES.get(case.name, SIZE)))
