@@ -19,7 +19,9 @@ ROOT = Path(__file__).parents[2]
 PYTHONS = ("3.11", "3.12", "3.13", "3.14")
 PLATFORMS = {  # what the README calls it, and what uv does
     "Linux x86-64, glibc 2.28": "x86_64-manylinux_2_28",
+    "Linux x86-64, glibc 2.36": "x86_64-manylinux_2_36",
     "Linux ARM, glibc 2.28": "aarch64-manylinux_2_28",
+    "Linux ARM, glibc 2.36": "aarch64-manylinux_2_36",
     "Windows x86-64": "x86_64-pc-windows-msvc",
     "macOS 14 ARM": "aarch64-apple-darwin",
     "macOS 14 x86-64": "x86_64-apple-darwin",
@@ -40,7 +42,11 @@ def resolve(platform: str, python: str, extras: list[str]) -> str:
         check=False,
         timeout=300,
     )
-    return "" if done.returncode == 0 else " ".join(done.stderr.partition("cause:")[2].split()) or done.stderr
+    return (
+        ""
+        if done.returncode == 0
+        else " ".join(done.stderr.partition("cause:")[2].partition("hint:")[0].split()) or done.stderr
+    )
 
 
 def main() -> None:
