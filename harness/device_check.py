@@ -25,9 +25,9 @@ from harness.device_worker import Finding
 from harness.run import show_progress
 from harness.supervisor import SWITCH, TICK, name_of, overdue_steps
 from kernels.case import INPUTS, find_cases
-from kernels.device import kernel_names
+from kernels.device import kernel_names, kernels_digest
 from kernels.journal import VARIABLE, read_journal
-from kernels.runtime.opencl import find_devices
+from kernels.runtime.opencl import find_devices, noted_death
 
 if TYPE_CHECKING:
     from kernels.runtime.opencl import FoundDevice
@@ -97,7 +97,7 @@ def check_devices(asked: str | None) -> bool:
             else examine(device, Path(folder) / device.key, tell)
             for device in devices
         ]
-    show_reports(reports)
+    show_reports(reports, _default())
     return bool(usable) and all(report.status in ("ok", "passed over") for report in reports)
 
 
@@ -164,16 +164,16 @@ def _why(code: int, hung: list[dict[str, Any]], state: dict[str, Any] | None, lo
     return f"its process {how} {at}." + (f" Its last words: {said[-1].strip()[:200]}" if said else "")
 
 
-def show_reports(reports: list[Report]) -> None:
-    """Print a row for each device, and a line for everything that fails."""
+def show_reports(reports: list[Report], default: str | None) -> None:
+    """Print a row for each device, and a line for whatever fails. default: the key of the one whose speed is 1."""
     console, total = make_console(), len(kernel_names())
     table = make_table("bench doctor --devices", "device", "kernels", "failed", "error/bound", "speed", "status")
     for column in table.columns[1:]:
         column.no_wrap = True
-    default = _default(reports)
+    reference = next((report for report in reports if report.device.key == default), None)
     colours = {"ok": "green", "passed over": "yellow"}
     for report in reports:
-        status, worst, speed = report.status, report.worst, report.speed(default)
+        status, worst, speed = report.status, report.worst, report.speed(reference)
         cells = ["", "", "", ""]
         if not report.passed_over:
             over = f"{worst.over:.2f}\n{worst.case}" if worst else ""
@@ -191,10 +191,11 @@ def show_reports(reports: list[Report]) -> None:
             console.print(f"{escape(report.device.name)}: {escape(line)}", soft_wrap=True)
 
 
-def _default(reports: list[Report]) -> Report | None:
-    """That of the device which is used where none is asked for, if it was examined."""
-    first = next((one for one in find_devices() if one.refused() is None), None)
-    return next((report for report in reports if first and report.device.key == first.key), None)
+def _default() -> str | None:
+    """The key of the device that is used where none is asked for."""
+    digest = kernels_digest()
+    usable = (one for one in find_devices() if one.refused() is None and noted_death(one.key, digest) is None)
+    return next((one.key for one in usable), None)
 
 
 def _lines(report: Report) -> Iterator[str]:

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, TextIO
 import numpy as np
 
 from harness.supervisor import end_with_supervisor
-from harness.watchdog import time_limit
+from harness.watchdog import PackTimeoutError, time_limit
 from kernels.case import INPUTS, distance, find_cases
 from kernels.device import Device
 from kernels.runtime.opencl import find_devices
@@ -76,22 +76,23 @@ def examine_device(key: str, lines: TextIO) -> None:
 
 def examine_case(device: Device, case: Case, kind: str) -> Finding:
     """Run a case on one of its inputs, and judge it; never raises."""
-    over, wrong, milliseconds = None, None, None
-    with device.record() as record:
-        try:
-            with time_limit(LIMIT, f"{case.name}, {kind}"):
-                trial = case.make(device, kind, case.checked)
-                trial.run()  # the first leaves something that later ones forget
-                results = trial.results()
-                apart = distance(results, case.bounds[kind])
-                over, wrong = apart.over, apart.what if apart.over > 1 else None
-                if not _same(results, trial.results()):
-                    wrong = "a second run gives other values"
-                if kind == INPUTS[0]:
-                    milliseconds = _time(device, case, kind)
-        except Exception as error:
-            wrong = _sentence(error)
-    return Finding(case.name, kind, over, wrong, tuple(record.kernels), milliseconds)
+    over, wrong, milliseconds, record = None, None, None, None
+    try:
+        with time_limit(LIMIT, f"{case.name}, {kind}"), device.record() as record:
+            trial = case.make(device, kind, case.checked)
+            trial.run()  # the first leaves something that later ones forget
+            results = trial.results()
+            apart = distance(results, case.bounds[kind])
+            over, wrong = apart.over, apart.what if apart.over > 1 else None
+            if not _same(results, trial.results()):
+                wrong = "a second run gives other values"
+            if kind == INPUTS[0]:
+                milliseconds = _time(device, case, kind)
+    except PackTimeoutError:
+        wrong = f"it did not end within {LIMIT:.0f} s"
+    except Exception as error:
+        wrong = _sentence(error)
+    return Finding(case.name, kind, over, wrong, tuple(record.kernels) if record else (), milliseconds)
 
 
 def _same(first: Sequence[Result], second: Sequence[Result]) -> bool:
