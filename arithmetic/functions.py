@@ -1,9 +1,11 @@
 """Elementary functions of float64 and float32 arrays, the same to the last bit on every processor.
 
 Each takes numbers or arrays that broadcast and computes in float64; the result is float32 where all arrays are, else
-float64, and a number for numbers. The polynomials are those of fdlibm (Sun Microsystems, 1993, freely usable).
-Errors, in units of the last place of a float64 result: sin, cos, exp, log, arctan 1; power 1 while its logarithm is
-below 32 either way; arctan2, arcsin, log2, hypot 2; tan 3.
+float64, and a number for numbers. Errors, in units of the last place of a float64 result: sin and cos (of up to 1e6
+radians), exp, log, arctan 1; power 1 while its logarithm is below 32 either way; arctan2, arcsin, log2, hypot 2; tan 3.
+
+The polynomials and reductions are those of fdlibm: Copyright (C) 1993 by Sun Microsystems, Inc. Permission to use,
+copy, modify, and distribute this software is freely granted, provided that this notice is preserved.
 """
 
 from __future__ import annotations
@@ -15,9 +17,7 @@ import numpy as np
 
 BLOCK = 8192  # elements: the intermediate arrays of a block stay in a processor's nearest cache
 FEW = 24  # numbers that are computed one by one
-LARGEST_ANGLE = 1e6  # radians; up to there multiples of pi / 2 can be taken off exactly
-
-TOO_LARGE = f"The sine of more than {LARGEST_ANGLE:g} radians is not computed."
+LARGEST_ANGLE = 1e6  # radians; up to there multiples of pi / 2 are taken off exactly, beyond it those of 2 * np.pi
 
 # pi / 2 as two parts of 33 bits and the rest: multiples of the parts up to 2 ** 20 are exact.
 HALF_PI_PARTS = (1.57079632673412561417e00, 6.07710050630396597660e-11, 2.02226624879595063154e-21)
@@ -116,7 +116,7 @@ def _series(z: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
 
 
 def sin_cos(angle) -> tuple:
-    """Sine and cosine of angles in radians; ValueError beyond +-1e6."""
+    """Sine and cosine of angles in radians."""
     if np.size(angle) > FEW:
         return _elementwise(_sin_cos, (angle,), 2)
     angle = np.asarray(angle)
@@ -126,23 +126,23 @@ def sin_cos(angle) -> tuple:
 
 
 def sin(angle):
-    """Sine of angles in radians; ValueError beyond +-1e6."""
+    """Sine of angles in radians."""
     return sin_cos(angle)[0]
 
 
 def cos(angle):
-    """Cosine of angles in radians; ValueError beyond +-1e6."""
+    """Cosine of angles in radians."""
     return sin_cos(angle)[1]
 
 
 def tan(angle):
-    """Tangent of angles in radians; ValueError beyond +-1e6."""
+    """Tangent of angles in radians."""
     return _elementwise(lambda x: np.divide(*_sin_cos(x)), (angle,))[0]
 
 
 def _sin_cos(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    if (np.abs(x) > LARGEST_ANGLE).any():
-        raise ValueError(TOO_LARGE)
+    if not (np.abs(x) <= LARGEST_ANGLE).all():
+        x = np.where(np.abs(x) > LARGEST_ANGLE, np.fmod(x, 2 * np.pi), x)
     quarters = np.rint(x * (2 / np.pi)) + 0.0
     sine, cosine = _in_quarter(x, quarters)
     turn = quarters.astype(np.int64)
@@ -152,10 +152,10 @@ def _sin_cos(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 def _sin_cos_of_number(x: float) -> tuple[float, float]:
     """The same, without NumPy, which takes thirty times as long to be called as this to compute."""
+    if not math.isfinite(x):
+        return math.nan, math.nan
     if abs(x) > LARGEST_ANGLE:
-        raise ValueError(TOO_LARGE)
-    if x != x:
-        return x, x
+        x = math.fmod(x, 2 * math.pi)
     turn = round(x * (2 / math.pi))
     sine, cosine = _in_quarter(x, float(turn))
     if turn & 1:

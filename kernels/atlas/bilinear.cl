@@ -3,6 +3,7 @@
 // Bilinear lookups in an atlas of 8-bit texels, 8 at a time.
 
 #define MAGIC 12582912.0f  // 1.5 * 2^23: a float of up to 22 bits added to it is rounded to a whole number
+#define FAR 4e6f  // texels
 #define MAGIC_BITS 0x4B400000
 
 // Channel `shift / 8` of packed texels as a float, exactly.
@@ -21,17 +22,17 @@ INLINE int8 fetch(__global const int *plane, int8 at) {
     return texels;
 }
 
-// x, or, beyond a texel outside the plane, what shows the same border: far away MAGIC does not round.
-INLINE float8 near_plane(float8 x, int size) {
-    const float8 before = LESSER(x, (float8)(size));
-    return GREATER(before, (float8)(-1.0f));
+// x, or, far outside any plane, what shows the same border: from 2^22 on MAGIC does not round. So does what is no number.
+INLINE float8 bounded(float8 x) {
+    const float8 before = LESSER(x, FAR);
+    return GREATER(before, -FAR);
 }
 
 // Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel; beyond the plane, those of
 // its border.
 INLINE int8 bilinear(__global const int *plane, int width, int height, float8 x, float8 y) {
-    x = near_plane(x, width);
-    y = near_plane(y, height);
+    x = bounded(x);
+    y = bounded(y);
     // Rounding x - 0.5 is flooring x, or at whole numbers one less with a fraction of 1, which blends to the same.
     const float8 left = x - 0.5f + MAGIC, above = y - 0.5f + MAGIC;
     const float8 fx = x - (left - MAGIC), fy = y - (above - MAGIC);

@@ -13,7 +13,7 @@ __kernel void look_up(int count, int room, __global const int *triangle, __globa
     const float8 x = *(__global const loose_float8 *)(places + first);
     const float8 y = *(__global const loose_float8 *)(places + room + first);
     const int8 placed = x == x;
-    const int8 colour = bilinear(plane, width, height, placed ? x : (float8)(0.0f), placed ? y : (float8)(0.0f));
+    const int8 colour = bilinear(plane, width, height, x, y);
     for (int k = 0; k < lanes; k++)
         if (((int *)&placed)[k]) {
             const int pixel = texel[first + k];

@@ -1,4 +1,4 @@
-"""The case of the doctor's kernel."""
+"""Cases of the doctor's kernels."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.doctor.elementary import elementary, elementary_twin
 from kernels.doctor.smoke import DEGREE, smoke, smoke_twin
 
 if TYPE_CHECKING:
@@ -26,3 +27,18 @@ def polynomial(device: Device, kind: str, size: int) -> Trial:
         return [Result(*pair) for pair in zip(smoke(device, x, coefficients), smoke_twin(x, coefficients), strict=True)]
 
     return Trial({"n": size}, lambda: smoke(device, x, coefficients), results)
+
+
+@case({"elementary.elementary": Cost("n", "20*n")}, 1 << 20)
+def functions(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: about 1 for the logarithm, about whole numbers for the power."""
+    rng = seeded(kind)
+    x, y = rng.uniform(-20, 20, size), np.exp2(rng.uniform(-20, 20, size)) * rng.choice([-1, 1], size)
+    if kind == "adversarial":
+        x, y = np.rint(x) + 1e-6 * rng.normal(size=size), rng.choice([-1, 1], size) * (1 + 1e-6 * rng.normal(size=size))
+    x, y = x.astype(np.float32), y.astype(np.float32)
+
+    def results() -> list[Result]:
+        return [Result(*pair) for pair in zip(elementary(device, x, y), elementary_twin(x, y), strict=True)]
+
+    return Trial({"n": size}, lambda: elementary(device, x, y), results)

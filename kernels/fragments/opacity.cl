@@ -36,7 +36,7 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
         for (int lane = 0; lane < 8; lane++) {
             const int4 entry = textures[texture[lane]];
             const float across = side[lane] * entry.w;
-            level[lane] = across > 1.0f ? log2(across) + 0.5f : 0.0f;
+            level[lane] = across > 1.0f ? log2_1(across) + 0.5f : 0.0f;
             mode[lane] = entry.z;
             row[lane] = entry.x + (level[lane] < entry.y ? (int)level[lane] : entry.y);
         }

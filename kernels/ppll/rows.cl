@@ -1,5 +1,5 @@
 // Fragments as the rows of words that are kept and sent: colour and depth, or colour, normal and position.
-#include "common/wide.cl"
+#include "common/elementary.cl"
 
 #if BLENDED
 #define COVERED(colour, at) (((colour) & 0xffffff) | ((uint)opacity[at] << 24))
@@ -18,7 +18,7 @@ __kernel void colour_rows(const int count, __global const uint *colours, __globa
 }
 
 // Eye-space x and y and the distance along the view axis; the normal as azimuth and inclination, half floats (eq. 2.1).
-// 8 fragments per item, because atan2 of 8 takes hardly longer than that of one.
+// 8 fragments per item, because that takes hardly longer than one.
 __kernel void normal_rows(const int count, __global const uint *colours, __global const float *depth,
                           __global const int *pixel, const int width, const float4 rays, const float near,
                           __global const int *triangle, __global const float *bary1, __global const float *bary2,
@@ -40,8 +40,8 @@ __kernel void normal_rows(const int count, __global const uint *colours, __globa
     }
     const float8 x = normal[0], y = normal[1], z = normal[2];
     ushort azimuth[8], inclination[8];
-    vstore_half8(atan2(y, x), 0, (half *)azimuth);
-    vstore_half8(atan2(sqrt(x * x + y * y), z), 0, (half *)inclination);
+    vstore_half8(atan2_8(y, x), 0, (half *)azimuth);
+    vstore_half8(atan2_8(sqrt(x * x + y * y), z), 0, (half *)inclination);
     for (int lane = 0; lane < LESSER(count - first, 8); lane++) {
         const int i = first + lane, line = pixel[i] / width, column = pixel[i] - line * width;
         const float distance = near / depth[i];

@@ -1,4 +1,5 @@
 // Reprojection: fragments are points, drawn as small squares; each pixel sorts, groups and blends what falls on it.
+#include "common/elementary.cl"
 #include "ppll/sort.cl"
 
 // Squares are this much larger than a pixel's share, so that neighbours overlap where the view stretches them.
@@ -39,10 +40,10 @@ __kernel void place_points(const int pixels, const int width, __global const int
         }
         const float from = p.z;
         p.z = -p.z;
-        const float distance = -dot(turn_z, p);
+        const float distance = -dot4(turn_z, p);
         const int seen = row[0] >> 24 && distance > near && distance < 1e30f;
-        const float column = lens.x * dot(turn_x, p) / distance + lens.z;
-        const float line = lens.w - lens.y * dot(turn_y, p) / distance;
+        const float column = lens.x * dot4(turn_x, p) / distance + lens.z;
+        const float line = lens.w - lens.y * dot4(turn_y, p) / distance;
         const float spread = size * from / distance;
         const float half_side = 0.5f * (words == 2 ? OVERLAP : LOOSE_OVERLAP) * (spread > 1.0f ? spread : 1.0f);
         points[at + i] = (float4)(column, line, distance, seen ? (half_side < WIDEST ? half_side : WIDEST) : -1.0f);

@@ -1,4 +1,5 @@
 // Clusters: runs of CLUSTER triangles in file order, with their boxes, and their positions in groups of 8.
+#include "common/elementary.cl"
 #include "raster/camera.cl"
 #include "raster/chunks.cl"
 #include "raster/runs.cl"
@@ -59,8 +60,8 @@ INLINE int pixel_before(const float position, const int size)
 INLINE int beyond(const float4 plane, const float3 centre, const float3 extent)
 {
     const float3 n = GREATER(plane.xyz, -plane.xyz);
-    const float near_corner = dot(plane.xyz, centre) + plane.w + dot(n, extent);
-    return near_corner < -1e-5f * (dot(n, GREATER(centre, -centre) + extent) + GREATER(plane.w, -plane.w));
+    const float near_corner = dot3(plane.xyz, centre) + plane.w + dot3(n, extent);
+    return near_corner < -1e-5f * (dot3(n, GREATER(centre, -centre) + extent) + GREATER(plane.w, -plane.w));
 }
 
 INLINE int in_frustum(const float8 box, const float4 eye, const float16 rows, const int width, const int height)

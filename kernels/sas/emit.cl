@@ -1,5 +1,5 @@
 #include "common/types.cl"
-#include "common/wide.cl"
+#include "common/elementary.cl"
 #include "sas/layout.cl"
 
 // The texels of blocks, as shading samples. u, v: position in the patch's unit square, with (0, 0) at the centre of the
@@ -84,8 +84,9 @@ __kernel void measure_ways(int count, __global const uchar *codes, __global cons
     const float3 p0 = corner_position(positions, indices, triangle, 0);
     const float3 p1 = corner_position(positions, indices, triangle, 1) - p0;
     const float3 p2 = corner_position(positions, indices, triangle, 2) - p0;
-    ways[2 * triangle] = length(weight[1] * p1 + weight[4] * p2);
-    ways[2 * triangle + 1] = length(weight[2] * p1 + weight[5] * p2);
+    const float3 along = weight[1] * p1 + weight[4] * p2, down = weight[2] * p1 + weight[5] * p2;
+    ways[2 * triangle] = sqrt(dot3(along, along));
+    ways[2 * triangle + 1] = sqrt(dot3(down, down));
 }
 
 // A triangle's part of a block: its number, its footprint and barycentrics 1 and 2 as a + b u + c v.

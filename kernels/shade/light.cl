@@ -62,7 +62,7 @@ INLINE float8 ggx8(vector8 n, vector8 v, vector8 l, float8 nv, float8 nl, float8
 // Environment BRDF: weight of F0 and the rest (Karis 2014, "Physically Based Shading on Mobile").
 INLINE float8 environment_brdf8(float8 roughness, float8 nv, float8 *rest)
 {
-    const float8 smooth = 1.0f - roughness, peak = exp2(-9.28f * nv);
+    const float8 smooth = 1.0f - roughness, peak = exp2_8(-9.28f * nv);
     const float8 squared = smooth * smooth;
     const float8 a = ((squared < peak) ? squared : peak) * smooth + 0.0425f - 0.0275f * roughness;
     *rest = 1.04f * a + 0.022f * roughness - 0.04f;

@@ -1,5 +1,5 @@
 // Float math 8 wide from plain operations: PoCL calls its built-ins, and the registers are spilled around each call.
-#include "common/wide.cl"
+#include "common/elementary.cl"
 
 #define LOAD8(pointer) (*(const loose_float8 *)(pointer))
 #define STORE8(value, pointer) (*(loose_float8 *)(pointer) = (value))

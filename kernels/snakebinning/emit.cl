@@ -1,4 +1,4 @@
-#include "common/wide.cl"
+#include "common/elementary.cl"
 #include "snakebinning/pieces.cl"
 #include "snakebinning/strip.cl"
 
@@ -62,7 +62,8 @@ static inline Plane plane_of(ushort4 own, uint word, __global const float *posit
     p.at[b] = before / length, p.across[b] = 1.0f / length, p.down[b] = -p.at[b] / height;
     // Heights of the triangle over the edges opposite its corners, in texels.
     const float area = length * height;
-    const float heights[3] = {area / hypot(height, after), area / hypot(height, before), height};
+    const float right = sqrt(height * height + after * after), left = sqrt(height * height + before * before);
+    const float heights[3] = {area / right, area / left, height};
     p.lowest[a] = -1.0f - OUTSIDE / fmax(heights[0], 1.0f);
     p.lowest[b] = -1.0f - OUTSIDE / fmax(heights[1], 1.0f);
     p.lowest[c] = -1.0f - OUTSIDE / fmax(heights[2], 1.0f);
@@ -71,7 +72,7 @@ static inline Plane plane_of(ushort4 own, uint word, __global const float *posit
     const float3 p0 = vload3(0, corner_of(triangle, 0, positions, indices, first_piece, pieces));
     const float3 e1 = vload3(0, corner_of(triangle, 1, positions, indices, first_piece, pieces)) - p0;
     const float3 e2 = vload3(0, corner_of(triangle, 2, positions, indices, first_piece, pieces)) - p0;
-    p.g11 = dot(e1, e1), p.g12 = dot(e1, e2), p.g22 = dot(e2, e2);
+    p.g11 = dot3(e1, e1), p.g12 = dot3(e1, e2), p.g22 = dot3(e2, e2);
     p.triangle = triangle;
     for (int k = 0; k < 3; k++) p.bary1[k] = k == 1, p.bary2[k] = k == 2;
     if (triangle >= first_piece) {

@@ -1,4 +1,4 @@
-#include "common/wide.cl"
+#include "common/elementary.cl"
 #include "snakebinning/bins.cl"
 #include "snakebinning/pieces.cl"
 
@@ -53,7 +53,7 @@ INLINE Projected8 project8(const Vector8 *corner, __global const float *view) {
         p[k].z = (corner[k].z - view[2]) - view[5];
     }
     const Vector8 middle = {p[0].x + p[1].x + p[2].x, p[0].y + p[1].y + p[2].y, p[0].z + p[1].z + p[2].z};
-    const Vector8 n = unit8(middle, 0.0f, cross(up, right));
+    const Vector8 n = unit8(middle, 0.0f, cross3(up, right));
     const Vector8 up8 = {up.x, up.y, up.z};
     const Vector8 across = unit8(cross8(n, up8), 1e-3f, right), upwards = cross8(across, n);
     Projected8 result;
@@ -141,7 +141,7 @@ static inline int angle_index(__constant const float *edges, float before, float
 }
 
 static inline int height_index(float height, float scale, int logarithmic) {
-    const float steps = scale * (logarithmic ? log2(height) : height - 1.0f);
+    const float steps = scale * (logarithmic ? log2_1(height) : height - 1.0f);
     return clamp((int)ceil(steps), 0, HEIGHTS - 1);
 }
 

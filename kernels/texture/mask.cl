@@ -1,4 +1,5 @@
 // Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py.
+#include "common/elementary.cl"
 
 #define MASK_PARAMETERS                                                                                                \
     __global const int *mask_slots, __global const float *mask_corners, __global const int *mask_chains,               \
@@ -11,7 +12,7 @@ static inline int mask_level(const int triangle, const float pixels, MASK_PARAME
 {
     const float8 corner = vload8(mask_slots[triangle], mask_corners);
     const int2 chain = vload2(as_int(corner.s6), mask_chains);
-    const float level = corner.s7 - 0.5f * log2(pixels > 1e-6f ? pixels : 1e-6f) + 0.5f;
+    const float level = corner.s7 - 0.5f * log2_1(pixels > 1e-6f ? pixels : 1e-6f) + 0.5f;
     return chain.x + (level > 0.0f ? (level < (float)chain.y ? (int)level : chain.y) : 0);
 }
 

@@ -93,7 +93,7 @@ INLINE void texture8(const int *texture, float8 u, float8 v, float8 footprint, f
     }
     const float8 texels_across = footprint * convert_float8(LOAD_INT8(size));
     const float8 highest = convert_float8(LOAD_INT8(last));
-    float8 level = (texels_across > 1.0f) ? log2(texels_across) : (float8)0.0f;
+    float8 level = (texels_across > 1.0f) ? log2_8(texels_across) : (float8)0.0f;
     level = (level < highest) ? level : highest;
     const float8 base = floor8(level);
     const float8 blend = level - base;
