@@ -48,6 +48,9 @@ class Vendors:
             known = os.environ.get("OCL_ICD_FILENAMES", "")
             missing = [str(file) for file in self.files if str(file) not in known]
             os.environ["OCL_ICD_FILENAMES"] = os.pathsep.join([*missing, *filter(None, [known])])
+            # What a driver needs lies beside it, where Windows looks only by PATH.
+            folders = [str(file.parent) for file in self.files]
+            os.environ["PATH"] = os.pathsep.join([*folders, os.environ.get("PATH", "")])
 
 
 def find_vendors() -> Vendors:

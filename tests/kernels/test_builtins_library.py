@@ -11,7 +11,7 @@ import pytest
 from kernels.cache import CacheError
 from kernels.runtime import builtins_library, vendors
 from kernels.runtime.builtins_library import NEEDS, Answer, Package, ask, fitting, remembered_answer
-from kernels.runtime.vendors import find_vendors, make_home
+from kernels.runtime.vendors import Vendors, find_vendors, make_home
 
 ALL = list(NEEDS)
 AVX2 = NEEDS["avx2"] | {"AVX", "F16C", "SSE4_1", "SSSE3", "SSE2"}
@@ -168,6 +168,16 @@ def test_intels_runtime_is_shown_beside_pocl(package, monkeypatch, tmp_path):
     home = find_vendors().home
     assert (home / ".libs" / "intel.icd").read_text(encoding="utf-8") == str(tmp_path / "libintelocl.so")
     assert (home / ".libs" / "pocl.icd").is_file()
+
+
+def test_drivers_are_named_to_loaders_without_a_home_once_and_find_what_lies_beside_them(monkeypatch, tmp_path):
+    driver = tmp_path / "Library" / "bin" / "intelocl64.dll"
+    monkeypatch.setenv("PATH", "before")
+    monkeypatch.setenv("OCL_ICD_FILENAMES", "other.dll")
+    for _ in range(2):
+        Vendors(files=(driver,)).show()
+    assert os.environ["OCL_ICD_FILENAMES"] == f"{driver}{os.pathsep}other.dll"
+    assert os.environ["PATH"].split(os.pathsep)[0] == str(driver.parent)
 
 
 @pytest.mark.skipif(builtins_library.installed_package() is None, reason="the PoCL of PyPI is not installed")
