@@ -31,6 +31,7 @@ from kernels.runtime.opencl import (
     opencl,
     pocl_cache,
 )
+from kernels.runtime.vendors import how_to_get_one
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -183,7 +184,7 @@ class Device:
         asked, by = (name, "--device") if name else (os.environ.get("BENCH_DEVICE", ""), "BENCH_DEVICE")
         found = find_devices()
         if not found:
-            raise DeviceError("No OpenCL device was found: pip install 'pyopencl[pocl]' brings one for any CPU.")
+            raise DeviceError(f"No OpenCL device was found: {how_to_get_one()}.")
         if asked:
             for one in found:
                 if asked.lower() in f"{one.device.platform.name} {one.device.name}".lower():

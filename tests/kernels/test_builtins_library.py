@@ -11,7 +11,7 @@ import pytest
 from kernels.cache import CacheError
 from kernels.runtime import builtins_library, vendors
 from kernels.runtime.builtins_library import NEEDS, Answer, Package, ask, fitting, remembered_answer
-from kernels.runtime.vendors import Vendors, find_vendors, make_home
+from kernels.runtime.vendors import Vendors, find_vendors, how_to_get_one, make_home
 
 ALL = list(NEEDS)
 AVX2 = NEEDS["avx2"] | {"AVX", "F16C", "SSE4_1", "SSSE3", "SSE2"}
@@ -168,6 +168,20 @@ def test_intels_runtime_is_shown_beside_pocl(package, monkeypatch, tmp_path):
     home = find_vendors().home
     assert (home / ".libs" / "intel.icd").read_text(encoding="utf-8") == str(tmp_path / "libintelocl.so")
     assert (home / ".libs" / "pocl.icd").is_file()
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "words"),
+    [
+        ("linux", "x86_64", "pyopencl[pocl]"),
+        ("linux", "aarch64", "pocl-opencl-icd"),
+        ("win32", "AMD64", "intel-opencl-rt"),
+        ("darwin", "arm64", "conda-forge"),
+        ("freebsd14", "amd64", "an OpenCL runtime"),
+    ],
+)
+def test_each_system_has_a_way_to_a_runtime(system, machine, words):
+    assert words in how_to_get_one(system, machine)
 
 
 def test_drivers_are_named_to_loaders_without_a_home_once_and_find_what_lies_beside_them(monkeypatch, tmp_path):
