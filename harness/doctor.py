@@ -90,10 +90,11 @@ def _linker() -> Iterator[Finding]:
 def _devices() -> Iterator[Finding]:
     from kernels.device import kernels_digest
     from kernels.runtime.opencl import find_devices, forget_death, noted_death
+    from kernels.runtime.vendors import how_to_get_one
 
     devices = find_devices()
     if not devices:
-        yield Finding("OpenCL", False, "No OpenCL device was found: pip install 'pyopencl[pocl]' brings one.")
+        yield Finding("OpenCL", False, f"No OpenCL device was found: {how_to_get_one()}.")
     default = True
     for found in devices:
         text = f"{found.device.name.strip()}, {found.platform}, driver {found.device.driver_version.strip()}"

@@ -31,6 +31,7 @@ from kernels.runtime.opencl import (
     opencl,
     pocl_cache,
 )
+from kernels.runtime.vendors import how_to_get_one
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -94,16 +95,16 @@ def source_with_includes(path: str, seen: set[str] | None = None) -> str:
     file = ROOT / path
     if not file.is_file():
         raise DeviceError(f"The kernel file kernels/{path} is missing: reinstall the package.")
-    return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text())
+    return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text(encoding="utf-8"))
 
 
 def kernel_names() -> list[str]:
     """Every kernel of the suite as folder/file.function, as in `Record.kernels`."""
     files = sorted(ROOT.rglob("*.cl"))
     return [
-        f"{file.relative_to(ROOT).with_suffix('')}.{name}"
+        f"{file.relative_to(ROOT).with_suffix('').as_posix()}.{name}"
         for file in files
-        for name in KERNEL.findall(file.read_text())
+        for name in KERNEL.findall(file.read_text(encoding="utf-8"))
     ]
 
 
@@ -112,7 +113,7 @@ def kernels_digest() -> str:
     """A hash of every kernel file of the suite: results and cached results say which kernels they came from."""
     digest = hashlib.sha256()
     for file in sorted(ROOT.rglob("*.cl")):
-        digest.update(str(file.relative_to(ROOT)).encode() + file.read_bytes())
+        digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -185,7 +186,7 @@ class Device:
         asked, by = (name, "--device") if name else (os.environ.get("BENCH_DEVICE", ""), "BENCH_DEVICE")
         found = find_devices()
         if not found:
-            raise DeviceError("No OpenCL device was found: pip install 'pyopencl[pocl]' brings one for any CPU.")
+            raise DeviceError(f"No OpenCL device was found: {how_to_get_one()}.")
         if asked:
             for one in found:
                 if asked.lower() in f"{one.device.platform.name} {one.device.name}".lower():

@@ -166,7 +166,7 @@ def main(arguments: Sequence[str]) -> int:
     else:
         print("Registers, stack and spills need ptxas: pip install nvidia-cuda-nvcc-cu12 brings it.")
     if out and usage:
-        with out.open("w", newline="") as file:
+        with out.open("w", newline="", encoding="utf-8") as file:
             csv.writer(file).writerows([[field.name for field in fields(Usage)], *map(astuple, usage)])
     for target, build, error in failures:
         print(f"{build} does not compile for {target}:\n{error}", file=sys.stderr)
