@@ -278,11 +278,15 @@ def power(base, exponent):
 
 
 def _power(base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
+    exponent = np.clip(exponent, -1e20, 1e20)  # of any base but 1 the result is then 0 or infinite
     high, low = _long_log(base)
     product, error = _long_product(exponent, high)
-    result = _exp(product, error + exponent * low)
-    at_zero = np.where(exponent > 0, 0.0, np.where(exponent == 0, 1.0, np.inf))
-    return np.where(base > 0, result, np.where(base == 0, at_zero, np.nan))
+    rest = error + exponent * low
+    result = _exp(product, np.where(np.abs(product) < 800, rest, 0.0))
+    falling = (base < 1) == (exponent > 0)
+    outermost = np.where(falling, 0.0, np.inf)  # of 0 and of infinity
+    result = np.where((base == 0) | (base == np.inf), outermost, np.where(base > 0, result, np.nan))
+    return np.where(exponent == 0, 1.0, result)
 
 
 def _long_log(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

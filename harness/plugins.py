@@ -16,9 +16,10 @@ from types import ModuleType
 from typing import Any
 
 from packers.interface import Packer, Parameter
+from reports.names import ALLOWED, fits_everywhere
 
 GROUP = "shading_atlas_packers"
-SPEC = re.compile(r"(?P<target>[^\[\]]+)(?:\[(?P<values>[^\[\]]*)\])?")
+SPEC = re.compile(r"(?P<target>.+\.py(?::\w+)?|[^\[\]]+)(?:\[(?P<values>[^\[\]]*)\])?")  # folders may have brackets
 TRUTH = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
 
 
@@ -52,7 +53,7 @@ def load_packer(spec: str) -> list[Packer]:
     target, values = parts["target"].strip(), parts["values"]
     if target == "all":
         raise ValueError(f"Parameters belong to one method: name it in place of 'all' in {spec!r}.")
-    packer = _own(target) if ":" in target else _installed(target)
+    packer = _own(target) if ":" in target and not target.endswith(".py") else _installed(target)
     return [packer(**_parse_values(packer, values or ""))]
 
 
@@ -139,6 +140,8 @@ def _checked(found: Any, what: str) -> type[Packer]:
     missing = [name for name in ("name", "paper") if not hasattr(found, name)]
     if missing:
         raise ValueError(f"{what} lacks the class attribute {' and '.join(missing)}.")
+    if not fits_everywhere(found.name):
+        raise ValueError(f"{what} has the name {found.name!r}, which files cannot have: take {ALLOWED}.")
     return found
 
 

@@ -69,7 +69,8 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None, explai
         store.set_plan(plan)
         (folder / "run.json").write_text(
             json.dumps({"settings": settings.to_json(), "plan": plan, "device": session.device.description}, indent=2)
-            + "\n"
+            + "\n",
+            encoding="utf-8",
         )
         again = resume or folder
         journal().note(again=["--out", str(again)])

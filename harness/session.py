@@ -15,6 +15,7 @@ from harness.settings import Settings, SettingsError
 from harness.upload import upload_scene
 from kernels.cache import cache_root
 from kernels.device import Device
+from kernels.journal import journal
 from packers.interface import ServerScene
 from packers.skips import Skips
 from scenes.head_motion import HeadMotion
@@ -28,6 +29,9 @@ if TYPE_CHECKING:
 
 # An object whose file states no unit is taken to be this large, so that a view cell in metres means something.
 OBJECT_SIZE = 2.0
+OPENING = (
+    3600.0  # seconds after which opening a session counts as hanging; repairing millions of triangles takes minutes
+)
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,11 @@ def open_head_motion(settings: Settings) -> HeadMotion:
 
 def open_session(settings: Settings, device: Device | None = None) -> Session:
     """Open the device (unless one is given), load and upload the scene, and make the path."""
+    with journal().step(f"opening {settings.scene}", OPENING):
+        return _opened(settings, device)
+
+
+def _opened(settings: Settings, device: Device | None) -> Session:
     scene = open_scene(settings)
     path = open_path(settings, scene)
     head = open_head_motion(settings)

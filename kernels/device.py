@@ -31,6 +31,7 @@ from kernels.runtime.opencl import (
     opencl,
     pocl_cache,
 )
+from kernels.runtime.vendors import how_to_get_one
 
 if TYPE_CHECKING:
     import pyopencl as cl
@@ -57,10 +58,12 @@ class Arithmetic:
     contract_where_allowed: str
 
 
+# OpenCL lets divisions err by 2.5 units of the last place and roots by 3; with this they are as IEEE 754 has them.
+EXACT = "-cl-fp32-correctly-rounded-divide-sqrt"
 # What `bench kernels` compares; results always come from the default.
 VARIANTS = {
-    "precise": Arithmetic(("-cl-fp32-correctly-rounded-divide-sqrt",), "OFF", "OFF"),
-    "default": Arithmetic(("-cl-fp32-correctly-rounded-divide-sqrt",), "OFF", "ON"),
+    "precise": Arithmetic((EXACT,), "OFF", "OFF"),
+    "default": Arithmetic((EXACT,), "OFF", "ON"),
     "relaxed": Arithmetic(("-cl-fast-relaxed-math",), "ON", "ON"),
 }
 
@@ -92,16 +95,16 @@ def source_with_includes(path: str, seen: set[str] | None = None) -> str:
     file = ROOT / path
     if not file.is_file():
         raise DeviceError(f"The kernel file kernels/{path} is missing: reinstall the package.")
-    return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text())
+    return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text(encoding="utf-8"))
 
 
 def kernel_names() -> list[str]:
     """Every kernel of the suite as folder/file.function, as in `Record.kernels`."""
     files = sorted(ROOT.rglob("*.cl"))
     return [
-        f"{file.relative_to(ROOT).with_suffix('')}.{name}"
+        f"{file.relative_to(ROOT).with_suffix('').as_posix()}.{name}"
         for file in files
-        for name in KERNEL.findall(file.read_text())
+        for name in KERNEL.findall(file.read_text(encoding="utf-8"))
     ]
 
 
@@ -110,7 +113,7 @@ def kernels_digest() -> str:
     """A hash of every kernel file of the suite: results and cached results say which kernels they came from."""
     digest = hashlib.sha256()
     for file in sorted(ROOT.rglob("*.cl")):
-        digest.update(str(file.relative_to(ROOT)).encode() + file.read_bytes())
+        digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -183,7 +186,7 @@ class Device:
         asked, by = (name, "--device") if name else (os.environ.get("BENCH_DEVICE", ""), "BENCH_DEVICE")
         found = find_devices()
         if not found:
-            raise DeviceError("No OpenCL device was found: pip install 'pyopencl[pocl]' brings one for any CPU.")
+            raise DeviceError(f"No OpenCL device was found: {how_to_get_one()}.")
         if asked:
             for one in found:
                 if asked.lower() in f"{one.device.platform.name} {one.device.name}".lower():
@@ -202,6 +205,11 @@ class Device:
         facts = {"key": self.found.key, "name": self.name, "kernels": kernels_digest(), "asked": bool(asked)}
         journal().note(device=facts)
         return self
+
+    @cached_property
+    def _is_exact(self) -> bool:
+        """Whether its divisions and roots can be exact; else results may differ from other devices' in last places."""
+        return bool(self.device.single_fp_config & opencl().device_fp_config.CORRECTLY_ROUNDED_DIVIDE_SQRT)
 
     @property
     def is_new(self) -> bool:
@@ -239,7 +247,8 @@ class Device:
         come out the same everywhere.
         """
         arithmetic = VARIANTS[self.variant]
-        flags = [*arithmetic.options, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
+        given = [option for option in arithmetic.options if option != EXACT or self._is_exact]
+        flags = [*given, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
         key = (path, *flags)
         with SPEAKING:
             if key not in self._programs:

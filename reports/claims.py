@@ -18,6 +18,7 @@ from typing import Any
 
 from reports.columns import BY_NAME, CLAIM_KINDS, MEASURED_STATUSES, MEASURES
 from reports.csv_files import median_interval
+from reports.names import ALLOWED, fits_everywhere
 from reports.store import FILE, Store
 
 DEFAULT_FILE = Path(__file__).with_name("claims.toml")
@@ -135,8 +136,8 @@ def read_claims(file: Path = DEFAULT_FILE) -> Claims:
             raise ClaimsError(f"{file} has no {name}: give at least one.")
     papers, runs = content["papers"], content["runs"]
     for name, options in runs.items():
-        if not isinstance(options, dict) or "/" in name:
-            raise ClaimsError(f"{file}: the run {name!r} must be a table of options, and have no slash in its name.")
+        if not isinstance(options, dict) or not fits_everywhere(name):
+            raise ClaimsError(f"{file}: the run {name!r} must be a table of options, its name of {ALLOWED}.")
     claims = tuple(_claim(entry, papers, runs) for entry in content["claims"])
     ids = [claim.id for claim in claims]
     twice = next((name for name in ids if ids.count(name) > 1), None)

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import math
+import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping
 from contextlib import contextmanager
@@ -17,6 +18,7 @@ from zlib import crc32
 from reports.columns import BY_NAME, FRAME_COLUMNS, FRAME_KEY, STATUSES, Column
 
 FILE = "results.sqlite"
+LONGEST_PATH = 504  # bytes, of a file that SQLite opens with its journal beside it
 WAIT_SECONDS = 60  # for another process that writes to the same file
 SQL_TYPES = {str: "TEXT", int: "INTEGER", float: "REAL"}
 REQUIRED = (*(name for name in FRAME_KEY if name not in ("codec", "crf")), "status")
@@ -51,7 +53,8 @@ class Store:
 
     folder: made if absent, unless must_exist. Everything written is committed at once; a frame is committed as a whole.
 
-    Raises StoreError if must_exist and there is no store, or if the file is no store of this version.
+    Raises StoreError if must_exist and there is no store, if the file is no store of this version, or if its path is
+    too long for SQLite.
     """
 
     def __init__(self, folder: Path, *, must_exist: bool = False) -> None:
@@ -59,6 +62,13 @@ class Store:
         file = self.folder / FILE
         if must_exist and not file.is_file():
             raise StoreError(f"There are no results in {self.folder}: give a folder that `bench run` wrote.")
+        long = len(os.fsencode(file.absolute()))
+        if long > LONGEST_PATH:
+            own = len(FILE) + 1
+            raise StoreError(
+                f"The folder's path has {long - own:,} bytes, and SQLite opens files in up to {LONGEST_PATH - own}: "
+                "give a shorter --out."
+            )
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._connection = sqlite3.connect(file, timeout=WAIT_SECONDS, isolation_level=None)

@@ -6,6 +6,7 @@ import json
 from pathlib import Path
 from urllib.parse import unquote
 
+from scenes.files import beside
 from scenes.mesh_files import ply_texture
 from scenes.mtl import map_files, material_libraries
 
@@ -20,7 +21,7 @@ def input_files(path: Path) -> list[Path]:
     if suffix == ".gltf":
         files += _gltf_files(path)
     elif suffix == ".obj":
-        for library in (path.parent / name for name in material_libraries(path.read_bytes())):
+        for library in (beside(path, name) for name in material_libraries(path.read_bytes())):
             files += [library, *map_files(library)]
     elif suffix == ".ply":
         files += [picture for picture in [ply_texture(path)] if picture]
@@ -34,4 +35,4 @@ def _gltf_files(path: Path) -> list[Path]:
         names = [entry["uri"] for entry in entries if "uri" in entry]
     except (ValueError, AttributeError, TypeError, KeyError):
         return []
-    return [path.parent / unquote(name) for name in names if not name.startswith("data:")]
+    return [beside(path, unquote(name)) for name in names if not name.startswith("data:")]

@@ -10,6 +10,7 @@ from urllib.parse import unquote
 
 import numpy as np
 
+from scenes.files import beside
 from scenes.model import SceneError
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
@@ -72,7 +73,7 @@ class GltfDocument:
     def _fetch(self, uri: str) -> bytes:
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        file = self._path.parent / unquote(uri)
+        file = beside(self._path, unquote(uri))
         if not file.is_file():
             raise FileNotFoundError(f"the file {uri} beside it is missing")
         return file.read_bytes()

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from arithmetic.functions import power
+from scenes.files import beside
 from scenes.images import read_image
 from scenes.model import Material, SceneError, Texture
 from scenes.mtl import material_libraries, read_mtl
@@ -102,7 +103,7 @@ def _obj_materials(path: Path, libraries: list[str], names: list[str], raw: RawS
     """Material index by name, read from the libraries; grey for names without a definition, and for None."""
     found: dict[str, Material] = {}
     for library in libraries:
-        file = path.parent / library
+        file = beside(path, library)
         if file.is_file():
             found |= read_mtl(file, raw)
         else:
@@ -144,7 +145,7 @@ def ply_texture(path: Path) -> Path | None:
     with path.open("rb") as file:
         header = file.read(4096).partition(b"end_header")[0].decode("latin-1")
     match = re.search(r"^comment TextureFile (.+)$", header, re.MULTILINE | re.IGNORECASE)
-    return path.parent / match[1].strip() if match else None
+    return beside(path, match[1].strip()) if match else None
 
 
 def _part(mesh: dict, material: int, uvs: np.ndarray | None) -> Part:

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.files import beside
 from scenes.images import read_image
 from scenes.model import Material, Texture
 from scenes.raw import RawScene
@@ -29,7 +30,7 @@ def map_files(library: Path) -> list[Path]:
     names = (
         _map_name(line[1]) for line in statements if len(line) == 2 and line[0].lower().startswith(("map_", "bump"))
     )
-    return [library.parent / name for name in dict.fromkeys(names)]
+    return [beside(library, name) for name in dict.fromkeys(names)]
 
 
 def read_mtl(library: Path, raw: RawScene) -> dict[str, Material]:
@@ -54,7 +55,7 @@ def _material(
     name: str, entry: dict[str, str], library: Path, textures: dict[tuple[Path, Path | None], int], raw: RawScene
 ) -> Material:
     opacity = _numbers(entry.get("d", ""), 1) or [1 - t for t in _numbers(entry.get("tr", ""), 1)] or [1.0]
-    mask = library.parent / _map_name(entry["map_d"]) if "map_d" in entry else None
+    mask = beside(library, _map_name(entry["map_d"])) if "map_d" in entry else None
     base = _texture(library, entry.get("map_kd"), mask, textures, raw)
     diffuse = _numbers(entry.get("kd", ""), 3) or [0.8] * 3
     if base >= 0 and not any(diffuse):
@@ -85,7 +86,7 @@ def _texture(
     """Index of a map statement's texture in the raw scene, or -1 where there is none or it is unusable (noted)."""
     if not statement:
         return -1
-    file = library.parent / _map_name(statement)
+    file = beside(library, _map_name(statement))
     if (file, mask) not in textures:
         try:
             texels = read_image(file)
@@ -115,11 +116,11 @@ def _lines(library: Path) -> list[str]:
 
 
 def _map_name(statement: str) -> str:
-    """The file name of a map statement, its options skipped, with forward slashes."""
+    """The file name of a map statement, its options skipped."""
     words = statement.split()
     while words and words[0].lower() in _MAP_OPTIONS:
         words = words[1 + _MAP_OPTIONS[words[0].lower()] :]
-    return " ".join(words).replace("\\", "/")
+    return " ".join(words)
 
 
 def _numbers(text: str, count: int) -> list[float]:

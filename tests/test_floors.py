@@ -23,7 +23,7 @@ def tree_of(path: Path) -> ast.Module:
 
 
 def name_of(path: Path) -> str:
-    return str(path.relative_to(ROOT))
+    return path.relative_to(ROOT).as_posix()
 
 
 def imported_packages(tree: ast.AST) -> set[str]:
@@ -90,7 +90,7 @@ def test_every_kernel_has_a_twin_beside_it():
 
 def test_every_included_file_is_used():
     files = {
-        str(path.relative_to(ROOT / "kernels")): path.read_text(encoding="utf-8")
+        path.relative_to(ROOT / "kernels").as_posix(): path.read_text(encoding="utf-8")
         for path in (ROOT / "kernels").rglob("*.cl")
     }
     included = {name for text in files.values() for name in re.findall(r'^\s*#include\s+"([^"]+)"', text, re.MULTILINE)}

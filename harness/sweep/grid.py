@@ -111,7 +111,7 @@ class Grid:
         for cell in self.cells:
             if cell.settings not in found:
                 words = [f"{name}_{value}" for name, value in cell.varied.items() if name in SETTINGS]
-                slug = re.sub(r"[^A-Za-z0-9.]+", "_", "-".join(words) or "defaults")[:60]
+                slug = re.sub(r"[^A-Za-z0-9.]+", "_", "-".join(words) or "defaults")[:60].rstrip(".")
                 found[cell.settings] = f"cells/{len(found):03d}-{slug}"
         return found
 

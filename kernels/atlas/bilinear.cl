@@ -22,7 +22,7 @@ INLINE int8 fetch(__global const int *plane, int8 at) {
     return texels;
 }
 
-// x, or, far outside any plane, what shows the same border: from 2^22 on MAGIC does not round. So does what is no number.
+// x; far outside any plane, and for what is no number, a place that shows the border: MAGIC rounds only up to 2^22.
 INLINE float8 bounded(float8 x) {
     const float8 before = LESSER(x, FAR);
     return GREATER(before, -FAR);

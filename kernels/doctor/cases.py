@@ -33,7 +33,7 @@ def polynomial(device: Device, kind: str, size: int) -> Trial:
 @case({"elementary.elementary": Cost("n", "20*n")}, 1 << 20, typical=Bound(2.5))
 def functions(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: about 1 for the logarithm, about whole numbers for the power."""
-    rng = seeded(kind)
+    rng, size = seeded(kind), -(-size // 8) * 8
     x, y = rng.uniform(-20, 20, size), np.exp2(rng.uniform(-20, 20, size)) * rng.choice([-1, 1], size)
     if kind == "adversarial":
         x, y = np.rint(x) + 1e-6 * rng.normal(size=size), rng.choice([-1, 1], size) * (1 + 1e-6 * rng.normal(size=size))

@@ -11,6 +11,7 @@ import contextlib
 import hashlib
 import json
 import os
+import platform
 import shutil
 import sys
 import tempfile
@@ -48,6 +49,9 @@ class Vendors:
             known = os.environ.get("OCL_ICD_FILENAMES", "")
             missing = [str(file) for file in self.files if str(file) not in known]
             os.environ["OCL_ICD_FILENAMES"] = os.pathsep.join([*missing, *filter(None, [known])])
+            # What a driver needs lies beside it, where Windows looks only by PATH.
+            folders = [str(file.parent) for file in self.files]
+            os.environ["PATH"] = os.pathsep.join([*folders, os.environ.get("PATH", "")])
 
 
 def find_vendors() -> Vendors:
@@ -74,6 +78,20 @@ def find_vendors() -> Vendors:
 def intel_driver() -> Path | None:
     """Intel's runtime in this environment; None where it is not installed."""
     return next((file for name in INTEL if (file := Path(sys.prefix) / name).is_file()), None)
+
+
+def how_to_get_one(system: str = sys.platform, machine: str | None = None) -> str:
+    """How to get a runtime for any processor of such a system, to follow a colon: what README.md says under Start."""
+    machine = (machine or platform.machine()).lower()
+    if system == "linux" and machine == "x86_64":
+        return "pip install 'pyopencl[pocl]' brings one for any CPU"
+    if system == "linux":
+        return "install PoCL (Debian, Ubuntu: apt install pocl-opencl-icd)"
+    if system == "win32" and machine == "amd64":
+        return "pip install intel-opencl-rt intel-cmplr-lib-rt brings one for any CPU"
+    if system == "darwin":
+        return "install PoCL (conda install -c conda-forge pyopencl pocl)"
+    return "install an OpenCL runtime"
 
 
 def mirror(package: Package, wanted: str, library: str) -> Entries:

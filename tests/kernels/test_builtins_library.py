@@ -11,7 +11,7 @@ import pytest
 from kernels.cache import CacheError
 from kernels.runtime import builtins_library, vendors
 from kernels.runtime.builtins_library import NEEDS, Answer, Package, ask, fitting, remembered_answer
-from kernels.runtime.vendors import find_vendors, make_home
+from kernels.runtime.vendors import Vendors, find_vendors, how_to_get_one, make_home
 
 ALL = list(NEEDS)
 AVX2 = NEEDS["avx2"] | {"AVX", "F16C", "SSE4_1", "SSSE3", "SSE2"}
@@ -48,9 +48,9 @@ def package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Package:
     for folder in (libraries, share / "include"):
         folder.mkdir(parents=True)
     for file in (libraries / "libpocl-1.so", libraries / "libOpenCL-1.so.1", companions / "libhwloc.so.15"):
-        file.write_text(file.name)
+        file.write_text(file.name, encoding="utf-8")
     for level in ("avx512", "avx2", "sse2"):
-        (share / f"kernel-x86_64-unknown-linux-gnu-{level}.bc").write_text(level)
+        (share / f"kernel-x86_64-unknown-linux-gnu-{level}.bc").write_text(level, encoding="utf-8")
     made = Package(libraries, companions)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     monkeypatch.setattr(vendors, "installed_package", lambda: made)
@@ -72,9 +72,9 @@ def answers(monkeypatch: pytest.MonkeyPatch, answer: Answer | None) -> list[Path
 
 def builtins_seen_from(home: Path, level: str) -> str:
     """What the driver finds that the home's .icd file names, where it looks for this library."""
-    driver = Path((home / ".libs" / "pocl.icd").read_text())
+    driver = Path((home / ".libs" / "pocl.icd").read_text(encoding="utf-8"))
     share = Path(os.path.normpath(driver.parent / "../../pocl_binary_distribution/.libs/share/pocl"))
-    return (share / f"kernel-x86_64-unknown-linux-gnu-{level}.bc").read_text()
+    return (share / f"kernel-x86_64-unknown-linux-gnu-{level}.bc").read_text(encoding="utf-8")
 
 
 def test_a_library_that_does_not_suit_is_replaced_under_its_own_name(package, monkeypatch):
@@ -83,7 +83,9 @@ def test_a_library_that_does_not_suit_is_replaced_under_its_own_name(package, mo
     assert (found.library, found.mirrored, found.driver) == ("avx2", True, "3.0")
     assert builtins_seen_from(found.home, "avx512") == "avx2"
     assert builtins_seen_from(found.home, "sse2") == "sse2"
-    assert (found.home / "../pocl_binary_distribution/.libs/libhwloc.so.15").read_text() == "libhwloc.so.15"
+    assert (found.home / "../pocl_binary_distribution/.libs/libhwloc.so.15").read_text(
+        encoding="utf-8"
+    ) == "libhwloc.so.15"
     assert find_vendors() == found
     assert len(asked) == 1  # the answer is remembered
 
@@ -93,7 +95,7 @@ def test_a_library_that_suits_is_left_alone(package, monkeypatch, macros):
     answers(monkeypatch, Answer("3.0", frozenset(macros), "avx512"))
     found = find_vendors()
     assert (found.library, found.mirrored) == ("avx512", False)
-    assert Path((found.home / ".libs" / "pocl.icd").read_text()) == package.driver
+    assert Path((found.home / ".libs" / "pocl.icd").read_text(encoding="utf-8")) == package.driver
 
 
 def test_a_compiler_that_cannot_answer_is_left_alone_and_asked_again(package, monkeypatch):
@@ -109,7 +111,7 @@ def test_other_packages_and_other_processors_are_asked_anew(package, monkeypatch
     monkeypatch.setattr(builtins_library, "processor", lambda: "another one")
     find_vendors()
     assert len(asked) == 2
-    (package.libraries / "libpocl-1.so").write_text("a newer one")
+    (package.libraries / "libpocl-1.so").write_text("a newer one", encoding="utf-8")
     find_vendors()
     assert len(asked) == 3
     package.driver.rename(package.driver.with_name("libpocl-2.so"))
@@ -121,10 +123,10 @@ def test_a_damaged_memory_is_asked_anew(package, monkeypatch, damage, tmp_path):
     asked = answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx512"))
     remembered_answer(package, tmp_path)
     (file,) = (tmp_path / "cache").rglob("answer-*.json")
-    file.write_text(damage)
+    file.write_text(damage, encoding="utf-8")
     assert remembered_answer(package, tmp_path).library == "avx512"
     assert len(asked) == 2
-    assert json.loads(file.read_text())["library"] == "avx512"
+    assert json.loads(file.read_text(encoding="utf-8"))["library"] == "avx512"
 
 
 @pytest.mark.parametrize("harm", ["gone", "elsewhere", "edited", "file"])
@@ -133,13 +135,13 @@ def test_a_damaged_home_is_made_again(package, monkeypatch, harm):
     home = find_vendors().home
     link = home / ".libs" / package.driver.name
     if harm == "edited":
-        (home / ".libs" / "pocl.icd").write_text("nowhere")
+        (home / ".libs" / "pocl.icd").write_text("nowhere", encoding="utf-8")
     else:
         link.unlink()
         if harm == "elsewhere":
             link.symlink_to(package.libraries / "libOpenCL-1.so.1")
         elif harm == "file":
-            link.write_text("")
+            link.write_text("", encoding="utf-8")
     assert find_vendors().home == home
     assert link.readlink() == package.driver
     assert builtins_seen_from(home, "avx512") == "avx2"
@@ -150,7 +152,7 @@ def test_two_runs_at_once_make_one_home(package):
     with ThreadPoolExecutor(8) as pool:
         homes = {*pool.map(lambda _: make_home(entries), range(64))}
     (home,) = homes
-    assert (home / ".libs" / "pocl.icd").read_text() == f"{home}/x"
+    assert (home / ".libs" / "pocl.icd").read_text(encoding="utf-8") == f"{home}/x"
     assert [entry.name for entry in home.parents[1].iterdir()] == [home.parent.name]
 
 
@@ -164,8 +166,32 @@ def test_intels_runtime_is_shown_beside_pocl(package, monkeypatch, tmp_path):
     answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx2"))
     monkeypatch.setattr(vendors, "intel_driver", lambda: tmp_path / "libintelocl.so")
     home = find_vendors().home
-    assert (home / ".libs" / "intel.icd").read_text() == str(tmp_path / "libintelocl.so")
+    assert (home / ".libs" / "intel.icd").read_text(encoding="utf-8") == str(tmp_path / "libintelocl.so")
     assert (home / ".libs" / "pocl.icd").is_file()
+
+
+@pytest.mark.parametrize(
+    ("system", "machine", "words"),
+    [
+        ("linux", "x86_64", "pyopencl[pocl]"),
+        ("linux", "aarch64", "pocl-opencl-icd"),
+        ("win32", "AMD64", "intel-opencl-rt"),
+        ("darwin", "arm64", "conda-forge"),
+        ("freebsd14", "amd64", "an OpenCL runtime"),
+    ],
+)
+def test_each_system_has_a_way_to_a_runtime(system, machine, words):
+    assert words in how_to_get_one(system, machine)
+
+
+def test_drivers_are_named_to_loaders_without_a_home_once_and_find_what_lies_beside_them(monkeypatch, tmp_path):
+    driver = tmp_path / "Library" / "bin" / "intelocl64.dll"
+    monkeypatch.setenv("PATH", "before")
+    monkeypatch.setenv("OCL_ICD_FILENAMES", "other.dll")
+    for _ in range(2):
+        Vendors(files=(driver,)).show()
+    assert os.environ["OCL_ICD_FILENAMES"] == f"{driver}{os.pathsep}other.dll"
+    assert os.environ["PATH"].split(os.pathsep)[0] == str(driver.parent)
 
 
 @pytest.mark.skipif(builtins_library.installed_package() is None, reason="the PoCL of PyPI is not installed")

@@ -61,8 +61,8 @@ def test_under_a_damaged_seal_nothing_is_believed(folder: Path, damage: bytes):
 
 
 def test_a_damaged_seal_of_one_file_shows(folder: Path):
-    content = (folder / SEAL).read_text()
-    (folder / SEAL).write_text(content.replace("3000", "3001", 1))
+    content = (folder / SEAL).read_text(encoding="utf-8")
+    (folder / SEAL).write_text(content.replace("3000", "3001", 1), encoding="utf-8")
     heal(folder)
     assert programs(folder) == set()
 

@@ -279,7 +279,7 @@ def surface_of(positions: np.ndarray, indices: np.ndarray) -> dict[str, np.ndarr
     }
 
 
-@pytest.mark.parametrize("screens", [1e5, 1e6])
+@pytest.mark.parametrize("screens", [1e5, 3e5])  # of more, the last bits of a camera decide what either shows
 def test_a_triangle_of_many_screens_is_as_good_as_its_barycentrics(device, screens):
     """The client's picture is little worse than the rasteriser's, which has the same float32 barycentrics."""
     stage = Stage.of(device, CATALOGUE["screen-filling"].make(screens))

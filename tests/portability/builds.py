@@ -68,8 +68,9 @@ def noted() -> Iterator[set[Build]]:
         cl.Program, Device.build = compiler, build
 
 
-def builds_of_cases(device: Device) -> list[Build]:
+def builds_of_cases() -> list[Build]:
     """What the kernels' cases build, in order."""
+    device = Device.open()  # a new one has built nothing yet
     with noted() as builds:
         for case in find_cases():
             for kind in INPUTS:

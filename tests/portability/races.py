@@ -77,10 +77,10 @@ def under_oclgrind(command: Sequence[str]) -> tuple[list[Finding], str]:
                 [*OCLGRIND, "--log", str(log), *command], capture_output=True, text=True, timeout=SECONDS, check=False
             )
         except subprocess.TimeoutExpired:
-            return findings_in(log.read_text()), f"not done after {SECONDS} s"
+            return findings_in(log.read_text(encoding="utf-8")), f"not done after {SECONDS} s"
         last = done.stderr.strip().rpartition("\n")[2]
         failure = f"it ended with {done.returncode}: {last}" if done.returncode else ""
-        return findings_in(log.read_text()), failure
+        return findings_in(log.read_text(encoding="utf-8")), failure
 
 
 def check(name: str) -> tuple[list[Finding], str]:

@@ -7,11 +7,12 @@ from kernels.device import Device
 
 # No multiple of a vector's width or of a work-group, so that what is left over is there.
 SIZE = 61
-# What takes whole vectors only, what needs 161 pixels a side, and what has samples by the hundred thousand.
+# What takes whole vectors only, what needs 161 pixels a side, and what has too many samples, or a slow twin.
 SIZES = {
     **dict.fromkeys(("doctor/polynomial", "roofline/copying", "roofline/arithmetic"), 64),
     "metrics/iwssim": 289,
     **dict.fromkeys(("snakebinning/clearing", "snakebinning/emission", "tss/emission"), 13),
+    "ppll/splatting": 24,
 }
 
 

@@ -119,7 +119,7 @@ def test_values_do_not_depend_on_the_processor():
         name = path.relative_to(ROOT).as_posix()
         if not any(part in name for part in EXEMPT):
             exempt = {entry.partition(":")[2] for entry in EXEMPT if entry.startswith(f"{name}:")}
-            found[name] = offences(path.read_text(), exempt)
+            found[name] = offences(path.read_text(encoding="utf-8"), exempt)
     found = {name: wrong for name, wrong in found.items() if wrong}
     assert found == {}, ADVICE
 

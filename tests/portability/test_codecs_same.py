@@ -44,7 +44,7 @@ def loaded_libavutil() -> ctypes.CDLL:
     import av
 
     assert av.library_versions
-    (path,) = set(re.findall(r"\S*/libavutil\S*\.so\S*", Path("/proc/self/maps").read_text()))
+    (path,) = set(re.findall(r"\S*/libavutil\S*\.so\S*", Path("/proc/self/maps").read_text(encoding="utf-8")))
     return ctypes.CDLL(path)
 
 

@@ -25,8 +25,8 @@ ptxas info    : Used 10 registers, 384 bytes cmem[0]
 
 
 @pytest.fixture(scope="module")
-def builds(device) -> list[Build]:
-    return builds_of_cases(device)
+def builds() -> list[Build]:
+    return builds_of_cases()
 
 
 def test_cases_build_every_kernel(builds):

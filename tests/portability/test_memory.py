@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from kernels.case import INPUTS, find_cases
-from kernels.device import Device, list_devices
+from kernels.device import Device
 from tests.portability.small import small_trial
 
 
@@ -31,7 +31,7 @@ class Filled(Device):
 
 @pytest.fixture(scope="module")
 def filled() -> Filled:
-    return Filled(list_devices()[0])
+    return Filled.open()
 
 
 def results_with(filled: Filled, byte: int, case, kind: str) -> list[np.ndarray]:

@@ -26,7 +26,7 @@ def faults_of(source: str) -> list[str]:
 
 @pytest.mark.parametrize("path", sorted(ROOT.rglob("*.cl")), ids=lambda path: str(path.relative_to(ROOT)))
 def test_sources_keep_to_the_language(path):
-    assert faults_of(path.read_text()) == []
+    assert faults_of(path.read_text(encoding="utf-8")) == []
 
 
 def test_faults_are_found():

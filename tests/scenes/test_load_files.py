@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 
+from scenes.dependencies import input_files
 from scenes.load import load_scene
 from scenes.mesh_files import normalise_obj
 from scenes.model import SceneError
@@ -149,3 +150,32 @@ def test_unusable_cameras_json_is_named(tmp_path, content):
     (tmp_path / "cameras.json").write_text(content, encoding="utf-8")
     with pytest.raises(SceneError, match=r"cameras\.json"):
         load_scene(str(tmp_path / "a.obj"))
+
+
+def test_backslashes_in_obj_and_mtl_files(tmp_path, png):
+    (tmp_path / "textures").mkdir()
+    (tmp_path / "textures" / "a.png").write_bytes(png)
+    (tmp_path / "textures" / "a.mtl").write_text("newmtl m\nmap_Kd ..\\textures\\a.png\n", encoding="utf-8")
+    text = "mtllib textures\\a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
+    (tmp_path / "a.obj").write_text(text, encoding="utf-8")
+    scene = load_scene(str(tmp_path / "a.obj"))
+    assert scene.textures[0].texels[0, 1].tolist() == [0, 0, 255, 128]
+    assert [file.is_file() for file in input_files(tmp_path / "a.obj")] == [True, False, True, True]
+
+
+def test_backslashes_in_gltf_files(tmp_path):
+    (tmp_path / "data").mkdir()
+    corners = b"\0\0\0\0" * 3 + b"\0\0\x80\x3f" + b"\0\0\0\0" * 3 + b"\0\0\x80\x3f" + b"\0\0\0\0"
+    (tmp_path / "data" / "a b.bin").write_bytes(corners)
+    document = {
+        "asset": {"version": "2.0"},
+        "buffers": [{"uri": "data\\a%20b.bin", "byteLength": 36}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3"}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "nodes": [{"mesh": 0}],
+        "scenes": [{"nodes": [0]}],
+    }
+    (tmp_path / "a.gltf").write_text(json.dumps(document), encoding="utf-8")
+    assert load_scene(str(tmp_path / "a.gltf")).triangle_count == 1
+    assert input_files(tmp_path / "a.gltf")[2].is_file()
