@@ -14,6 +14,7 @@ from pathlib import Path
 import pytest
 
 from kernels.cache import cache_folder
+from kernels.runtime.opencl import find_devices
 from reports.columns import FRAME_COLUMNS
 from tests.portability.test_golden_values import PROCESSORS, ROOT
 
@@ -23,6 +24,12 @@ DEEP = Path(*["d" * 200] * 17, "e" * 150)  # about 3,600 characters
 LONGEST_OUT = 480  # characters, just below what SQLite opens
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="processors and affinity are set as Linux does")
+
+
+def others() -> list[str]:
+    """Usable devices beside the default one, by platform and name."""
+    names = [f"{one.device.platform.name} {one.device.name}" for one in find_devices() if one.refused() is None]
+    return list(dict.fromkeys(name for name in names[1:] if name != names[0]))
 
 
 def frames(out: Path, method: str, *, work: Path = ROOT, wrap: tuple[str, ...] = (), **environment: str) -> list[dict]:
@@ -98,3 +105,20 @@ def test_how_kernels_are_compiled_changes_nothing(plain, tmp_path):
     """Each work-item's loop as it is, without PoCL's cache of kernels."""
     compiled = {"POCL_KERNEL_CACHE": "0", "POCL_WORK_GROUP_METHOD": "loops", "XDG_CACHE_HOME": str(tmp_path / "cache")}
     assert_same(frames(tmp_path / "run", "sas", **compiled), plain)
+
+
+def test_every_runtime_measures_the_same(plain, tmp_path):
+    if not (names := others()):
+        pytest.skip("there is one OpenCL runtime; `pip install -e '.[intel]'` brings another")
+    for number, name in enumerate(names):
+        found = frames(tmp_path / str(number), "all", BENCH_DEVICE=name)
+        assert {row.pop("device") for row in found} != {plain[0]["device"]}
+        assert_same(found, [row | {"device": None} for row in plain])
+
+
+def test_a_driver_without_threads_of_its_own_ends_and_measures_the_same(plain, tmp_path):
+    """It runs kernels in the thread that launches them, and locks itself where two threads use one queue."""
+    found = frames(tmp_path / "run", "all", POCL_DEVICES="basic", BENCH_DEVICE="Portable", **caches(tmp_path / "cache"))
+    for row in found:
+        del row["device"]
+    assert_same(found, plain)
