@@ -120,12 +120,14 @@ def examine(device: FoundDevice, folder: Path, tell: Callable[[FoundDevice, int,
     folder.mkdir()
     journal, lines, log_file = (folder / name for name in ("journal", "findings", "log"))
     environment = os.environ | {VARIABLE: str(journal), SWITCH: "1"}
-    with log_file.open("wb") as output:
-        # The other end of its standard input closes with this process, however that ends; then it ends too.
-        child = subprocess.Popen(
+    # The other end of its standard input closes with this process, however that ends; then it ends too.
+    hung: list[dict[str, Any]] = []
+    with (
+        log_file.open("wb") as output,
+        subprocess.Popen(
             [*COMMAND, device.key, str(lines)], stdin=subprocess.PIPE, stdout=output, stderr=output, env=environment
-        )
-        hung: list[dict[str, Any]] = []
+        ) as child,
+    ):
         try:
             while not hung:
                 try:
