@@ -28,7 +28,7 @@ WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor")
 HARMLESS = {"--help", "--dry-run", "--list"}
 SWITCH = "BENCH_SUPERVISED"  # 0 switches it off, for debuggers; watched processes find 1
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
-TICK = 0.1  # seconds between looks at the journal
+TICK = 0.2  # seconds between looks at the journal
 # Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
 PATIENCE = {signal.SIGINT: 5.0, signal.SIGTERM: 0.0}
 FAILED, INTERRUPTED, KILLED = 1, 130, 137

@@ -93,14 +93,17 @@ class Store:
         return json.loads(found[0]) if found else None
 
     def set_plan(self, plan: dict[str, Any]) -> None:
-        """Bind the store to a plan, given as JSON values.
+        """Bind the store to a plan, given as JSON values; before the first finished frame its device may still change.
 
         Raises StoreError, naming each difference, if the store is bound to another one.
         """
         wanted = json.loads(json.dumps(plan))
         with self._transaction():
             existing = self.plan()
+            if existing and not self.finished() and existing | {"device": wanted.get("device")} == wanted:
+                existing = None
             if existing is None:
+                self._connection.execute("DELETE FROM plan")
                 self._connection.execute("INSERT INTO plan VALUES (?)", (json.dumps(wanted, sort_keys=True),))
         if existing is not None and existing != wanted:
             differences = "; ".join(_differences(flat(existing), flat(wanted)))

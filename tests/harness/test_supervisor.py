@@ -96,7 +96,12 @@ def unfit(tmp_path: Path) -> Path:
 
 
 def test_a_compiler_that_dies_is_passed_over_from_then_on(unfit: Path, tmp_path: Path):
-    cache = {"XDG_CACHE_HOME": str(tmp_path / "cache"), "OCL_ICD_VENDORS": str(unfit)}
+    cache = {
+        "XDG_CACHE_HOME": str(tmp_path / "cache"),
+        "POCL_CACHE_DIR": str(tmp_path / "kernels"),
+        "OCL_ICD_VENDORS": str(unfit),
+        "BENCH_DEVICE": "",
+    }
     done = bench(*SMALL, "--method", "sas", "--out", str(tmp_path / "first"), **cache)
     assert done.returncode == 0, done.stderr
     assert "Its kernel cache is thrown away, and it starts once more." in done.stderr

@@ -109,6 +109,19 @@ def test_another_plan_is_refused_naming_each_difference(tmp_path: Path) -> None:
         assert store.plan() == PLAN
 
 
+def test_before_the_first_frame_the_device_may_change(tmp_path: Path) -> None:
+    """As it does where a compiler dies and the next device goes on."""
+    with Store(tmp_path) as store:
+        store.set_plan(PLAN | {"device": "first"})
+        store.set_plan(PLAN | {"device": "second"})
+        assert store.plan()["device"] == "second"
+        with pytest.raises(StoreError, match="scene_hash"):
+            store.set_plan(PLAN | {"device": "third", "scene_hash": "another"})
+        store.commit_frame("sas", "", 0, [ROW])
+        with pytest.raises(StoreError, match=r"device was \"second\""):
+            store.set_plan(PLAN | {"device": "first"})
+
+
 def test_a_store_with_other_columns_is_refused_in_words(tmp_path: Path) -> None:
     make_store(tmp_path)
     with sqlite3.connect(tmp_path / "results.sqlite") as connection:
