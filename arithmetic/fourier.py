@@ -13,12 +13,12 @@ BLOCK = 64  # rows or columns that are transformed together: their samples stay 
 
 
 def inverse_real(spectrum: np.ndarray) -> np.ndarray:
-    """The real picture float64 (N, N) of its half spectrum (2, N, N / 2 + 1), real and imaginary parts, rows first.
+    """The real picture (N, N) of its half spectrum (2, N, N / 2 + 1), real and imaginary parts, rows first.
 
-    N: a power of two. As `np.fft.irfft2(spectrum[0] + 1j * spectrum[1])`.
+    float32 or float64, as the spectrum is. N: a power of two. As `np.fft.irfft2(spectrum[0] + 1j * spectrum[1])`.
     """
     count = spectrum.shape[1]
-    columns, out = np.empty_like(spectrum), np.empty((count, count))
+    columns, out = np.empty_like(spectrum), np.empty((count, count), spectrum.dtype)
     for block in _blocks(spectrum.shape[2]):
         columns[:, :, block] = _inverse(spectrum[:, :, block])
     columns /= count * count
@@ -32,9 +32,9 @@ def _blocks(count: int) -> Iterator[slice]:
 
 
 @functools.cache
-def _turns(length: int) -> tuple[np.ndarray, np.ndarray]:
+def _turns(length: int, dtype: np.dtype) -> tuple[np.ndarray, np.ndarray]:
     """Sines and cosines (length, 1) of the angles from 0 up to half a turn."""
-    sine, cosine = sin_cos(np.arange(length) * (np.pi / length))
+    sine, cosine = (part.astype(dtype) for part in sin_cos(np.arange(length) * (np.pi / length)))
     return sine[:, None], cosine[:, None]
 
 
@@ -44,7 +44,7 @@ def _real_rows(rows: np.ndarray) -> np.ndarray:
     half = columns.shape[1] - 1
     columns[1, [0, half]] = 0  # of a real row's mean and of its fastest wave
     head, tail = columns[:, :half], columns[:, half:0:-1]
-    sine, cosine = _turns(half)
+    sine, cosine = _turns(half, rows.dtype)
     real, imaginary = head[0] - tail[0], head[1] + tail[1]
     packed = np.empty_like(head)
     packed[0] = head[0] + tail[0] - (cosine * imaginary + sine * real)
@@ -60,8 +60,8 @@ def _inverse(z: np.ndarray) -> np.ndarray:
     while length > 1:
         length //= 2
         z = z.reshape(2, 2, length, -1)
-        sine, cosine = _turns(length)
-        out = np.empty((2, length, 2, z.shape[-1]))
+        sine, cosine = _turns(length, z.dtype)
+        out = np.empty((2, length, 2, z.shape[-1]), z.dtype)
         np.add(z[:, 0], z[:, 1], out=out[:, :, 0])
         real, imaginary = z[:, 0] - z[:, 1]
         np.subtract(real * cosine, imaginary * sine, out=out[0, :, 1])

@@ -88,6 +88,7 @@ def _linker() -> Iterator[Finding]:
 
 
 def _devices() -> Iterator[Finding]:
+    from harness.watchdog import ended_steps
     from kernels.device import kernels_digest
     from kernels.runtime.opencl import find_devices, forget_death, noted_death
     from kernels.runtime.vendors import how_to_get_one
@@ -102,9 +103,12 @@ def _devices() -> Iterator[Finding]:
             yield Finding("OpenCL", None, f"passed over: {text}. {refused}")
             continue
         death = noted_death(found.key, kernels_digest())
+        if ended_steps(device=found.key):
+            yield Finding("OpenCL", None, f"passed over: {text}. {death}")
+            continue
         if death:
             forget_death(found.key, kernels_digest())
-            yield Finding("OpenCL", None, f"tried again in the next run: {text}. {death}")
+            yield Finding("OpenCL", None, f"tried again, here and in the next run: {text}. {death}")
         role = "default" if default else "also present"
         default = False
         yield Finding("OpenCL", True, f"{role}: {text}, built-ins: {found.builtins}")

@@ -24,7 +24,7 @@ from typing import Any
 
 from kernels.journal import VARIABLE, read_journal
 
-WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels")
+WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor")
 HARMLESS = {"--help", "--dry-run", "--list"}
 SWITCH = "BENCH_SUPERVISED"  # 0 switches it off, for debuggers; watched processes find 1
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
@@ -153,6 +153,7 @@ class Supervisor:
             _say(f"{sentence} Its kernel cache is thrown away, and it starts once more.")
             return None
         note_death(device["key"], device["kernels"], f"{sentence} `bench doctor` tries it again.")
+        self.ended.append({"device": device["key"], "status": "failed", "reason": sentence})
         if device["asked"]:
             _say(f"{sentence} Without --device and BENCH_DEVICE the next one is used.")
             return FAILED

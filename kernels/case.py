@@ -5,7 +5,7 @@ Each folder of kernels has a `cases.py` with one case per stage; `bench kernels`
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
@@ -45,6 +45,33 @@ class Result:
 
 
 @dataclass(frozen=True)
+class Bound:
+    """How far results may be from the twin's.
+
+    ulp: the largest error of real values, in units of the last place of float32 that the largest value of the twin has
+    in the same Result: kernels err by what they add up, whatever is left of it. spared: the share of real values that
+    may err more, where rounding decides between values far apart. wrong: the share of whole values that may differ.
+    No bound allows another number of values, or values that are finite on one side only.
+    """
+
+    ulp: float = 0.0
+    spared: float = 0.0
+    wrong: float = 0.0
+
+
+EXACT = Bound()
+
+
+@dataclass(frozen=True)
+class Distance:
+    """How far results are from the twin's. over: the worst error over its bound, up to 1 where all is well; infinite
+    where none is allowed. what: that error in words."""
+
+    over: float
+    what: str
+
+
+@dataclass(frozen=True)
 class Trial:
     """A case with its input on a device. counts: the formulas' numbers. run: launches everything once.
 
@@ -61,6 +88,8 @@ class Case:
     """A stage to measure. costs: by kernel, file.function in the case's own folder.
 
     make: the trial for a device, one of INPUTS and a size. size: for timing. checked: for the twin, which is slow.
+    bounds: of the error at that size, by input: about twice the error of correctly rounded arithmetic in the order that
+    the kernel states, which is the same on every device.
     """
 
     name: str
@@ -68,19 +97,66 @@ class Case:
     costs: Mapping[str, Cost]
     size: int
     checked: int
+    bounds: Mapping[str, Bound]
 
 
 def case(
-    costs: Mapping[str, Cost], size: int, checked: int | None = None
+    costs: Mapping[str, Cost],
+    size: int,
+    checked: int | None = None,
+    *,
+    typical: Bound = EXACT,
+    adversarial: Bound | None = None,
 ) -> Callable[[Callable[[Device, str, int], Trial]], Case]:
-    """Make a function of a device, an input and a size a case, named after its folder and itself."""
+    """Make a function of a device, an input and a size a case, named after its folder and itself.
+
+    typical, adversarial: what may differ from the twin on these inputs: nothing, unless it is said; the second is like
+    the first unless it is said.
+    """
+    bounds = dict(zip(INPUTS, (typical, typical if adversarial is None else adversarial), strict=True))
 
     def wrap(make: Callable[[Device, str, int], Trial]) -> Case:
         folder = make.__module__.split(".")[-2]
         named = {f"{folder}/{kernel}": cost for kernel, cost in costs.items()}
-        return Case(f"{folder}/{make.__name__}", make, named, size, checked or size)
+        return Case(f"{folder}/{make.__name__}", make, named, size, checked or size, bounds)
 
     return wrap
+
+
+def distance(results: Iterable[Result], bound: Bound) -> Distance:
+    """How far results are from the twin's, of the real and the whole values whichever is worse."""
+    ulps: list[np.ndarray] = []
+    differs: list[np.ndarray] = []
+    for result in results:
+        found, expected = result.found.ravel(), np.asarray(result.expected, np.float64).ravel()
+        if len(found) != len(expected):
+            return Distance(np.inf, f"{len(found)} values, where the twin has {len(expected)}")
+        if found.dtype.kind != "f":
+            differs.append(found != np.rint(expected))
+        elif broken := int((np.isfinite(found) != np.isfinite(expected)).sum()):
+            return Distance(np.inf, f"{broken} of {len(found)} values are finite on one side only")
+        else:
+            finite = np.isfinite(expected)
+            unit = np.spacing(np.abs(expected[finite]).max(initial=0.0).astype(np.float32)).astype(np.float64)
+            ulps.append(np.abs(found[finite].astype(np.float64) - expected[finite]) / unit)
+    return max((_real(ulps, bound), _whole(differs, bound)), key=lambda one: one.over)
+
+
+def _real(parts: list[np.ndarray], bound: Bound) -> Distance:
+    errors = np.sort(np.concatenate([*parts, np.zeros(1)]))[::-1]
+    worst = float(errors[int(bound.spared * (len(errors) - 1))])
+    spared = f" for all but {bound.spared:.2%}" if bound.spared else ""
+    return Distance(_ratio(worst, bound.ulp), f"off by {worst:.4g} ulp; the bound is {bound.ulp:g}{spared}")
+
+
+def _whole(parts: list[np.ndarray], bound: Bound) -> Distance:
+    count, total = sum(int(part.sum()) for part in parts), sum(map(len, parts))
+    text = f"{count} of {total} whole values differ; the bound is {bound.wrong * total:.4g}"
+    return Distance(_ratio(count / max(total, 1), bound.wrong), text)
+
+
+def _ratio(error: float, bound: float) -> float:
+    return error / bound if bound else np.inf if error else 0.0
 
 
 def find_cases() -> list[Case]:

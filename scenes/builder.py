@@ -157,9 +157,9 @@ def boxes(centres, sizes, material: int, turns=None, tints=None, faces: str = AL
     corners, face_normals, axes = _unit_box(faces)
     faces_count = len(corners)
     local = corners.reshape(1, -1, 3) * sizes[:, None, :]
-    normals = np.broadcast_to(np.repeat(face_normals, 4, axis=0), local.shape)
+    normals = np.broadcast_to(face_normals, (count, faces_count, 3))
     if turns is not None:
-        local, normals = transform(turns, local), transform(turns, normals)
+        local, normals = transform(turns, local), transform(turns, face_normals)
     extent = sizes[:, axes]
     unit = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float64)
     uvs = unit[None, None] * extent[:, :, None, :]
@@ -167,7 +167,7 @@ def boxes(centres, sizes, material: int, turns=None, tints=None, faces: str = AL
     quads = np.arange(count * faces_count, dtype=np.int32)[:, None] * 4
     return Mesh(
         (local + centres[:, None, :]).reshape(-1, 3).astype(np.float32),
-        normals.reshape(-1, 3).astype(np.float32),
+        np.repeat(normals.astype(np.float32).reshape(-1, 3), 4, axis=0),
         uvs.reshape(-1, 2).astype(np.float32),
         np.repeat(tints, faces_count * 4, axis=0),
         (quads + np.array([0, 1, 2, 0, 2, 3], np.int32)).reshape(-1, 3),

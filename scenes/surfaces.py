@@ -43,11 +43,11 @@ def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tu
     amplitude[0, 0] = 0
     amplitude = np.concatenate([amplitude, amplitude[half - 1 : 0 : -1]])  # negative frequencies along v
     spectrum = _directions(rng, amplitude.shape)
-    spectrum *= amplitude
+    spectrum *= amplitude.astype(np.float32)
     noise = inverse_real(spectrum)
-    noise *= 0.2 / noise.std()
-    noise += 0.5
-    return np.clip(noise, 0, 1, out=noise).astype(np.float32)
+    noise *= np.float32(0.2 / noise.std(dtype=np.float64))
+    noise += np.float32(0.5)
+    return np.clip(noise, 0, 1, out=noise)
 
 
 def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
@@ -56,7 +56,7 @@ def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
     (coarse_x, coarse_y), (fine_x, fine_y) = (
         [row.take(part) for row in table] for table, part in zip(_angles(), (angle >> 12, angle & 4095), strict=True)
     )
-    out = np.empty((2, *shape))
+    out = np.empty((2, *shape), np.float32)
     np.subtract(coarse_x * fine_x, coarse_y * fine_y, out=out[0])
     np.add(coarse_y * fine_x, coarse_x * fine_y, out=out[1])
     return out
@@ -66,7 +66,7 @@ def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 def _angles() -> tuple[np.ndarray, np.ndarray]:
     """Cosines and sines (2, 4096) of the multiples of a turn's 4096th part, and of that part's 4096th part."""
     steps = np.arange(4096) * (2 * np.pi)
-    return tuple(np.stack(sin_cos(steps / parts)[::-1]) for parts in (2**12, 2**24))
+    return tuple(np.stack(sin_cos(steps / parts)[::-1]).astype(np.float32) for parts in (2**12, 2**24))
 
 
 def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:

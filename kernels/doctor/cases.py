@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.doctor.elementary import elementary, elementary_twin
 from kernels.doctor.smoke import DEGREE, smoke, smoke_twin
 
@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from kernels.device import Device
 
 
-@case({"smoke.smoke": Cost("n", "12*n", f"{2 * DEGREE}*n")}, 1 << 20)
+# The bound of the adversarial input is that of terms of up to 924, beside values of at most 10^-12.
+@case({"smoke.smoke": Cost("n", "12*n", f"{2 * DEGREE}*n")}, 1 << 20, typical=Bound(8), adversarial=Bound(1.5e15))
 def polynomial(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: about the roots of (x - 1)^12, where terms of up to 924 cancel."""
     rng = seeded(kind)
@@ -29,7 +30,7 @@ def polynomial(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": size}, lambda: smoke(device, x, coefficients), results)
 
 
-@case({"elementary.elementary": Cost("n", "20*n")}, 1 << 20)
+@case({"elementary.elementary": Cost("n", "20*n")}, 1 << 20, typical=Bound(2.5))
 def functions(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: about 1 for the logarithm, about whole numbers for the power."""
     rng, size = seeded(kind), -(-size // 8) * 8

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.fragments.cases import fragments_of, host, most_layers
 from kernels.inputs.fragments import normal_lists, random_lists
 from kernels.inputs.soups import look_at, perspective
@@ -77,7 +77,8 @@ ROWS = {
 }
 
 
-@case(ROWS, 480, 96)
+# Normals are two half floats: angles of up to pi, to 2^-10.
+@case(ROWS, 480, 96, typical=Bound(33_000))
 def rows(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: normals at the poles, where the azimuth is free."""
     triangles, fragments = fragments_of(device, kind, size)
@@ -158,7 +159,7 @@ MATCHING = {
 }
 
 
-@case(MATCHING, 480, 48)
+@case(MATCHING, 480, 48, typical=Bound(2.5))
 def matching(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: long lists and a move that sends many fragments to pixels' borders."""
     rng, shape = seeded(kind), (size, size * 2 // 3)
@@ -195,7 +196,7 @@ SPLATTING = {
 }
 
 
-@case(SPLATTING, 480, 48)
+@case(SPLATTING, 480, 48, adversarial=Bound(wrong=5e-4))
 def splatting(device: Device, kind: str, size: int) -> Trial:
     """A point falls on about 4 pixels. Adversarial: long lists, moved until they spread."""
     rng, shape = seeded(kind), (size, size * 2 // 3)

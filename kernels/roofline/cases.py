@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.roofline.roofline import CHAINS, STEPS, copy, multiply_add, multiply_add_twin
 
 if TYPE_CHECKING:
@@ -31,7 +31,12 @@ def copying(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": size}, lambda: copy(device, source, target), results)
 
 
-@case({"roofline.multiply_add": Cost("n", "8*n", f"2*{CHAINS}*{STEPS}*n")}, 1 << 17)
+@case(
+    {"roofline.multiply_add": Cost("n", "8*n", f"2*{CHAINS}*{STEPS}*n")},
+    1 << 17,
+    typical=Bound(2),
+    adversarial=Bound(100),  # 256 roundings, one after the other
+)
 def arithmetic(device: Device, kind: str, size: int) -> Trial:
     values = _values(kind, size)
     working = device.upload(values)

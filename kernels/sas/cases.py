@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.inputs.patches import random_masks, random_patches, words_in_rows
 from kernels.sas.allocate import Allocator, AllocatorTwin, Grid
 from kernels.sas.bias import needed_superblocks, needed_superblocks_twin
@@ -155,7 +155,7 @@ EMISSION = {
 }
 
 
-@case(EMISSION, 256, 81)
+@case(EMISSION, 256, 81, typical=Bound(5))
 def emission(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: blocks of one texel's height and large fans, of which one triangle is visible."""
     rng, hard = seeded(kind), kind == "adversarial"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.inputs.surfaces import CASES, EYE, FULL, LIGHTS, PLAIN, TRIANGLES, make_samples, make_shader
 from kernels.samples import Samples
 from kernels.shade.faces import face_rows, uv_scale_twin
@@ -28,7 +28,12 @@ def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:
 
 
 # Three lights with highlights, two shadow maps, three trilinear lookups; 4 x 4 taps of a shadow's penumbra.
-@case({"shade.shade_samples": Cost("n", "(16 + 4 + 3*48 + 3*8*4 + 2*16*4)*n", "900*n")}, 1 << 18, 1 << 14)
+@case(
+    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*48 + 3*8*4 + 2*16*4)*n", "900*n")},
+    1 << 18,
+    1 << 14,
+    typical=Bound(wrong=2e-3),  # colours close to the middle between two levels
+)
 def shading(device: Device, kind: str, size: int) -> Trial:
     materials, lights, features = CASES["everything"]
     hard = kind == "adversarial"
@@ -44,7 +49,8 @@ def shading(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": size}, lambda: shader.shade(samples, EYE, target), results)
 
 
-@case({"sky.paint_sky": Cost("n", "4*n", "60*n")}, 960)
+# Colours close to the middle between two levels.
+@case({"sky.paint_sky": Cost("n", "4*n", "60*n")}, 960, typical=Bound(wrong=1.5e-3))
 def sky(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: a horizon across a field of view of 170 degrees."""
     shader = make_shader(device, PLAIN, LIGHTS[:1])
@@ -59,7 +65,13 @@ def sky(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": size * height}, lambda: shader.sky(np.eye(4), projection, target), results)
 
 
-@case({"faces.uv_scales": Cost("n", "(12 + 3*32 + 8)*n", "30*n")}, 1 << 18, 1 << 12)
+@case(
+    {"faces.uv_scales": Cost("n", "(12 + 3*32 + 8)*n", "30*n")},
+    1 << 18,
+    1 << 12,
+    typical=Bound(25),
+    adversarial=Bound(15),
+)
 def faces(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: triangles with almost no area on the surface or in the texture."""
     shader, rng = make_shader(device, FULL, []), seeded(kind)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
+from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.inputs.bins import crowd
 from kernels.inputs.soups import look_at, mixed_soup, perspective
 from kernels.samples import Samples
@@ -111,7 +111,12 @@ class Packed:
         return emit_samples(*listed, WIDTH, False, "exact")
 
 
-@case({"footprint.measure_triangles": Cost("n", "(4 + 12 + 36 + 16 + 8)*n", "500*n")}, 1 << 16, 1 << 12)
+@case(
+    {"footprint.measure_triangles": Cost("n", "(4 + 12 + 36 + 16 + 8)*n", "500*n")},
+    1 << 16,
+    1 << 12,
+    adversarial=Bound(wrong=5e-4),
+)
 def footprints(device: Device, kind: str, size: int) -> Trial:
     """Compares lengths in eighths of a texel where the same corners are meant."""
     scene = Scene.make(device, kind, size)
@@ -252,7 +257,12 @@ def placing(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": size}, run, results)
 
 
-@case({"emit.count_samples": Cost("p", "100*p"), "emit.emit_samples": Cost("n", "20*n", "60*n")}, 1 << 13, 1 << 9)
+@case(
+    {"emit.count_samples": Cost("p", "100*p"), "emit.emit_samples": Cost("n", "20*n", "60*n")},
+    1 << 13,
+    1 << 9,
+    typical=Bound(14),
+)
 def emission(device: Device, kind: str, size: int) -> Trial:
     scene = Scene.make(device, kind, size)
     packed = Packed.make(scene)
@@ -278,7 +288,7 @@ def samples_twin(packed: Packed) -> dict[str, np.ndarray]:
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
 
-@case({"corners.locate_corners": Cost("n", "(4 + 8 + 4 + 36)*n", "20*n")}, 1 << 13)
+@case({"corners.locate_corners": Cost("n", "(4 + 8 + 4 + 36)*n", "20*n")}, 1 << 13, typical=Bound(2))
 def corners(device: Device, kind: str, size: int) -> Trial:
     packed = Packed.make(Scene.make(device, kind, size))
     known = (packed.places.places, packed.places.drawn, packed.scene.footprints.words)
@@ -313,7 +323,7 @@ def clearing(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": texels}, lambda: clear_strips(device, packed.blocks, uploaded), results)
 
 
-@case({"split.split_samples": Cost("n", "24*n", "12*n*k")}, 1 << 18, 1 << 12)
+@case({"split.split_samples": Cost("n", "24*n", "12*n*k")}, 1 << 18, 1 << 12, typical=Bound(1))
 def splitting(device: Device, kind: str, size: int) -> Trial:
     """Samples of a triangle in four pieces. Adversarial: on the pieces' edges."""
     rng = seeded(kind)

@@ -147,7 +147,8 @@ def test_whose_fault_a_death_is(quiet, tmp_path, monkeypatch, code, compiled, en
     state = journal_state(tmp_path, building={"what": "raster/tiles.draw", "kernel": "draw"}, ended=ended)
     assert [watched._judge(code, [], state) for _ in codes] == codes
     assert bool(list(tmp_path.rglob("died-d-k.json"))) == died
-    assert watched.ended == ([] if died else [ENDED | {"status": "failed", "reason": watched.ended[0]["reason"]}])
+    (ended,) = watched.ended[:1]
+    assert ended == ({"device": "d"} if died else ENDED) | {"status": "failed", "reason": ended["reason"]}
 
 
 def test_two_suspects_of_a_crash_are_tried_one_after_the_other(quiet, tmp_path):

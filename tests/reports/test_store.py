@@ -174,3 +174,11 @@ def test_a_kill_within_a_transaction_leaves_whole_frames_only(tmp_path: Path, mo
         assert len(store.statistics()) == len(store.repeats()) == 2
         store.commit_frame("sas", "v", 2, frame_rows("sas", 2))
         assert len(store.finished()) == 3
+
+
+def test_a_folder_too_deep_for_sqlite_is_refused(tmp_path):
+    deep = tmp_path.joinpath(*["d" * 200] * 3)
+    with pytest.raises(StoreError, match="SQLite opens files in up to 489: give a shorter --out"):
+        Store(deep)
+    assert not deep.exists()
+    Store(tmp_path / ("d" * 200) / ("e" * (489 - 202 - len(str(tmp_path))))).close()
