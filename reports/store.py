@@ -72,7 +72,11 @@ class Store:
         try:
             self.folder.mkdir(parents=True, exist_ok=True)
             self._connection = sqlite3.connect(file, timeout=WAIT_SECONDS, isolation_level=None)
-            self._prepare()
+            try:
+                self._prepare()
+            except BaseException:
+                self._connection.close()
+                raise
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"{file} cannot be opened as a results store: {error}.") from error
         self.notes = Notes(self._connection)

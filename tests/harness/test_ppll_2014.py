@@ -21,7 +21,9 @@ def tables(tmp_path_factory):
         patch.setattr(ppll_2014, "MOST_LAYERS", 8)
         run_experiment(Experiment(3, ((160, 120),)), folder)
     names = ("frames", "layers", "table_a1", "table_a2")
-    read = {name: list(csv.DictReader((folder / f"{name}.csv").open(encoding="utf-8"))) for name in names}
+    read = {
+        name: [*csv.DictReader((folder / f"{name}.csv").read_text(encoding="utf-8").splitlines())] for name in names
+    }
     return read | {"html": (folder / "report.html").read_text(encoding="utf-8")}
 
 

@@ -7,6 +7,7 @@ import sqlite3
 import subprocess
 import sys
 import time
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -117,7 +118,7 @@ def test_a_killed_run_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path:
 def _finished(folder: Path) -> int:
     """Frames committed so far."""
     try:
-        with sqlite3.connect(f"file:{folder}/results.sqlite?mode=ro", uri=True) as connection:
+        with closing(sqlite3.connect(f"{(folder / 'results.sqlite').as_uri()}?mode=ro", uri=True)) as connection:
             return connection.execute("SELECT count(*) FROM finished").fetchone()[0]
     except sqlite3.OperationalError:
         return 0
@@ -195,7 +196,7 @@ def test_repeats_are_kept_and_change_nothing_else(whole: Path, tmp_path: Path):
     done = bench("run", *SMALL, "--repeat", "3", "--out", str(folder))
     assert done.returncode == 0, done.stderr
     assert lasting(folder) == lasting(whole)
-    with sqlite3.connect(folder / "results.sqlite") as connection:
+    with closing(sqlite3.connect(folder / "results.sqlite")) as connection:
         assert connection.execute("SELECT count(DISTINCT repetition) FROM repeats").fetchone()[0] == 3
 
 

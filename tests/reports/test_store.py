@@ -6,6 +6,7 @@ import os
 import sqlite3
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import numpy as np
@@ -124,7 +125,7 @@ def test_before_the_first_frame_the_device_may_change(tmp_path: Path) -> None:
 
 def test_a_store_with_other_columns_is_refused_in_words(tmp_path: Path) -> None:
     make_store(tmp_path)
-    with sqlite3.connect(tmp_path / "results.sqlite") as connection:
+    with closing(sqlite3.connect(tmp_path / "results.sqlite")) as connection:
         connection.execute("PRAGMA user_version = 1")
     with pytest.raises(StoreError, match="another version"):
         Store(tmp_path)
