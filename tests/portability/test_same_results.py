@@ -40,7 +40,7 @@ def frames(out: Path, method: str, *, work: Path = ROOT, wrap: tuple[str, ...] =
         timeout=300, check=False,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
-    with open(out / "frames.csv", newline="") as file:
+    with open(out / "frames.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     return [{name: value for name, value in row.items() if name not in VARYING} for row in rows]
 
