@@ -90,19 +90,20 @@ class Supervisor:
         command = [sys.executable, "-m", "harness.cli", *self.arguments, *self.again]
         # The other end of its standard input closes with this process, however that ends; then it ends too.
         child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
+        waiting = threading.Thread(target=child.wait, daemon=True)  # `wait` with a timeout sleeps beyond the end
+        waiting.start()
         told = False
         while True:
-            try:
-                return child.wait(TICK), []
-            except subprocess.TimeoutExpired:
-                pass
+            waiting.join(TICK)
+            if not waiting.is_alive():
+                return child.returncode, []
             if self.stopped and not told and time.monotonic() > self.stopped[1] + PATIENCE[self.stopped[0]]:
                 told = True
                 child.terminate()
             if overdue := overdue_steps(read_journal(journal)):
                 child.kill()
-                child.wait()
-                return -KILLED, overdue
+                waiting.join()
+                return child.returncode, overdue
 
     def _judge(self, code: int, overdue: list[dict[str, Any]], state: dict[str, Any]) -> int | None:
         """What the end of a process means: the exit code of the command, or None to start it again."""

@@ -8,6 +8,7 @@ starts compares. One folder holds one program, in all its forms.
 from __future__ import annotations
 
 import json
+import os
 import shutil
 import zlib
 from pathlib import Path
@@ -32,12 +33,12 @@ def heal(folder: Path) -> int:
         discard(folder)
         return 0
     damaged = {
-        _program(folder, file)
-        for file in _files(folder)
-        if (seals[name] != _measure(file) if (name := _name(folder, file)) in seals else not _may_be_whole(file))
+        "/".join(name.split("/")[:2])
+        for name in _files(folder)
+        if (seals[name] != _measure(folder, name) if name in seals else not _may_be_whole(folder / name))
     }
     for program in damaged:
-        shutil.rmtree(program, ignore_errors=True)
+        shutil.rmtree(folder / program, ignore_errors=True)
     if damaged:
         seal(folder)  # which forgets theirs
     return len(damaged)
@@ -45,9 +46,9 @@ def heal(folder: Path) -> int:
 
 def seal(folder: Path) -> None:
     """Seal every file that has no seal yet, and forget the seals of those that are gone."""
-    seals, found = _read(folder) or {}, {_name(folder, file): file for file in _files(folder)}
-    new = {name: measured for name, file in found.items() if name not in seals and (measured := _measure(file))}
-    kept = {name: value for name, value in seals.items() if name in found}
+    seals, found = _read(folder) or {}, _files(folder)
+    new = {name: measured for name in found if name not in seals and (measured := _measure(folder, name))}
+    kept = {name: seals[name] for name in found if name in seals}
     if new or kept != seals:
         text = json.dumps({"crc": zlib.crc32(_text(kept | new)), "files": kept | new})
         write_atomically(folder / SEAL, lambda out: out.write(text.encode()))
@@ -67,22 +68,20 @@ def holds(folder: Path, kernel: str) -> bool:
     return any(folder.glob(f"*/*/{kernel}/*/{kernel}.so"))
 
 
-def _files(folder: Path) -> list[Path]:
-    return [file for file in folder.glob("*/*/**/*") if file.suffix in SEALED]
+def _files(folder: Path) -> list[str]:
+    """Sealed files, and folders in their place: PROGRAM/..., where a program is a folder in a folder."""
+    found, start = [], len(os.path.join(folder, ""))  # strings: a Path for each would take longer than its checksum
+    for place, folders, files in os.walk(folder):
+        within = place[start:].replace(os.sep, "/")
+        if "/" in within:
+            found += [f"{within}/{name}" for name in (*folders, *files) if name.endswith(SEALED)]
+    return found
 
 
-def _name(folder: Path, file: Path) -> str:
-    return file.relative_to(folder).as_posix()
-
-
-def _program(folder: Path, file: Path) -> Path:
-    """The folder of a file's program, two levels below the cache's."""
-    return folder.joinpath(*file.relative_to(folder).parts[:2])
-
-
-def _measure(file: Path) -> tuple[int, int] | None:
+def _measure(folder: Path, name: str) -> tuple[int, int] | None:
     try:
-        content = file.read_bytes()
+        with open(f"{folder}/{name}", "rb") as file:
+            content = file.read()
     except OSError:
         return None
     return len(content), zlib.crc32(content)

@@ -1,4 +1,4 @@
-"""A run's numbers, but for times and memory, are the same on every processor, with any threads, folders and time zone."""
+"""A run's numbers, but for times and memory, are the same on every processor, with any threads, folders, time zone."""
 
 from __future__ import annotations
 
