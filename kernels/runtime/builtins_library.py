@@ -134,7 +134,8 @@ def remembered_answer(package: Package, home: Path) -> Answer | None:
 def fitting(answer: Answer, available: Iterable[str]) -> str:
     """The library that suits the compiler: its own choice where it can, else the widest it has the registers for.
 
-    Its own choice, too, where none does: then nothing is known that would be better.
+    A narrower one would not do: wide values are then passed in another way, too. Its own choice also where none suits:
+    then nothing is known that would be better.
     """
     if NEEDS.get(answer.library, frozenset()) <= answer.macros:
         return answer.library

@@ -3,6 +3,8 @@
 import json
 import os
 import shutil
+import subprocess
+import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -13,6 +15,7 @@ from kernels.runtime import builtins_library, vendors
 from kernels.runtime.builtins_library import NEEDS, Answer, Package, ask, fitting, remembered_answer
 from kernels.runtime.vendors import Vendors, find_vendors, how_to_get_one, make_home
 
+ROOT = Path(__file__).parents[2]
 ALL = list(NEEDS)
 AVX2 = NEEDS["avx2"] | {"AVX", "F16C", "SSE4_1", "SSSE3", "SSE2"}
 AVX512 = AVX2 | NEEDS["avx512"]
@@ -205,3 +208,38 @@ def test_the_real_compiler_answers(tmp_path, monkeypatch):
     assert fitting(answer, package.builtins) in package.builtins
     shutil.rmtree(home)
     assert ask(home) is None  # nobody is there to answer
+
+
+MIRRORED = """
+import json
+from kernels.cache import cache_folder, write_atomically
+from kernels.runtime import builtins_library as library
+from kernels.runtime.vendors import make_home
+package = library.installed_package()
+library.remembered_answer(package, make_home({".libs/pocl.icd": str(package.driver)}))
+(file,) = cache_folder("opencl").glob("answer-*.json")
+known = json.loads(file.read_bytes()) | {"macros": ["AVX", "SSE2"]}  # as if the compiler knew no more
+write_atomically(file, lambda out: out.write(json.dumps(known).encode()))
+from kernels.device import Device
+from tests.kernels.test_elementary import test_the_bits_are_the_same_everywhere
+device = Device.open("Portable")
+test_the_bits_are_the_same_everywhere(device)
+print(device.description["builtins"])
+"""
+
+
+@pytest.mark.skipif(
+    builtins_library.installed_package() is None
+    or " avx2 " not in f"{builtins_library.processor()} "
+    or " avx512f " in builtins_library.processor(),
+    reason="needs the PoCL of PyPI and a processor with AVX2 and no wider registers",
+)
+def test_kernels_run_with_a_library_in_place_of_another(tmp_path):
+    """The whole way, as on a processor that the compiler does not know, with another library of equal registers."""
+    environment = os.environ | {"XDG_CACHE_HOME": str(tmp_path), "BENCH_DEVICE": ""}
+    environment.pop("POCL_CACHE_DIR", None)
+    done = subprocess.run(
+        [sys.executable, "-c", MIRRORED], cwd=ROOT, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == "avx, for its own does not suit its compiler\n"
