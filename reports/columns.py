@@ -311,7 +311,7 @@ KERNEL_COLUMNS: tuple[Column, ...] = (
     Column("kernel", "", "folder/file.function below kernels/", "key", str),
     Column("case", "", "the stage it was measured and checked in", "key", str),
     Column("input", "", "typical, or adversarial: what the stage finds hardest", "key", str),
-    Column("variant", "", "how freely it was allowed to round: precise, default or relaxed", "key", str),
+    Column("variant", "", "how freely it was allowed to round: default, contracted or relaxed", "key", str),
     Column("items", "items", "what the kernel processed in one run", "count", float),
     Column("items_formula", "", "how items are counted", "setting", str),
     Column("ms", "ms", "median device time of one run", "time", float, "lower"),

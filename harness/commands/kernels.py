@@ -15,7 +15,7 @@ Names = Annotated[
 ]
 Variants = Annotated[
     list[str] | None,
-    typer.Option("--variant", metavar="NAME", help="precise, default or relaxed; repeatable"),
+    typer.Option("--variant", metavar="NAME", help="default, contracted or relaxed; repeatable"),
 ]
 Out = Annotated[Path, typer.Option(metavar="DIR", help="Folder of the results")]
 Repeat = Annotated[int, typer.Option(metavar="N", help="Timings of every kernel")]

@@ -290,7 +290,7 @@ __kernel void coarsest_similarity(const int width, const int height, const int s
             bb += w * (b * b);
             ab += w * (a * b);
         }
-    const float variance_a = max(aa - mu_a * mu_a, 0.0f), variance_b = max(bb - mu_b * mu_b, 0.0f);
+    const float variance_a = aa - mu_a * mu_a, variance_b = bb - mu_b * mu_b; // as in ssim.cl
     const float m = mu_a + middle_a + origin, n = mu_b + middle_b + origin;
     ssim[id] = (2.0f * (ab - mu_a * mu_b) + c2) / (variance_a + variance_b + c2) * (2.0f * (m * n) + c1) /
                (m * m + n * n + c1);

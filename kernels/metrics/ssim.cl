@@ -58,8 +58,8 @@ static inline similarity similarity_of(const float16 mu_a, const float16 aa, con
 {
     // Unfused, so that identical pictures give exactly 1.
     #pragma OPENCL FP_CONTRACT OFF
-    const float16 variance_a = larger(aa - mu_a * mu_a, 0.0f);
-    const float16 variance_b = larger(bb - mu_b * mu_b, 0.0f);
+    // Rounded below zero, a variance stays so: the covariance of identical pictures does too, and c2 is far larger.
+    const float16 variance_a = aa - mu_a * mu_a, variance_b = bb - mu_b * mu_b;
     const float16 covariance = ab - mu_a * mu_b;
     const float16 m = mu_a + origin, n = mu_b + origin;
     return (similarity){(2.0f * covariance + c2) / (variance_a + variance_b + c2),

@@ -88,8 +88,8 @@ def windowed(image: np.ndarray) -> np.ndarray:
 def similarity_twin(reference: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Contrast-structure and luminance similarity of two float64 (h, w) planes, each (h - 10, w - 10)."""
     mu_a, mu_b = windowed(reference), windowed(test)
-    variance_a = np.maximum(windowed(reference**2) - mu_a**2, 0)
-    variance_b = np.maximum(windowed(test**2) - mu_b**2, 0)
+    variance_a = windowed(reference**2) - mu_a**2
+    variance_b = windowed(test**2) - mu_b**2
     covariance = windowed(reference * test) - mu_a * mu_b
     contrast_structure = (2 * covariance + C2) / (variance_a + variance_b + C2)
     return contrast_structure, (2 * mu_a * mu_b + C1) / (mu_a**2 + mu_b**2 + C1)

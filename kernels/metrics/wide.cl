@@ -3,9 +3,6 @@
 // A plane is float (height, stride): 16 pixels of margin, the row, room up to a multiple of 32, 16 pixels of margin.
 // Work-items are pieces of 16 pixels of a row, or the pieces of ROWS rows below each other.
 
-// Fused multiply-add from here on: equal numbers still give equal results, because it is decided per expression.
-#pragma OPENCL FP_CONTRACT ON
-
 #define PIECE 16
 #define MARGIN 16
 #define ROWS 4

@@ -48,5 +48,5 @@ def test_inputs_are_the_same_every_time(device):
 
 
 def test_an_unknown_variant_lists_the_known_ones():
-    with pytest.raises(DeviceError, match="precise, default, relaxed"):
+    with pytest.raises(DeviceError, match="default, contracted, relaxed"):
         Device.open(variant="sloppy")
