@@ -305,7 +305,7 @@ class Run:
             yield
         except PackTimeoutError:
             lane.dead = ("timeout", f"{doing}: it took longer than --timeout {self.settings.timeout:g} allows.")
-        except Exception as error:  # whatever a method does, the others go on and the rows say what happened
+        except (Exception, SystemExit) as error:  # whatever a method does, the others go on, and its rows say what
             place = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(place.filename).name}, line {place.lineno}"
             lane.dead = ("failed", f"{doing}: {type(error).__name__}: {error} ({where})")
@@ -394,7 +394,7 @@ def write_notes(store: Store, session: Session) -> None:
 def folder_for(plan: dict[str, Any], name: str) -> Path:
     """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`."""
     for folder in sorted(RUNS.glob("*/"), reverse=True):
-        if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file():
+        if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file() and not in_use(folder):
             with Store(folder) as store:
                 if store.plan() == json.loads(json.dumps(plan)):
                     return folder
@@ -429,6 +429,15 @@ def stops_kept(folder: Path) -> Iterator[None]:
     finally:
         if main:
             signal.signal(signal.SIGTERM, before)
+
+
+def in_use(folder: Path) -> bool:
+    """Whether another process works in this folder."""
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            return False
+    except (Timeout, OSError):
+        return True
 
 
 @contextmanager

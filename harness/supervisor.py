@@ -30,7 +30,7 @@ SWITCH = "BENCH_SUPERVISED"  # 0 switches it off, for debuggers; watched process
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
 TICK = 0.2  # seconds between looks at the journal
 # Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
-PATIENCE = {signal.SIGINT: 5.0, signal.SIGTERM: 0.0}
+PATIENCE = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
 FAILED, INTERRUPTED, KILLED = 1, 130, 137
 MOST_DEATHS = 2  # of one device's compiler
 CRASHES = {
@@ -123,12 +123,13 @@ class Supervisor:
             )
             if not methods_fault:
                 return self._compiler_died(building[0]["what"], device)
-        elif not crashed(code):
+        elif not crashed(code) and (code < 0 or not any(step["ended"] for step in steps)):
             return _passed_on(code)
         if sum(step["ended"] is not None for step in steps) > 1 and not self.serial:
             self.serial = True  # which of them it was shows when they run one after the other
             return None
-        return self._blame(steps, "failed", f"the process crashed ({name_of(code)})")
+        how = f"crashed ({name_of(code)})" if crashed(code) else f"was ended with exit code {code}"
+        return self._blame(steps, "failed", f"the process {how}")
 
     def _blame(self, steps: list[dict[str, Any]], status: str, reason: str) -> int | None:
         """End these steps and go on without them, or end the command where nothing is known that could go on."""

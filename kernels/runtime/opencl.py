@@ -122,7 +122,7 @@ class FoundDevice:
         """Which library of built-ins it links, as far as that is known."""
         known = vendors()
         if not self.is_pocl or known.library is None or self.device.driver_version != known.driver:
-            return "its own"
+            return "as it chooses"
         return f"{known.library}, for its own does not suit its compiler" if known.mirrored else known.library
 
     def refused(self) -> str | None:

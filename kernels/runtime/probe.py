@@ -16,7 +16,8 @@ def ask(home: str, macros: list[str]) -> dict[str, str | list[str]]:
     import pyopencl as cl
 
     os.environ["PYOPENCL_HOME"] = home
-    device = cl.get_platforms()[0].get_devices()[0]
+    (platform,) = (known for known in cl.get_platforms() if known.name == "Portable Computing Language")
+    device = platform.get_devices()[0]
     context = cl.Context([device])
     queue = cl.CommandQueue(context)
     lines = [f"#ifdef __{macro}__\n    defined[{place}] = 1;\n#endif" for place, macro in enumerate(macros)]

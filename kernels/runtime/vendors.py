@@ -63,14 +63,13 @@ def find_vendors() -> Vendors:
     entries: Entries = {".libs/intel.icd": str(intel)} if intel else {}
     if package is None:
         return Vendors(make_home(entries)) if entries else Vendors()
-    plain = {**entries, ".libs/pocl.icd": str(package.driver)}
-    home = make_home(plain)
-    answer = remembered_answer(package, home)
+    alone: Entries = {".libs/pocl.icd": str(package.driver)}  # a home in which nobody else could answer
+    answer = remembered_answer(package, make_home(alone))
     if answer is None:
-        return Vendors(home)
+        return Vendors(make_home(entries | alone))
     library = fitting(answer, package.builtins)
     if library == answer.library:
-        return Vendors(home, (), answer.driver, library)
+        return Vendors(make_home(entries | alone), (), answer.driver, library)
     mirrored = make_home(entries | mirror(package, answer.library, library))
     return Vendors(mirrored, (), answer.driver, library, True)
 

@@ -2,6 +2,7 @@
 
 import ctypes
 import os
+import sys
 import time
 
 from packers.interface import Packer, Paper
@@ -89,6 +90,24 @@ class Holding(ShadingAtlasStreaming):
 
     def pack(self, frame):
         ctypes.PyDLL(None).sleep(10_000)
+
+
+class Exiting(ShadingAtlasStreaming):
+    """Ends the program as if all were well."""
+
+    name = "exiting"
+
+    def pack(self, frame):
+        sys.exit(0)
+
+
+class Leaving(ShadingAtlasStreaming):
+    """Ends the process as if all were well, where Python cannot object."""
+
+    name = "leaving"
+
+    def pack(self, frame):
+        os._exit(0)
 
 
 class AbortingBeside(ShadingAtlasStreaming):

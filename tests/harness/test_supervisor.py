@@ -42,7 +42,8 @@ def rows_of(folder: Path) -> dict[str, list[tuple[str, str]]]:
 
 def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: Path):
     folder = tmp_path / "run"
-    methods = [word for name in ("Aborting", "AbortingBeside") for word in ("--method", f"{BAD}:{name}")]
+    names = ("Aborting", "AbortingBeside", "Exiting", "Leaving")
+    methods = [word for name in names for word in ("--method", f"{BAD}:{name}")]
     done = bench(*SMALL, *methods, "--method", "sas", "--out", str(folder))
     assert done.returncode == 1, done.stderr
     rows = rows_of(folder)
@@ -52,6 +53,9 @@ def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: P
     assert [status for status, _ in rows["aborting-beside"]] == ["failed"] * 3
     assert "measuring frame 0: aborting-beside: the process crashed" in rows["aborting-beside"][0][1]
     assert "Going on without it." in done.stderr
+    assert [status for status, _ in rows["exiting"] + rows["leaving"]] == ["failed"] * 6
+    assert "SystemExit: 0" in rows["exiting"][0][1]
+    assert "leaving: the process was ended with exit code 0" in rows["leaving"][0][1]
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a C library's sleep")

@@ -166,9 +166,10 @@ def test_a_home_that_cannot_be_made_is_one_sentence(package, monkeypatch):
 
 
 def test_intels_runtime_is_shown_beside_pocl(package, monkeypatch, tmp_path):
-    answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx2"))
+    asked = answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx2"))
     monkeypatch.setattr(vendors, "intel_driver", lambda: tmp_path / "libintelocl.so")
     home = find_vendors().home
+    assert [path.name for path in (asked[0] / ".libs").iterdir()] == ["pocl.icd"]  # Intel's is not to answer for it
     assert (home / ".libs" / "intel.icd").read_text(encoding="utf-8") == str(tmp_path / "libintelocl.so")
     assert (home / ".libs" / "pocl.icd").is_file()
 
