@@ -77,7 +77,7 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None, explai
         tell_passed_over(session.device)
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {again} resumes.")
         if session.device.is_new:
-            console.print(f"[dim]First run on {session.device.name}: all kernels are built, a minute or so.[/]")
+            console.print(f"[dim]First run on {session.device.name}: its kernels are being built, up to a minute.[/]")
         with stops_kept(again), show_progress() as progress:
             write_notes(store, session)
             Run(session, lanes, store, folder).all_frames(progress)
