@@ -91,12 +91,15 @@ def check_devices(asked: str | None) -> bool:
             before = usable.index(device) * len(find_cases()) * len(INPUTS)
             progress.update(task, completed=before + now, description=f"{device.device.name.strip()[:20]}: {last}")
 
-        reports = [
-            Report(device, passed_over=device.refused())
-            if device not in usable
-            else examine(device, Path(folder) / device.key, tell)
-            for device in devices
-        ]
+        reports = []
+        try:
+            for device in devices:
+                refused, place = device.refused(), Path(folder) / device.key
+                reports.append(Report(device, passed_over=refused) if refused else examine(device, place, tell))
+        except KeyboardInterrupt:
+            show_reports(reports, _default())
+            make_console(stderr=True).print(f"Stopped: {len(reports)} of {len(devices)} devices were examined.")
+            raise
     show_reports(reports, _default())
     return bool(usable) and all(report.status in ("ok", "passed over") for report in reports)
 
