@@ -286,7 +286,8 @@ def _power(base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
     falling = (base < 1) == (exponent > 0)
     outermost = np.where(falling, 0.0, np.inf)  # of 0 and of infinity
     result = np.where((base == 0) | (base == np.inf), outermost, np.where(base > 0, result, np.nan))
-    return np.where(exponent == 0, 1.0, result)
+    result = np.where(np.isnan(exponent), np.nan, result)
+    return np.where((exponent == 0) | (base == 1), 1.0, result)
 
 
 def _long_log(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -20,10 +20,13 @@ def dot(a, b) -> np.ndarray:
 
 
 def product(*matrices) -> np.ndarray:
-    """Matrix product from left to right: float64 (..., rows of the first, columns of the last)."""
+    """Matrix product from left to right: float64 (..., rows of the first, columns of the last); ValueError where the
+    shapes do not fit."""
     total = np.asarray(matrices[0], np.float64)
     for matrix in matrices[1:]:
         matrix = np.asarray(matrix, np.float64)
+        if total.shape[-1] != matrix.shape[-2]:
+            raise ValueError(f"Matrices of shapes {total.shape} and {matrix.shape} have no product.")
         left, total = total, 0.0
         for k in range(matrix.shape[-2]):
             total = total + left[..., :, k, None] * matrix[..., None, k, :]
@@ -82,9 +85,12 @@ def inverse(matrix) -> np.ndarray:
 def eigenvectors(matrix) -> tuple[np.ndarray, np.ndarray]:
     """Eigenvalues (N), rising, and unit eigenvectors, the columns of (N, N), of a symmetric matrix, by Jacobi's turns.
 
-    An eigenvector's component of largest magnitude, the first of equals, is positive.
+    An eigenvector's component of largest magnitude, the first of equals, is positive. ValueError for a matrix that is
+    not finite, on which the turns would never end.
     """
     a = np.array(matrix, np.float64)
+    if not np.isfinite(a).all():
+        raise ValueError("A matrix that is not finite has no eigenvectors.")
     size = len(a)
     vectors = np.eye(size)
     while _turn_all(a, vectors):

@@ -281,28 +281,31 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     console = make_console(stderr=True)
     for name, one in CHECKS.items():
         with console.status(name):
-            yield name, guarded_run(name, one, kit, timeout)
+            found = guarded_run(name, one.run, kit, timeout)
+        yield name, found
     count = THOROUGH if thorough else EXAMPLES
     name = f"fuzzing, {count} soups"
     with console.status(name):
-        yield name, _fuzzed(kit, count, out)
-    with console.status("benchmark"), time_limit(timeout + BENCHMARK, f"{kit.kind.name}, benchmark"):
-        yield "benchmark", benchmark(kit)
+        found = _fuzzed(kit, count, out, timeout)
+    yield name, found
+    with console.status("benchmark"):
+        found = guarded_run("benchmark", benchmark, kit, timeout + BENCHMARK)
+    yield "benchmark", found
 
 
-def guarded_run(name: str, one: Check, kit: Kit, timeout: float) -> Finding:
+def guarded_run(name: str, one: Callable[[Kit], Finding], kit: Kit, timeout: float) -> Finding:
     """A check's finding within a time limit; whatever is raised becomes one."""
     try:
         with time_limit(timeout, f"{kit.kind.name}, check {name}"):
-            return one.run(kit)
+            return one(kit)
     except PackTimeoutError:
         return Finding("timeout", f"It took longer than {timeout:g} s.")
     except Exception as error:
         return Finding("refused", str(error)) if refuses(error) else Finding("failed", describe(error))
 
 
-def _fuzzed(kit: Kit, count: int, out: Path | None) -> Finding:
-    if smallest := hunt(kit.device, kit.kind, count, kit.parameters):
+def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> Finding:
+    if smallest := hunt(kit.device, kit.kind, count, kit.parameters, timeout):
         soup, found = smallest
         path = save_soup((out or Path(".")) / "regressions", kit.kind.name, soup, found)
         return replace(found, sentence=f"{found.sentence} The smallest such case is kept as {path}.")

@@ -17,6 +17,7 @@ import numpy as np
 from arithmetic.functions import sin
 from harness.trial import Case, Finding, Stage, describe, try_method
 from harness.views import Cell, Pose, from_rotation_vector, multiply
+from harness.watchdog import PackTimeoutError, time_limit
 from scenes.model import Light, Material, Scene
 
 if TYPE_CHECKING:
@@ -120,11 +121,15 @@ def try_soup(device: Device, packer: type[Packer], soup: Soup) -> Finding:
 
 
 def hunt(
-    device: Device, packer: type[Packer], examples: int, parameters: Mapping[str, Any] | None = None
+    device: Device,
+    packer: type[Packer],
+    examples: int,
+    parameters: Mapping[str, Any] | None = None,
+    timeout: float = 60.0,
 ) -> tuple[Soup, Finding] | None:
     """Try so many soups, always the same ones; the smallest that goes wrong and what is wrong, or None.
 
-    parameters: of the packer, where not its defaults.
+    parameters: of the packer, where not its defaults. timeout: seconds for one soup.
     """
     import hypothesis
     import hypothesis.errors
@@ -144,7 +149,11 @@ def hunt(
     @hypothesis.given(soups(packer))
     def attempt(soup: Soup) -> None:
         soup = replace(soup, parameters={**(parameters or {}), **soup.parameters})
-        found = try_soup(device, packer, soup)
+        try:
+            with time_limit(timeout, f"{packer.name}, fuzzing"):
+                found = try_soup(device, packer, soup)
+        except PackTimeoutError:
+            found = Finding("timeout", "It did not finish in time.")
         if not (found.good or found.status == "refused"):
             failures.append((soup, found))
             raise AssertionError(found.sentence)

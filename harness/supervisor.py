@@ -84,7 +84,9 @@ class Supervisor:
 
     def _once(self, journal: Path) -> tuple[int, list[dict[str, Any]]]:
         """Start the command and wait for it: its exit code, and the steps it was killed for because they hang."""
-        environment = os.environ | {VARIABLE: str(journal), SWITCH: "1", ENDED: json.dumps(self.ended)}
+        ended = journal.with_name("ended")
+        ended.write_text(json.dumps(self.ended), encoding="utf-8")
+        environment = os.environ | {VARIABLE: str(journal), SWITCH: "1", ENDED: str(ended)}
         if self.serial:
             environment[SERIAL] = "1"
         command = [sys.executable, "-m", "harness.cli", *self.arguments, *self.again]
@@ -109,25 +111,25 @@ class Supervisor:
         """What the end of a process means: the exit code of the command, or None to start it again."""
         if self.stopped:
             return code if code >= 0 else INTERRUPTED
-        if overdue:
-            return self._blame(overdue, "timeout", "it did not end")
         building, device = list(state["building"].values()), state["device"]
         steps = list(state["steps"].values())
+        if (overdue or crashed(code) or code > 0) and sum(map(_has_owner, steps)) > 1 and not self.serial:
+            self.serial = True  # whose fault it was shows when they run one after the other
+            return None
+        if overdue:
+            return self._blame(overdue, "timeout", "it did not end")
         if building and device and (crashed(code) or code > 0):
             # The second time a kernel dies running, where only a method's step can have given it what it died of.
             methods_fault = (
                 self.deaths[device["key"]]
-                and any(step["ended"] for step in steps)
+                and any(map(_has_owner, steps))
                 and -code not in ILLEGAL
-                and _compiled(building[0]["kernel"])
+                and _compiled(building[0])
             )
             if not methods_fault:
                 return self._compiler_died(building[0]["what"], device)
-        elif not crashed(code) and (code < 0 or not any(step["ended"] for step in steps)):
+        elif not crashed(code) and (code < 0 or not any(map(_has_owner, steps))):
             return _passed_on(code)
-        if sum(step["ended"] is not None for step in steps) > 1 and not self.serial:
-            self.serial = True  # which of them it was shows when they run one after the other
-            return None
         how = f"crashed ({name_of(code)})" if crashed(code) else f"was ended with exit code {code}"
         return self._blame(steps, "failed", f"the process {how}")
 
@@ -136,7 +138,8 @@ class Supervisor:
         ended = ended_by(steps, status, reason) if self.again else []
         if not ended:
             what = "; ".join(step["what"] for step in steps) or "starting"
-            _say(f"{what}: {reason}. Finished results are kept: the same command goes on from there.")
+            kept = " Finished results are kept: the same command goes on from there." if self.again else ""
+            _say(f"{what}: {reason}.{kept}")
             return FAILED
         for step in ended:
             _say(f"{step['reason']} Going on without it.")
@@ -166,12 +169,18 @@ class Supervisor:
         return None
 
 
-def _compiled(kernel: str | None) -> bool:
-    """Whether this kernel's compilation ended, so that it died running."""
+def _has_owner(step: dict[str, Any]) -> bool:
+    """Whether somebody is named whom it can be noted of, should the process end in this step."""
+    return step["ended"] is not None
+
+
+def _compiled(building: dict[str, Any]) -> bool:
+    """Whether the compilation of what a process was building ended, so that it died running."""
     from kernels.runtime import kernel_cache
     from kernels.runtime.opencl import pocl_cache
 
-    return kernel is not None and kernel_cache.holds(pocl_cache(), kernel)
+    kernel, since = building["kernel"], building["since"]
+    return kernel is not None and kernel_cache.holds(pocl_cache(), kernel, since)
 
 
 def overdue_steps(state: dict[str, Any] | None) -> list[dict[str, Any]]:

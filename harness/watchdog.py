@@ -8,12 +8,13 @@ import os
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any
 
 from kernels.journal import journal
 
 GRACE = 5.0  # seconds between the exception and the end of the process
-ENDED = "BENCH_ENDED"  # variable: what the supervisor tells the process that goes on, as a JSON list
+ENDED = "BENCH_ENDED"  # variable: the file with what the supervisor tells the process that goes on, a JSON list
 
 
 class PackTimeoutError(RuntimeError):
@@ -33,6 +34,7 @@ def time_limit(seconds: float, what: str, ended: dict[str, Any] | None = None) -
     with journal().step(what, seconds + GRACE, ended):
         timer.start()
         try:
+            alarm.switch_on()  # only now: raised inside `start`, it would break the threads' own book-keeping
             yield
         finally:
             timer.cancel()
@@ -40,15 +42,23 @@ def time_limit(seconds: float, what: str, ended: dict[str, Any] | None = None) -
 
 
 class _Alarm:
-    """Raises PackTimeoutError in a thread, unless it was switched off before."""
+    """Raises PackTimeoutError in a thread while it is on; one that rang before raises when it is switched on."""
 
     def __init__(self, thread: int) -> None:
-        self._thread, self._lock, self._on = ctypes.c_ulong(thread), threading.Lock(), True
+        self._thread, self._lock, self._on, self._rang = ctypes.c_ulong(thread), threading.Lock(), False, False
 
     def ring(self) -> None:
         with self._lock:
+            self._rang = True
             if self._on:
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(PackTimeoutError))
+
+    def switch_on(self) -> None:
+        with self._lock:
+            self._on = True
+            rang = self._rang
+        if rang:
+            raise PackTimeoutError
 
     def switch_off(self) -> None:
         """No exception comes any more, not even one that was set and is not raised yet."""
@@ -59,5 +69,6 @@ class _Alarm:
 
 def ended_steps(**facts: Any) -> list[dict[str, Any]]:
     """Steps with these facts in which earlier processes of this command ended: with `status` and `reason`."""
-    known = json.loads(os.environ.get(ENDED, "[]"))
+    file = os.environ.get(ENDED)
+    known = json.loads(Path(file).read_text(encoding="utf-8")) if file else []
     return [step for step in known if all(step.get(name) == value for name, value in facts.items())]

@@ -186,9 +186,11 @@ class Device:
         if not found:
             raise DeviceError(f"No OpenCL device was found: {how_to_get_one()}.")
         if asked:
-            for one in found:
-                if asked.lower() in f"{one.device.platform.name} {one.device.name}".lower():
-                    return cls(one, variant)._noted(asked)
+            matching = [
+                one for one in found if asked.lower() in f"{one.device.platform.name} {one.device.name}".lower()
+            ]
+            for one in sorted(matching, key=lambda one: one.refused() is not None):
+                return cls(one, variant)._noted(asked)
             known = "; ".join(f"{one.device.name.strip()} on {one.device.platform.name}" for one in found)
             raise DeviceError(f"No OpenCL device matches {asked!r}, which {by} asks for. There are: {known}.")
         reasons = []

@@ -26,8 +26,8 @@ class Journal:
 
     device: what is known of the device in use. again: arguments with which the same command goes on. steps: what is
     being done, each with `what`, `deadline` (of time.monotonic, or null) and `ended` (what is to be noted of it should
-    the process end here, or null). building: what a compiler is at, each with `what` and the `kernel`'s name, if it is
-    that of one.
+    the process end here, or null). building: what a compiler is at, each with `what`, the `kernel`'s name, if it is
+    that of one, and `since` when (of time.time).
     """
 
     def __init__(self, file: Path | None) -> None:
@@ -52,7 +52,7 @@ class Journal:
     @contextmanager
     def building(self, what: str, kernel: str | None = None) -> Iterator[None]:
         """A source is compiled, or a kernel of it launched for the first time, which is when PoCL compiles it."""
-        with self._entry("building", {"what": what, "kernel": kernel}):
+        with self._entry("building", {"what": what, "kernel": kernel, "since": time.time()}):
             yield
 
     @contextmanager

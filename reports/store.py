@@ -96,15 +96,17 @@ class Store:
         found = self._connection.execute("SELECT content FROM plan").fetchone()
         return json.loads(found[0]) if found else None
 
-    def set_plan(self, plan: dict[str, Any]) -> None:
-        """Bind the store to a plan, given as JSON values; before the first finished frame its device may still change.
+    def set_plan(self, plan: dict[str, Any], *, begun: bool | None = None) -> None:
+        """Bind the store to a plan, given as JSON values; before it has begun its device may still change.
 
-        Raises StoreError, naming each difference, if the store is bound to another one.
+        begun: whether there are results of it; if None, whether a frame is finished here. Raises StoreError, naming
+        each difference, if the store is bound to another one.
         """
         wanted = json.loads(json.dumps(plan))
         with self._transaction():
             existing = self.plan()
-            if existing and not self.finished() and existing | {"device": wanted.get("device")} == wanted:
+            begun = bool(self.finished()) if begun is None else begun
+            if existing and not begun and existing | {"device": wanted.get("device")} == wanted:
                 existing = None
             if existing is None:
                 self._connection.execute("DELETE FROM plan")

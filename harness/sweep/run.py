@@ -48,7 +48,7 @@ def sweep(wanted: Wanted, out: Path | None) -> bool:
     plan = make_sweep_plan(wanted, grid, hashes, session)
     folder = out or folder_for(plan, "sweep")
     with locked(folder), Store(folder) as store:
-        store.set_plan(plan)
+        store.set_plan(plan, begun=_has_begun(folder, grid))
         replace_file(folder / FILE, json.dumps(describe(wanted, grid), indent=2) + "\n")
         tell_passed_over(session.device)
         console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} resumes.")
@@ -63,6 +63,16 @@ def sweep(wanted: Wanted, out: Path | None) -> bool:
         points = write_sweep(folder)
     show_sweep(points, folder)
     return all(point.row["status"] in ("ok", "skipped") for point in points)
+
+
+def _has_begun(folder: Path, grid: Grid) -> bool:
+    """Whether a frame of any cell is finished."""
+    for place in {folder / cell_folder for cell_folder in grid.folders().values()}:
+        if (place / "results.sqlite").is_file():
+            with Store(place) as store:
+                if store.finished():
+                    return True
+    return False
 
 
 def check_scenes(grid: Grid) -> dict[str, str]:

@@ -21,7 +21,7 @@ from harness.console import InputError
 from harness.run import show_progress
 from harness.supervisor import crashed, ended_by, name_of, overdue_steps
 from harness.sweep.grid import Grid, make_grid, shuffled
-from harness.watchdog import ENDED
+from harness.watchdog import ENDED, ended_steps
 from kernels.journal import VARIABLE, read_journal
 from reports.store import Store
 
@@ -38,15 +38,13 @@ def run_workers(wanted: Wanted, grid: Grid, folder: Path, progress: Progress) ->
 
     Raises InputError if workers die without getting anything done.
     """
-    before = None
+    before, ended = None, ended_steps()
     while left := unfinished(grid, folder, wanted.settings.frames):
         if left == before:
             raise InputError("The workers ended before any cell was finished: run without --workers to see why.")
-        before = left
-        ended = _work_through(wanted, list(left), folder, progress)
-        if ended:
-            before = None
-            os.environ[ENDED] = json.dumps(json.loads(os.environ.get(ENDED, "[]")) + ended)
+        found = _work_through(wanted, list(left), folder, progress, ended)
+        before = None if found else left
+        ended += found
 
 
 def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
@@ -64,8 +62,13 @@ def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
     return left
 
 
-def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progress) -> list[dict[str, Any]]:
-    """Hand the cells to new workers and wait until all have ended; returns the steps in which some were ended."""
+def _work_through(
+    wanted: Wanted, left: list[int], folder: Path, progress: Progress, before: list[dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """Hand the cells to new workers and wait until all have ended; returns the steps in which some were ended.
+
+    before: those in which earlier ones were.
+    """
     context = multiprocessing.get_context("spawn")
     cells, done = context.Queue(), context.Queue()
     count = min(wanted.workers, len(left))
@@ -74,9 +77,11 @@ def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progr
     task = progress.add_task(f"cells, {count} at a time", total=len(left))
     ended = []
     with tempfile.TemporaryDirectory(prefix="bench-") as place:
+        known = Path(place) / "ended"
+        known.write_text(json.dumps(before), encoding="utf-8")
         journals = [Path(place) / f"journal-{number}" for number in range(count)]
         workers = [
-            context.Process(target=_worker, args=(wanted, folder, cells, done, journal), daemon=True)
+            context.Process(target=_worker, args=(wanted, folder, cells, done, journal, known), daemon=True)
             for journal in journals
         ]
         try:
@@ -105,9 +110,9 @@ def _work_through(wanted: Wanted, left: list[int], folder: Path, progress: Progr
     return ended
 
 
-def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path) -> None:
+def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path, known: Path) -> None:
     """Measure cells until there are no more; ends with its parent, however that ends."""
-    os.environ[VARIABLE] = str(journal)  # its own, not that of its parent
+    os.environ |= {VARIABLE: str(journal), ENDED: str(known)}  # its own, not those of its parent
     from harness.sweep.run import Sessions, SweepRun
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides

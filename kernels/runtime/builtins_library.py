@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from kernels.cache import cache_folder, write_atomically
+from kernels.cache import cache_folder, read_checked, write_checked
 
 # What a library's code needs of the processor, as the compiler's macros name it; the widest first.
 NEEDS = {
@@ -120,14 +120,12 @@ def ask(home: Path) -> Answer | None:
 def remembered_answer(package: Package, home: Path) -> Answer | None:
     """As `ask`, from memory where this driver was asked on this processor before."""
     file = cache_folder("opencl") / f"answer-{package.digest()}.json"
-    try:
-        known = json.loads(file.read_bytes())
-        return Answer(str(known["driver"]), frozenset(known["macros"]), str(known["library"]))
-    except (OSError, ValueError, KeyError, TypeError):
-        answer = ask(home)
+    if content := read_checked(file):
+        known = json.loads(content)
+        return Answer(known["driver"], frozenset(known["macros"]), known["library"])
+    answer = ask(home)
     if answer:
-        text = json.dumps(vars(answer) | {"macros": sorted(answer.macros)})
-        write_atomically(file, lambda out: out.write(text.encode()))
+        write_checked(file, json.dumps(vars(answer) | {"macros": sorted(answer.macros)}).encode())
     return answer
 
 

@@ -19,6 +19,7 @@ from kernels.cache import write_atomically
 
 SEAL = "seal.json"
 SEALED = (".bc", ".so")  # PoCL rewrites the others: logs and times of access
+CLOCK = 0.02  # seconds that a file's time may lag behind the clock
 Seals = dict[str, tuple[int, int]]
 
 
@@ -63,9 +64,9 @@ def discard(folder: Path) -> None:
             entry.unlink(missing_ok=True)
 
 
-def holds(folder: Path, kernel: str) -> bool:
-    """Whether machine code of a kernel of this name is there."""
-    return any(folder.glob(f"*/*/{kernel}/*/{kernel}.so"))
+def holds(folder: Path, kernel: str, since: float) -> bool:
+    """Whether machine code of a kernel of this name was written after `since` (of time.time): others may share it."""
+    return any(file.stat().st_mtime >= since - CLOCK for file in folder.glob(f"*/*/{kernel}/*/{kernel}.so"))
 
 
 def _files(folder: Path) -> list[str]:

@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
-from kernels.cache import CacheError, cache_folder, write_atomically
+from kernels.cache import CacheError, cache_folder, read_checked, write_checked
 from kernels.runtime import kernel_cache
 from kernels.runtime.vendors import Vendors, find_vendors
 
@@ -171,12 +171,12 @@ def _version(text: str) -> tuple[int, ...]:
 
 
 def _death_note(key: str, kernels: str) -> Path:
-    return cache_folder("opencl") / f"died-{key}-{kernels}.json"
+    return cache_folder("opencl") / f"died-{key}-{kernels}"
 
 
 def note_death(key: str, kernels: str, sentence: str) -> None:
     """Remember that a device's compiler dies of this set of kernels, so that later runs pass the device over."""
-    write_atomically(_death_note(key, kernels), lambda file: file.write(json.dumps(sentence).encode()))
+    write_checked(_death_note(key, kernels), sentence.encode())
 
 
 def forget_death(key: str, kernels: str) -> None:
@@ -186,7 +186,5 @@ def forget_death(key: str, kernels: str) -> None:
 
 def noted_death(key: str, kernels: str) -> str | None:
     """What was noted when this device's compiler died of this set of kernels; None if it never did."""
-    try:
-        return str(json.loads(_death_note(key, kernels).read_bytes()))
-    except (OSError, ValueError):
-        return None
+    content = read_checked(_death_note(key, kernels))
+    return content.decode() if content else None

@@ -27,6 +27,13 @@ def test_products_are_those_of_numpy():
     np.testing.assert_allclose(turned(a, b.T[0]), a @ b.T[0], rtol=1e-13)
 
 
+def test_what_has_no_answer_is_refused():
+    with pytest.raises(ValueError, match="no product"):
+        product(np.ones((3, 4)), np.eye(3))
+    with pytest.raises(ValueError, match="not finite"):
+        eigenvectors(np.full((3, 3), np.nan))
+
+
 def test_points_are_transformed_in_every_broadcast():
     matrices, points = RNG.normal(size=(6, 3, 4)), RNG.normal(size=(9, 3)).astype(np.float32)
     expected = points @ matrices[:, :, :3].transpose(0, 2, 1) + matrices[:, None, :, 3]

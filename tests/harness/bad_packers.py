@@ -5,6 +5,7 @@ import os
 import sys
 import time
 
+from kernels.runtime.opencl import SPEAKING
 from packers.interface import Packer, Paper
 from packers.sas import ShadingAtlasStreaming
 
@@ -116,4 +117,33 @@ class AbortingBeside(ShadingAtlasStreaming):
     name = "aborting-beside"
 
     def owners(self, payload):
+        os.abort()
+
+
+class AbortingLater(ShadingAtlasStreaming):
+    """Takes its process with it while another method's kernels are compiled beside it."""
+
+    name = "aborting-later"
+
+    def owners(self, payload):
+        time.sleep(0.4)
+        os.abort()
+
+
+class HoldingTheDevice(ShadingAtlasStreaming):
+    """Hangs where all others wait for the device, in native code."""
+
+    name = "holding-the-device"
+
+    def owners(self, payload):
+        with SPEAKING:
+            ctypes.CDLL(None).sleep(10_000)
+
+
+class AbortingAtOnce(ShadingAtlasStreaming):
+    """Takes its process with it in every frame."""
+
+    name = "aborting-at-once"
+
+    def pack(self, frame):
         os.abort()

@@ -36,7 +36,7 @@ def stages() -> dict:
 )
 def test_a_fault_is_found_and_named(device, stages, packer, name, status, words):
     timeout = 0.5 if packer is faulty.Hanging else 60
-    found = guarded_run(name, CHECKS[name], Kit(device, packer(), stages), timeout)
+    found = guarded_run(name, CHECKS[name].run, Kit(device, packer(), stages), timeout)
     assert found.status == status
     assert words in found.sentence
 

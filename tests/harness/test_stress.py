@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,9 +14,11 @@ import pytest
 from typer.testing import CliRunner
 
 from harness.cli import app
+from harness.console import InputError
 from harness.exact import draw_exact
+from harness.stress import Contender, Log, StressRun
 from harness.stress_catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
-from harness.trial import Case, Stage, try_method, try_rasteriser
+from harness.trial import Case, Finding, Stage, try_method, try_rasteriser
 from harness.watchdog import time_limit
 from reports.stress import magnitude, matrix
 from scenes.model import SceneError
@@ -136,6 +140,35 @@ def test_a_run_reports_and_resumes(tmp_path):
     assert [row | {"seconds": 0} for row in again] == [row | {"seconds": 0} for row in first]
     refused = run(*arguments, "--test", "fan")
     assert refused.exit_code == 2
+
+
+def test_crashes_are_trials_that_failed(tmp_path):
+    """Also where the first magnitude, which the others are compared with, has no picture."""
+    bad = Path(__file__).parent / "bad_packers.py"
+    command = ["stress", "--method", f"{bad}:AbortingAtOnce", "--test", "world-offset", "--quick"]
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", *command, "--out", str(tmp_path / "out")],
+        cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=300, check=False,
+    )  # fmt: skip
+    assert done.returncode == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    rows = list(csv.DictReader((tmp_path / "out" / "stress.csv").read_text(encoding="utf-8").splitlines()))
+    found = {(row["method"], row["status"]) for row in rows}
+    assert found == {("raster", "ok"), ("aborting-at-once", "failed")}
+    assert all("SIGABRT" in row["reason"] for row in rows if row["status"] == "failed")
+
+
+def test_without_a_first_picture_nothing_has_drifted(tmp_path):
+    row = Contender("m", "", "m", None)
+    log = Log.open(tmp_path / "out", {"device": "A"})
+    stress = StressRun(None, [], [row], log, True, 1.0)
+    stress._keep(row, CATALOGUE["world-offset"], 0, Finding("failed", "crashed"))
+    stress._keep(row, CATALOGUE["world-offset"], 1, Finding("ok", error=0.5))
+    assert [known["status"] for known in log.rows] == ["failed", "ok"]
+    with pytest.raises(InputError, match="other device"):
+        Log.open(tmp_path / "out", {"device": "B"})
+    assert Log.open(tmp_path / "new", {"device": "A"}).rows == []
+    assert Log.open(tmp_path / "new", {"device": "B"}).rows == []  # nothing was done on the first
 
 
 @pytest.mark.parametrize("arguments", [["--test", "fann"], ["--method", "nobody"]])

@@ -71,6 +71,27 @@ def test_a_hang_that_no_thread_can_interrupt_is_ended_from_outside(tmp_path: Pat
     )
 
 
+def test_a_crash_beside_a_compiling_method_is_not_its_compilers(tmp_path: Path):
+    folder, cache = tmp_path / "run", {"XDG_CACHE_HOME": str(tmp_path), "POCL_CACHE_DIR": str(tmp_path / "kernels")}
+    done = bench(*SMALL, "--method", f"{BAD}:AbortingLater", "--method", "sas", "--out", str(folder), **cache)
+    assert done.returncode == 1, done.stderr
+    rows = rows_of(folder)
+    assert [status for status, _ in rows["sas"]] == ["ok"] * 3
+    assert [status for status, _ in rows["aborting-later"]] == ["failed"] * 3
+    assert "passed over" not in done.stderr
+
+
+@pytest.mark.skipif(os.name == "nt", reason="needs a C library's sleep")
+def test_who_waits_for_a_hanging_method_is_not_blamed_for_it(tmp_path: Path):
+    folder = tmp_path / "run"
+    methods = ["--method", f"{BAD}:HoldingTheDevice", "--method", "sas"]
+    done = bench(*SMALL, *methods, "--timeout", "1", "--out", str(folder))
+    assert done.returncode == 1, done.stderr
+    rows = rows_of(folder)
+    assert [status for status, _ in rows["sas"]] == ["ok"] * 3
+    assert [status for status, _ in rows["holding-the-device"]] == ["timeout"] * 3
+
+
 def test_a_check_that_hangs_in_a_kernel_ends_with_a_sentence(tmp_path: Path):
     done = bench("check", f"{BAD}:Spinning", "--timeout", "1")
     assert done.returncode == 1
@@ -155,19 +176,23 @@ def test_whose_fault_a_death_is(quiet, tmp_path, monkeypatch, code, compiled, en
     watched.again = ["--out", "there"]
     state = journal_state(tmp_path, building={"what": "raster/tiles.draw", "kernel": "draw"}, ended=ended)
     assert [watched._judge(code, [], state) for _ in codes] == codes
-    assert bool(list(tmp_path.rglob("died-d-k.json"))) == died
+    assert bool(list(tmp_path.rglob("died-d-k"))) == died
     (ended,) = watched.ended[:1]
     assert ended == ({"device": "d"} if died else ENDED) | {"status": "failed", "reason": ended["reason"]}
 
 
-def test_two_suspects_of_a_crash_are_tried_one_after_the_other(quiet, tmp_path):
+@pytest.mark.parametrize("building", [None, {"what": "raster/tiles.draw", "kernel": "draw"}])
+@pytest.mark.parametrize("code", [SEGV, 1, -9])
+def test_suspects_side_by_side_are_tried_one_after_the_other(quiet, tmp_path, building, code):
     watched = Supervisor(["run"])
     watched.again = ["--out", "there"]
-    state = journal_state(tmp_path, ended=ENDED)
+    state = journal_state(tmp_path, building=building, ended=ENDED)
+    overdue = [*state["steps"].values()] if code == -9 else []
     state["steps"]["other"] = {"what": "frame 1: n", "deadline": None, "ended": ENDED | {"method": "n"}}
-    assert watched._judge(SEGV, [], state) is None
+    assert watched._judge(code, overdue, state) is None
     assert watched.serial
     assert watched.ended == []
+    assert not watched.deaths
 
 
 def test_a_kill_from_outside_blames_nobody(quiet, tmp_path, capsys):

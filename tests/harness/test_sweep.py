@@ -5,6 +5,8 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
+import sqlite3
 import subprocess
 import sys
 import time
@@ -117,17 +119,31 @@ def test_workers_measure_the_same_quality_and_no_time(whole: Path, tmp_path: Pat
 
 def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path):
     folder = tmp_path / "out"
-    names = ("Failing", "Spinning", "Pointless")
+    names = ("Failing", "Spinning", "Pointless", "AbortingAtOnce")
     methods = [argument for name in names for argument in ("--method", f"{BAD}:{name}")]
     small = ["--size", "160x90", "--frames", "2", "--atlas", "128x128", "--vary", "fit=0.5", "--codec", "none"]
     done = bench("sweep", *methods, "--method", "sas", *small, "--workers", "2", "--timeout", "3", "--out", str(folder))
     assert done.returncode == 1, done.stderr
     rows = {row["method"]: row for row in rows_of(folder)}
     statuses = {name: row["status"] for name, row in rows.items()}
-    assert statuses == {"failing": "failed", "spinning": "timeout", "pointless": "skipped", "sas": "ok"}
+    broken = {"failing": "failed", "spinning": "timeout", "aborting-at-once": "failed"}
+    assert statuses == broken | {"pointless": "skipped", "sas": "ok"}
     assert all(row["flip_median"] == row["server_ms_median"] == "" for row in rows.values() if row["status"] != "ok")
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "one too many" in page
+
+
+def test_another_device_does_not_go_on_with_a_sweep(whole: Path, tmp_path: Path):
+    folder = tmp_path / "out"
+    shutil.copytree(whole, folder)
+    with sqlite3.connect(folder / "results.sqlite") as connection:
+        (plan,) = connection.execute("SELECT content FROM plan").fetchone()
+        other = json.dumps(json.loads(plan) | {"device": "another"}, sort_keys=True)
+        connection.execute("UPDATE plan SET content = ?", (other,))
+    connection.close()
+    done = bench("sweep", *GRID, *QUICK, "--out", str(folder))
+    assert done.returncode == 2
+    assert 'device was "another"' in done.stderr
 
 
 def test_a_dry_run_prints_the_grid_and_runs_nothing(tmp_path: Path):

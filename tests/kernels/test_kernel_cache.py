@@ -84,6 +84,13 @@ def test_a_cache_that_cannot_be_read_is_no_error(tmp_path: Path):
     assert not (tmp_path / "nowhere").exists()
 
 
+def test_only_a_kernel_compiled_since_then_counts(folder: Path):
+    written = (folder / FILES[1]).stat().st_mtime
+    assert kernel_cache.holds(folder, "draw", written)
+    assert not kernel_cache.holds(folder, "draw", written + 1)
+    assert not kernel_cache.holds(folder, "other", written)
+
+
 def test_discarding_leaves_nothing(folder: Path):
     discard(folder)
     assert list(folder.iterdir()) == []

@@ -1,0 +1,54 @@
+"""Time limits: raised inside their block and nowhere else, in whatever thread."""
+
+import json
+import threading
+
+import pytest
+
+from harness.watchdog import ENDED, PackTimeoutError, _Alarm, ended_steps, time_limit
+
+
+def busy(rounds: int = 10**9) -> None:
+    for _ in range(rounds):
+        pass
+
+
+def test_a_loop_is_ended_in_any_thread():
+    ended = []
+
+    def loop() -> None:
+        try:
+            with time_limit(0.05, "looping"):
+                busy()
+        except PackTimeoutError:
+            ended.append(threading.get_ident())
+
+    threads = [threading.Thread(target=loop) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join(60)
+    assert len(set(ended)) == 3
+
+
+def test_an_alarm_that_is_off_raises_nothing():
+    alarm = _Alarm(threading.get_ident())
+    alarm.switch_on()
+    alarm.switch_off()
+    alarm.ring()
+    busy(1000)
+    assert alarm._rang
+
+
+def test_one_that_rang_before_its_block_raises_in_it():
+    with pytest.raises(PackTimeoutError), time_limit(0.0, "nothing"):
+        busy()
+
+
+def test_steps_that_ended_are_found_by_their_facts(tmp_path, monkeypatch):
+    assert ended_steps() == []
+    many = [{"folder": "x" * 200, "method": "m", "step": k, "status": "failed", "reason": "r"} for k in range(1000)]
+    (tmp_path / "ended").write_text(json.dumps(many), encoding="utf-8")
+    monkeypatch.setenv(ENDED, str(tmp_path / "ended"))
+    assert ended_steps(method="m", step=999) == [many[-1]]
+    assert ended_steps(method="n") == []
