@@ -28,7 +28,7 @@ from harness.console import InputError, make_console, show_summary, tell_passed_
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
-from harness.lane import Drawn, Lane, Measured, Packed, stopped_rows
+from harness.lane import Drawn, Filled, Lane, Measured, Packed, stopped_rows
 from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
@@ -128,6 +128,8 @@ class Run:
             "cell_radius": s.cell_radius,
             "cell_fov": s.cell_fov,
             "latency": s.latency,
+            "reference_eye": s.reference_eye,
+            "bandwidth": s.bandwidth,
             "device": self.session.device.name,
             "seed": s.seed,
         }
@@ -233,7 +235,8 @@ class Run:
             progress.advance(task, len(some))
 
     def _novel_view(self, work: Work) -> NovelView:
-        novel = draw_novel_view(self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
+        known = (self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
+        novel = draw_novel_view(*known, self.settings.reference_eye)
         if work.frame.index in self.pictured:
             self._write_picture("reference", work.frame.index, "", novel.rgb[..., :3])
         return novel
@@ -242,22 +245,24 @@ class Run:
         """One frame of some lanes. What the device's time is taken of runs alone; the rest runs beside each other."""
         index = work.frame.index
         packed: dict[Lane, Packed] = {}
+        filled: dict[Lane, Filled] = {}
         drawn: dict[Lane, Drawn] = {}
         pictured = index in self.pictured
         for lane in lanes:
             doing = f"frame {index}"
             with self._guarded(lane, doing), self._limited(lane, doing, packs=1 + len(lane.repeated)):
                 packed[lane] = lane.pack(work.frame)
-        sent = self._beside("sending", packed, index, lambda lane: lane.advance(packed[lane].payload))
+                filled[lane] = lane.fill(packed[lane].payload)
+        sent = self._beside("sending", filled, index, lambda lane: lane.advance(packed[lane].payload, filled[lane]))
         for lane in sent:
             doing = f"drawing frame {index}"
             with self._guarded(lane, doing), self._limited(lane, doing, PREPARE):
-                drawn[lane] = lane.draw(novel, self.metrics, pictured)
+                drawn[lane] = lane.draw(sent[lane], novel, self.metrics, pictured)
         measured = self._beside(
             "measuring",
             drawn,
             index,
-            lambda lane: lane.measure(work, novel, packed[lane], sent[lane], drawn[lane], pictured),
+            lambda lane: lane.measure(work, novel, packed[lane], filled[lane], sent[lane], drawn[lane], pictured),
         )
         # Pictures first: a frame that is committed is never worked on again.
         self._write_pictures(measured, work, novel)
