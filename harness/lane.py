@@ -314,7 +314,8 @@ class Lane:
         located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
         gaps = validity.Gaps() if self.packer.leaves_unwritten else None
-        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
+        details = self.packer.details(payload) if payload.lists or self.settings.dump else {}
+        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps, lists=details)
         status, reason = _verdict(frame, payload, found)
         common = {
             "status": status,
@@ -349,7 +350,7 @@ class Lane:
             plane,
             sent.planes.get(ALPHA),
             owners,
-            payload.details,
+            details if self.settings.dump else {},
         )
 
     def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
