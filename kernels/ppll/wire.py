@@ -22,7 +22,9 @@ def write_lists(device: Device, nodes: Sequence[Lists], layout: str, stage: str)
     paper: uint32 per pixel, 1 + its first fragment, 0 where it has none; then the fragments, each its words and `next`,
     1 + the next fragment of its pixel, 0 for its last. shuffled: whether a pixel has any fragment, each word of the
     fragments, and whether one is followed by another of its pixel; of each first all lowest bytes, then all second ones
-    and so on. Both take as many bytes. Fragments are counted from each node's first. Raises ValueError for other layouts.
+    and so on. Both take as many bytes. Fragments are counted from each node's first.
+
+    Raises ValueError for other layouts.
     """
     if layout not in LAYOUTS:
         raise ValueError(f"There is no layout {layout!r} of lists: give one of {', '.join(LAYOUTS)}.")

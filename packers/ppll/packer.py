@@ -33,7 +33,7 @@ class PerPixelLinkedLists(Packer):
     atlas = False
     parameters = {  # noqa: RUF012
         "mode": Parameter(
-            "full",
+            "depth-limited",
             MODES,
             "which fragments are sent: all, the nearest, the lists of pixels that changed, or those that moving the "
             "last frame's does not give",
@@ -156,9 +156,11 @@ class PerPixelLinkedLists(Packer):
         )
 
     def details(self, payload: Payload) -> dict[str, np.ndarray]:
-        """Of the lists sent: `header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words); with several
-        nodes both are of node 0, and further ones have its number behind their name. `list_view` and `list_projection`
-        float64 (4, 4) are the lists' camera."""
+        """What was sent: `header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words), of node 0.
+
+        Those of further nodes have its number behind their name. `list_view` and `list_projection` float64 (4, 4) are
+        the lists' camera.
+        """
         message = decode(payload.blobs["head"], payload.lists["lists"])
         arrays = {"list_view": message.view, "list_projection": message.projection}
         for node, (offsets, rows) in enumerate(message.nodes):
