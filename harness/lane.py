@@ -394,7 +394,8 @@ class Lane:
         located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
         gaps = validity.Gaps() if self.packer.leaves_unwritten else None
-        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
+        details = self.packer.details(payload) if payload.lists or self.settings.dump else {}
+        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps, lists=details)
         status, reason = _verdict(frame, payload, found)
         packing = Clocked.of(packed.wall_ms, sum(packed.stages.values()))
         common = {
@@ -429,7 +430,7 @@ class Lane:
             next(iter(filled.planes.values()), None),
             filled.planes.get(ALPHA),
             owners,
-            payload.details,
+            details if self.settings.dump else {},
         )
 
     def _row(self, key: Key, packed: Packed, filled: Filled, sent: Sent, drawn: Drawn) -> dict[str, Any]:

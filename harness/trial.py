@@ -257,7 +257,8 @@ def _check_frame(stage: Stage, index: int, packer: Packer, payload: Payload, cli
     triangle, bary = stage.seen(index)
     places = client.locate(triangle, bary)
     visible = None if places is None else (triangle, bary, places)
-    found = validity.check(frame, payload, owners, client, visible, gaps=gaps)
+    lists = packer.details(payload) if payload.lists else {}
+    found = validity.check(frame, payload, owners, client, visible, gaps=gaps, lists=lists)
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
         raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))

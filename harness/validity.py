@@ -41,7 +41,7 @@ turns by frame index, so that every one is examined within a few frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -119,6 +119,7 @@ def check(
     *,
     budget: int | None = BUDGET,
     gaps: Gaps | None = None,
+    lists: Mapping[str, np.ndarray] | None = None,
 ) -> list[Violation]:
     """Check every rule on one frame; an empty list if all hold.
 
@@ -128,9 +129,10 @@ def check(
         `locate` says of them; those of triangles without a place are passed over (they count as missing elsewhere).
     budget: None examines every triangle and every sample.
     gaps: given for a packer that declares to leave texels unwritten, whose share is counted here.
+    lists: of a method without an atlas, what `Packer.details` decodes from the payload's lists.
     """
     if owners is None or not payload.planes:
-        return [*_check_unplaced(frame, payload, None), *_check_lists(payload.details)]
+        return [*_check_unplaced(frame, payload, None), *_check_lists(lists or {})]
     planes = {name: plane.get() for name, plane in payload.planes.items()}
     height, width = next(iter(planes.values())).shape[:2]
     found = _check_ids(frame, owners)
@@ -185,7 +187,7 @@ def _check_unplaced(frame: Frame, payload: Payload, placed: np.ndarray | None) -
     ]
 
 
-def _check_lists(details: dict[str, np.ndarray]) -> Iterator[Violation]:
+def _check_lists(details: Mapping[str, np.ndarray]) -> Iterator[Violation]:
     """Of the rules `once` and `sorted`, on every `header` (h, w, 2) and its `fragments` (n, words)."""
     for name in details:
         if not name.startswith("header"):

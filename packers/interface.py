@@ -170,7 +170,6 @@ class Payload:
     sample_count: shading samples computed this frame.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
     statistics: what the method reports beyond the common columns, name to number.
-    details: arrays that `--dump` writes beside the pictures.
     """
 
     planes: dict[str, Array]
@@ -182,7 +181,6 @@ class Payload:
     statistics: dict[str, float] = field(default_factory=dict)
     lists: dict[str, bytes] = field(default_factory=dict)
     raw_bytes: int = 0
-    details: dict[str, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -297,6 +295,10 @@ class Packer(ABC):
 
     def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
         """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""
+        return {}
+
+    def details(self, payload: Payload) -> dict[str, np.ndarray]:
+        """Arrays that `--dump` writes beside the pictures, on request only, under their names."""
         return {}
 
     @abstractmethod
