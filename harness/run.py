@@ -122,6 +122,7 @@ class Run:
             "scene_hash": scene.content_hash,
             "path": path.name,
             "path_hash": self.session.path_hash,
+            "frame_rate": self.session.frame_rate,
             "width": s.width,
             "height": s.height,
             "fov": s.fov,
