@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from statistics import fmean, median
+from statistics import median
 from typing import Any
 
 from reports.columns import BY_NAME, MEASURED_STATUSES, Column
@@ -22,7 +22,7 @@ OTHER_HUE = 340
 
 PER_FRAME = (
     "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms",
-    "samples", "bytes_video", "fill", "coherence",
+    "samples", "bytes_total", "bytes_video", "bytes_metadata", "bytes_geometry", "fill", "coherence",
 )  # fmt: skip
 
 
@@ -172,35 +172,30 @@ def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], li
     return judged or dict(list(by_coding.items())[:1])
 
 
-def bytes_per_rate(rows: list[Row], labels: Labels) -> Figure | None:
-    """Bytes of encoded planes per frame over the rate, median and mean, two lines per method."""
-    coded: dict[tuple[str, int, Key], list[int]] = defaultdict(list)
-    for row in rows:
-        if row["status"] in MEASURED_STATUSES and row["bytes_video"] and row["codec"] != "none":
-            coded[row["codec"], -1 if row["crf"] is None else row["crf"], _key(row)].append(row["bytes_video"])
+def bytes_per_rate(summaries: list[Row], labels: Labels) -> Figure | None:
+    """Bytes sent per frame after the keyframe over the rate, mean and largest, two lines per method."""
+    coded = [row for row in summaries if row["codec"] not in (None, "none") and row["bytes_total_mean"] is not None]
     traces = []
     for index, (key, label) in enumerate(labels.items()):
-        own = {_rate_label(*rate): found for (*rate, owner), found in sorted(coded.items()) if owner == key}
-        for nth, (name, middle) in enumerate((("median", median), ("mean", fmean)), start=1):
+        own = [row for row in coded if _key(row) == key]
+        for nth, (name, statistic) in enumerate((("mean", "mean"), ("largest", "max")), start=1):
             traces.append(
                 {
                     "type": "scatter", "mode": "lines+markers", "name": f"{label}, {name}",
-                    "x": list(own), "y": [middle(found) / 1000 for found in own.values()],
+                    "x": [coding_label(row["codec"], row["crf"]) for row in own],
+                    "y": [row[f"bytes_total_{statistic}"] / 1000 for row in own],
                     "line": {"color": _colour(index), "width": 2, "dash": _dash(index, nth)},
                     "opacity": 1.0 if nth == 1 else 0.55, "marker": {"size": 8}, "hovertemplate": "%{y:,.4~g} kB",
                 }
             )  # fmt: skip
-    order = list(dict.fromkeys(_rate_label(codec, crf) for codec, crf, _ in sorted(coded)))
-    figure = _figure([trace for trace in traces if trace["x"]], "", "video per frame (kB) ↓")
+    rates = sorted({(row["codec"], -1 if row["crf"] is None else row["crf"]) for row in coded})
+    order = [coding_label(codec, None if crf < 0 else crf) for codec, crf in rates]
+    figure = _figure([trace for trace in traces if trace["x"]], "", "sent per frame (kB) ↓")
     if figure:
         ticks = [digit * 10**power for power in range(-3, 7) for digit in (1, 2, 5)]
         figure["layout"]["xaxis"] |= {"type": "category", "categoryorder": "array", "categoryarray": order}
         figure["layout"]["yaxis"] |= {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
     return figure
-
-
-def _rate_label(codec: str, crf: int) -> str:
-    return coding_label(codec, None if crf < 0 else crf)
 
 
 def _key(row: Row) -> Key:

@@ -16,7 +16,7 @@ from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
 from reports.tables import NONE, folded_lists, headline_tables, number, ranges, table
 
-NOTES = ("environment", "device", "warning", "skipped", "skip", "saved", "scene", "prepare_ms")
+NOTES = ("environment", "device", "warning", "rare", "skipped", "skip", "saved", "scene", "prepare_ms")
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
 
 Row = dict[str, Any]
@@ -37,7 +37,7 @@ def write_report(folder: Path) -> Path:
     embedded = embed(pictures, chosen_frames(pictures, rows), labels)
     summaries = summarise(rows)
     sections = [
-        _warnings(notes["warning"], rows),
+        _warnings(notes, rows),
         _results(rows, summaries, statistics, labels),
         _viewer(embedded),
         _charts(rows, summaries, stages, labels),
@@ -91,7 +91,7 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         return "<h1>No frame is finished yet</h1>"
     row = rows[0]
     facts = {
-        "Frames": str(len({row["frame"] for row in rows})),
+        "Frames": _frames(rows),
         "Client": _joined(row, "{width} x {height} px, {fov:g}°"),
         "View cell": _joined(row, "{cell_radius:g} m, {cell_fov:g}°"),
         "Latency": _joined(row, "{latency:g} ms"),
@@ -106,6 +106,12 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Date": notes["environment"].get("date", ""),
     }
     return f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>{facts_list(facts)}"
+
+
+def _frames(rows: list[Row]) -> str:
+    """How many frames there are, and their pace where it is known."""
+    count, pace = len({row["frame"] for row in rows}), rows[0]["frame_rate"]
+    return str(count) if pace is None else f"{count}, at {pace:g} per second"
 
 
 def facts_list(facts: dict[str, str]) -> str:
@@ -132,9 +138,9 @@ def caption(text: str) -> str:
     return f'<p class="caption">{escape(text)}</p>'
 
 
-def _warnings(warnings: dict[str, str], rows: list[Row]) -> str:
+def _warnings(notes: dict[str, dict[str, str]], rows: list[Row]) -> str:
     """A banner for what a reader must know before believing a number."""
-    texts = list(warnings.values())
+    texts = list(dict.fromkeys([*notes["warning"].values(), *notes["rare"].values()]))
     bad = {(row["method"], row["variant"], row["frame"]) for row in rows if row["status"] not in ("ok", "skipped")}
     if bad:
         texts.append(f"{len(bad)} of the frames are not ok: see Failures. Of these, only overflows enter medians.")
@@ -212,8 +218,7 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
             "rates",
             "Bytes per CRF",
             caption(
-                "Size of the encoded planes of a frame at each rate, on a logarithmic axis: lower is better. "
-                "The mean holds the keyframe at the start, the median hardly does."
+                "Everything sent for a frame at each rate, without the keyframe, on a logarithmic axis: lower is better."
             ),
             '<div class="chart" data-figure="rates"></div>',
         ),
@@ -226,7 +231,7 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: c
         "error": charts.error_over_time(summaries, labels),
         "stages": charts.stage_times(stages, labels),
         "frames": charts.per_frame(rows, labels),
-        "rates": charts.bytes_per_rate(rows, labels),
+        "rates": charts.bytes_per_rate(summaries, labels),
     }
 
 
