@@ -90,31 +90,42 @@ def _interval(row: Row, name: str, index: int) -> dict[str, Any]:
 
 
 def stage_times(stages: list[Row], labels: Labels) -> Figure | None:
-    """Median device time of each stage, stacked per method; the potentially visible set is hidden at first."""
+    """Median device time of each stage, stacked per method."""
     times: dict[str, dict[Key, list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in stages:
         if row["ms"] is not None:
             times[row["stage"]][_key(row)].append(row["ms"])
     order = {group: place for place, group in enumerate(GROUP_HUES)}
     names = sorted(times, key=lambda name: order.get(_group(name), len(order)))
+    bars = {
+        name: (_stage_colour(name, names), [median(times[name][key]) if key in times[name] else None for key in labels])
+        for name in names
+    }
+    return stacked_bars(bars, list(labels.values()), "device time per frame (ms) ↓")
+
+
+def stacked_bars(
+    bars: dict[str, tuple[str, list[float | None]]], labels: list[str], title: str, spare: int = 8
+) -> Figure | None:
+    """Bars from left to right, one line per label: colour and values of each part, by its name.
+
+    spare: pixels that the legend takes per part.
+    """
     traces = [
         {
-            "type": "bar", "orientation": "h", "name": name,
-            "y": list(labels.values()),
-            "x": [median(times[name][key]) if key in times[name] else None for key in labels],
-            "marker": {"color": _stage_colour(name, names)},
-            "hovertemplate": "%{x:.3~g} ms",
+            "type": "bar", "orientation": "h", "name": name, "y": labels, "x": values,
+            "marker": {"color": colour}, "hovertemplate": "%{x:.3~g} ms",
         }
-        for name in names
+        for name, (colour, values) in bars.items()
     ]  # fmt: skip
-    figure = _figure(traces, "device time per frame (ms) ↓", "")
+    figure = _figure(traces, title, "")
     if figure:
         layout = figure["layout"]
         layout |= {
             "barmode": "stack",
             "hovermode": "closest",
             "bargap": 0.35,
-            "height": 150 + 44 * len(labels) + 8 * len(names),
+            "height": 150 + 44 * len(labels) + spare * len(traces),
         }
         layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "ticksuffix": "  "}
         layout["legend"] |= {"traceorder": "normal"}

@@ -11,6 +11,7 @@ from statistics import median
 from typing import Any
 
 from reports import charts
+from reports.budget import Budget, budget_figure, budget_table, budgets, visible_set
 from reports.csv_files import replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
@@ -36,9 +37,11 @@ def write_report(folder: Path) -> Path:
     labels = charts.method_labels(list({(row["method"], row["variant"]) for row in rows}))
     embedded = embed(pictures, chosen_frames(pictures, rows), labels)
     summaries = summarise(rows)
+    spent = budgets(rows, labels)
     sections = [
         _warnings(notes, rows),
         _results(rows, summaries, statistics, labels),
+        _budget(spent, rows),
         _viewer(embedded),
         _charts(rows, summaries, stages, labels),
         _statistics(statistics, labels),
@@ -46,7 +49,7 @@ def write_report(folder: Path) -> Path:
         _skipped(notes, rows, labels),
         _details(notes, plan, labels),
     ]
-    figures = _figures(rows, summaries, stages, labels)
+    figures = _figures(rows, summaries, stages, labels) | {"budget": budget_figure(spent)}
     page = fill_page(_title(rows), _header(rows, notes), sections, figures, embedded)
     replace_file(folder / "report.html", page)
     return folder / "report.html"
@@ -178,6 +181,23 @@ def _speed(statistics: list[Row], labels: charts.Labels) -> str:
     ) + table(head, lines, texts=1)
 
 
+def _budget(spent: list[Budget], rows: list[Row]) -> str:
+    """Where the time of a frame goes, part by part."""
+    if not spent:
+        return ""
+    return section(
+        "budget",
+        "A frame's time, part by part",
+        caption(
+            "From the start of packing to the client's picture, as displayed: means over the frames after the "
+            f"keyframe, shorter is better. {visible_set(rows)} Host parts are what the clock shows beyond the device's "
+            "events. In the table, the parts' sum is compared with a clock around all of it."
+        ),
+        '<div class="chart" data-figure="budget"></div>',
+        budget_table(spent),
+    )
+
+
 def _viewer(embedded: dict) -> str:
     if not embedded["frames"]:
         return ""
@@ -218,7 +238,8 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
             "rates",
             "Bytes per CRF",
             caption(
-                "Everything sent for a frame at each rate, without the keyframe, on a logarithmic axis: lower is better."
+                "Everything sent for a frame at each rate, without the keyframe, on a logarithmic axis: "
+                "lower is better."
             ),
             '<div class="chart" data-figure="rates"></div>',
         ),

@@ -158,7 +158,7 @@ def _cell(line: Line, column: Shown, rivals: list[Line]) -> str:
     if column.statistic == "median" and found["median"] != found["max"]:
         if "low" in found and found["low"] != found["high"]:
             below.append(f"{found['low']}{NONE}{found['high']}")
-        below.append(f"mean {found['mean']}, max {found['max']}")
+        below += [f"mean {found['mean']}", f"max {found['max']}"]
     elif column.statistic == "mean" and found["median"] != found["mean"]:
         below.append(f"median {found['median']}")
     judged = column.statistic in ("median", "mean") and rivals
