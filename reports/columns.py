@@ -137,8 +137,8 @@ BY_NAME = {column.name: column for column in FRAME_COLUMNS}
 # The frame that begins every stream: its client has nothing yet, so that all is sent, and its planes are keyframes.
 KEYFRAME = 0
 SENT = tuple(column.name for column in MEASURES if column.unit == "bytes")
-# Their statistics are over the frames after the keyframe, which has a column of its own.
-KEYFRAME_APART = (*SENT, "compression_ratio")
+# Sizes and what follows from them: statistics are over the frames after the keyframe, which has a column of its own.
+KEYFRAME_APART = (*SENT, "compression_ratio", "network_ms")
 
 _PLACE = tuple(BY_NAME[name] for name in ("scene", "path_hash", "method", "variant", "frame"))
 
@@ -398,7 +398,7 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "overflow leaves out shows as errors and holes in the picture, so its numbers are fair. The keyframe is "
             "the first frame of the path: the client has nothing yet, so all geometry and metadata are sent, and every "
             "plane as a picture of its own. It is in the statistics of times, counts and qualities, but not in those "
-            "of sizes: there it has the column `_key`, and only `_total` counts it. One frame alone has no others, so "
+            "of sizes and of what follows from them (the compression ratio, the network's time): there it has the column `_key`, and only `_total` counts it. One frame alone has no others, so "
             "these cells are empty. The interval is the distribution-free one for a median: the closest pair of order "
             "statistics, equally far from both ends, that covers the median with a probability of at least 95 %. Fewer "
             "than 6 values have no such pair, so the cells are empty. It takes frames as independent, which "
