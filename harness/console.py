@@ -256,13 +256,21 @@ def show_comparison(first: Path, second: Path) -> None:
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
     for (method, variant, codec, crf), group in groups.items():
         coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
-        table = make_table(f"{method}, {coding}, {group[0].frames} frames", "metric", "A", "B", "B is", "p")
+        table = make_table(
+            f"{method}, {coding}, {group[0].frames} frames", "metric", "mean A", "mean B", "median A", "median B",
+            "B is", "p",
+        )  # fmt: skip
+        for column in table.columns[1:5]:
+            column.justify = "right"
         if variant:
             console.print(f"[dim]{variant}[/]")
         for row in group:
-            p = "" if row.p is None else f"{row.p:.2g}"
+            p = "" if row.p is None else f"{row.p:.1g}"
             verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"
-            table.add_row(row.metric, _number(row.a), _number(row.b), verdict, p)
+            means, middles = (row.mean_a, row.mean_b), (row.a, row.b)
+            if row.mean_a is None:  # one value for the run, neither mean nor median of anything
+                means, middles = middles, (None, None)
+            table.add_row(row.metric, *map(_number, (*means, *middles)), verdict, p)
         console.print(table)
         console.print()
 
@@ -281,4 +289,6 @@ def show_examination() -> bool:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
+    if value is None:
+        return ""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"

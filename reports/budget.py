@@ -81,13 +81,13 @@ def budget_figure(found: list[Budget]) -> Figure | None:
 
 
 def budget_table(found: list[Budget]) -> str:
-    """The parts in milliseconds, their sum, the clock around them, and how much of that the parts explain."""
-    head = ["method", "coding", *(name for name, _, _ in SEGMENTS), "sum (ms)", "clocked (ms)", "sum / clocked"]
+    """Milliseconds: the frame by a clock around it, the sum of its parts and their share of that, and the parts."""
+    head = ["method", "coding", "clocked", "sum", "explained", *(name for name, _, _ in SEGMENTS)]
     lines = []
     for budget in found:
-        parts = [_text(part) for part in budget.parts.values()]
         share = f"{100 * budget.total / budget.whole:.1f} %" if budget.whole else NONE
-        lines.append([budget.label, budget.coding, *parts, _text(budget.total), _text(budget.whole), share])
+        parts = [_text(part) for part in budget.parts.values()]
+        lines.append([budget.label, budget.coding, _text(budget.whole), _text(budget.total), share, *parts])
     return table(head, lines, texts=2)
 
 
@@ -101,4 +101,4 @@ def visible_set(rows: list[Row]) -> str:
 
 
 def _text(value: float | None) -> str:
-    return NONE if value is None else number(value)
+    return NONE if value is None else f"{value:.2f}"

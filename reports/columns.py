@@ -201,7 +201,7 @@ SWEEP_SETTINGS = (
 _SETTINGS_OF_SWEEPS = BY_NAME | {
     "pvs_density": Column("pvs_density", "", "density of the PVS views over the client's", "setting", float)
 }
-_MEASURES_OF_SWEEPS = BY_NAME | {
+MEASURES_OF_SWEEPS = BY_NAME | {
     "atlas_mb": Column(
         "atlas_mb",
         "MB",
@@ -230,7 +230,7 @@ SWEEP_COLUMNS: tuple[Column, ...] = (
         column
         for name in SWEEP_MEASURES
         for column in statistic_columns(
-            _MEASURES_OF_SWEEPS[name], "the passes through the frames" if name == "server_ms" else ""
+            MEASURES_OF_SWEEPS[name], "the passes through the frames" if name == "server_ms" else ""
         )
     ),
     Column("repetitions", "", "passes through the frames that were timed", "count", int),
@@ -398,11 +398,12 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "overflow leaves out shows as errors and holes in the picture, so its numbers are fair. The keyframe is "
             "the first frame of the path: the client has nothing yet, so all geometry and metadata are sent, and every "
             "plane as a picture of its own. It is in the statistics of times, counts and qualities, but not in those "
-            "of sizes and of what follows from them (the compression ratio, the network's time): there it has the column `_key`, and only `_total` counts it. One frame alone has no others, so "
-            "these cells are empty. The interval is the distribution-free one for a median: the closest pair of order "
-            "statistics, equally far from both ends, that covers the median with a probability of at least 95 %. Fewer "
-            "than 6 values have no such pair, so the cells are empty. It takes frames as independent, which "
-            "neighbouring frames of a path are not: read it as the spread along this path.",
+            "of sizes and of what follows from them (the compression ratio, the network's time): there it has the "
+            "column `_key`, and only `_total` counts it. One frame alone has no others, so these cells are empty. The "
+            "interval is the distribution-free one for a median: the closest pair of order statistics, equally far "
+            "from both ends, that covers the median with a probability of at least 95 %. Fewer than 6 values have no "
+            "such pair, so the cells are empty. It takes frames as independent, which neighbouring frames of a path "
+            "are not: read it as the spread along this path.",
             summary_columns(),
         ),
         ("stages.csv", "One row per frame and stage of a method's kernels.", STAGE_COLUMNS),

@@ -191,9 +191,12 @@ def _budget(spent: list[Budget], rows: list[Row]) -> str:
         caption(
             "From the start of packing to the client's picture, as displayed: means over the frames after the "
             f"keyframe, shorter is better. {visible_set(rows)} Host parts are what the clock shows beyond the device's "
-            "events. In the table, the parts' sum is compared with a clock around all of it."
+            "events."
         ),
         '<div class="chart" data-figure="budget"></div>',
+        caption(
+            "The same in ms: the frame by a clock around all of it, how much of that its parts explain, the parts."
+        ),
         budget_table(spent),
     )
 

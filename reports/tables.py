@@ -39,6 +39,8 @@ WORK = (
     Shown("client_ms", "client", "ms"),
     Shown("encode_ms", "encode", "ms"),
     Shown("decode_ms", "decode", "ms"),
+    Shown("fill", "atlas fill", "%", 100),
+    Shown("coherence", "coherence", "%", 100),
 )
 QUALITY = (
     Shown("flip", "FLIP"),
@@ -61,8 +63,6 @@ SIZE = (
     Shown("bytes_metadata", "metadata", "kB/frame", 1e-3, "mean"),
     Shown("bytes_geometry", "geometry", "kB/frame", 1e-3, "mean"),
     Shown("compression_ratio", "video / raw", "%", 100, "mean"),
-    Shown("fill", "atlas fill", "%", 100),
-    Shown("coherence", "coherence", "%", 100),
 )
 MARK = "Arrows point in the better direction; a method is marked where it beats every other, with 95 % confidence."
 
@@ -93,13 +93,13 @@ def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> li
     coded = [line for line in judged if line.coding[0] != "none" or len(shown[line.key]) == 1]
     frames = {key: _frames(rows, key) for key in labels}
     return [
-        ("Work and time per frame: medians of the measured frames, below them their 95 % interval, mean and largest "
-         f"value. {MARK}",
+        ("Work, time and use of the atlas per frame: medians of the measured frames, below them their 95 % interval, "
+         f"mean and largest value. {MARK}",
          _measures(firsts, WORK, labels, frames, coding=False)),
         ("Error of the client's picture against the reference, with and without video coding; numbers as above.",
          _measures(judged, QUALITY, labels, frames)),
         ("Everything sent per frame at the displayed rate, then its parts: means over the frames after the keyframe, "
-         "below them their medians. The keyframe, with which a client begins, stands apart. At last, use of the atlas.",
+         "below them their medians. The keyframe, with which a client begins, stands apart.",
          _measures(coded, SIZE, labels, frames)),
     ]  # fmt: skip
 
