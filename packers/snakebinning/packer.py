@@ -79,7 +79,7 @@ class SnakeBinning(Packer):
         """A rebuild measures and ranks the whole set, a new mapping empties all bins, a reset tries shading rates."""
         found = [RareCost("an atlas reset", "when the atlas is full", "resets")]
         if self.remap_interval > 0 and self.mapping != "off":
-            when = f"after {self.remap_interval} frames"
+            when = f"after {self.remap_interval} frames at the latest"
             found.append(RareCost("a new mapping of all bins", when, "remappings", self.remap_interval + 1))
         if self.freeze > 0:
             when = f"after {self.freeze_frames} frozen frames at the latest"
