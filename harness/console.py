@@ -163,7 +163,7 @@ def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]
         sizes += [_line(row, labels, SIZES) for row in coded]
     for title, columns, lines in (
         ("work and quality per frame: medians", WORK, work),
-        ("sent per frame, in kB: everything, then its parts; means without the keyframe", SIZES, sizes),
+        ("kB sent per frame: everything, then its parts; means without keyframe", SIZES, sizes),
     ):
         console.print(_fitting(title, ["method", "codec", *(column[1] for column in columns)], lines, console))
 

@@ -12,7 +12,6 @@ from scenes.paths import CameraPath
 def test_the_pace_is_that_of_the_frames_that_are_run() -> None:
     times = np.array([0.0, 10.0, 40.0, 1000.0])
     path = CameraPath("file", times, np.zeros((4, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1)))
-    paces = {
-        frames: Session(Settings(frames=frames), *[None] * 2, path, *[None] * 3).frame_rate for frames in (1, 2, 3)
-    }
+    sessions = {n: Session(Settings(frames=n), None, None, path, None, None, None) for n in (1, 2, 3)}
+    paces = {frames: session.frame_rate for frames, session in sessions.items()}
     assert paces == {1: None, 2: 100.0, 3: 50.0}
