@@ -101,4 +101,4 @@ def visible_set(rows: list[Row]) -> str:
 
 
 def _text(value: float | None) -> str:
-    return NONE if value is None else f"{value:.2f}"
+    return NONE if value is None else f"{value:.1f}"

@@ -30,7 +30,7 @@ from reports.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
 from reports.tables import NONE, folded_lists, number, table
 
 HEAD = (
-    "server ms", "samples", "kB/frame", "kbit/s", "largest kB", "keyframe kB", "MB of atlas", "FLIP",
+    "server ms", "samples", "kB/frame", "kbit/s", "largest kB", "keyframe kB", "MB", "FLIP",
 )  # fmt: skip
 LOG_FROM = 10.0  # largest over smallest cost, from which on the axis is logarithmic
 
@@ -260,7 +260,8 @@ def _plot(sweep: dict[str, Any], points: Sequence[Point]) -> str:
         "Error over run time" if sweep["timed"] else "Error over work",
         caption(
             f"Each point is a cell of the grid, each line a method's Pareto front: the best is at the lower left (for "
-            f"PSNR and IW-SSIM, at the upper left). {medians}Crosses left triangles out: they are on no front."
+            f"PSNR and IW-SSIM, at the upper left). {medians}Bytes are means over the frames after "
+            "the keyframe. Crosses left triangles out: they are on no front."
         ),
         f'<p class="choosers">{"".join(choosers)}</p>',
         '<div class="chart" data-figure="sweep"></div>',
@@ -286,7 +287,7 @@ def _fronts(points: Sequence[Point]) -> str:
         lines = [_line_of(p) for p in _sorted(own, name) if p.row[f"pareto_{name}"] in ("method", "all")]
         if lines:
             what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
-            head = ["method", "parameters", *HEAD, "on the front of all"]
+            head = ["method", "parameters", *HEAD, "front of all"]
             parts.append(caption(f"{what[0].upper()}{what[1:]}.") + table(head, lines, texts=2))
     if not parts:
         return ""
