@@ -33,6 +33,7 @@ from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
 from harness.plan import check_folder, make_plan, remember_pace
+from harness.rare import note_unseen
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
 from harness.skips import check_names, known_skips, skipped_stages
@@ -122,6 +123,7 @@ class Run:
             "scene_hash": scene.content_hash,
             "path": path.name,
             "path_hash": self.session.path_hash,
+            "frame_rate": self.session.frame_rate,
             "width": s.width,
             "height": s.height,
             "fov": s.fov,
@@ -148,6 +150,7 @@ class Run:
         self.session.device.remember_built()
         for index in range(self.frames):
             self._one_frame(index, done, finished, progress, task)
+        note_unseen(self.store, (lane.packer for lane in self.lanes))
         progress.remove_task(task)
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
 

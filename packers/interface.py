@@ -68,6 +68,21 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class RareCost:
+    """Work that a method does in a few frames only, so that a short run may hold none of it.
+
+    what: a noun with its article. when: what brings it about, as the end of a sentence that begins with "It comes".
+    counter: the statistic that counts how often it was done so far; it is not counted for the first frame.
+    frames: how many frames, from the first on, hold it for certain; None where only the work decides.
+    """
+
+    what: str
+    when: str
+    counter: str
+    frames: int | None = None
+
+
+@dataclass(frozen=True)
 class View:
     """A camera and its image size: view and projection float64 (4, 4), width and height in pixels.
 
@@ -279,6 +294,10 @@ class Packer(ABC):
         Asked after a frame of the same work as the one before it; then it may not be packed again.
         """
         return False
+
+    def rare_costs(self) -> tuple[RareCost, ...]:
+        """What these parameters make it do in a few frames only; a run that holds none of it says so."""
+        return ()
 
     @abstractmethod
     def pack(self, frame: Frame) -> Payload:
