@@ -20,6 +20,10 @@ from harness.metrics import Metrics
 from harness.novel_view import NovelView
 from harness.plugins import variant_string
 from harness.settings import Settings
+from harness.verification.frame import Verified, Verifier
+from harness.verification.isolation import check_isolation
+from harness.verification.pictures import check_picture
+from harness.verification.truth import Truth
 from kernels.fill.fill import Filler
 from kernels.metrics.stretch import stretch
 from packers.interface import ALPHA, Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
@@ -43,9 +47,9 @@ class Packed:
     repeats: list[dict[str, float]] = field(default_factory=list)
     skipped: frozenset[str] = frozenset()
 
-    def total(self, group: str) -> float:
-        """Device milliseconds of all stages of a group ("structs" or "gather")."""
-        return sum(ms for name, ms in self.stages.items() if name.startswith(group + "/"))
+    def total(self, group: str = "") -> float:
+        """Device milliseconds of all stages of a group ("structs" or "gather"); of all launches without one."""
+        return sum(ms for name, ms in self.stages.items() if name.startswith(group and group + "/"))
 
 
 @dataclass
@@ -104,10 +108,11 @@ class Measured:
 
 @dataclass
 class Drawn:
-    """The columns that come from drawing, by (codec, CRF), the pictures, host milliseconds spent on metrics, and what
-    was left out of these."""
+    """The columns that come from drawing, by (codec, CRF), what the clients gave, the pictures, host milliseconds spent
+    on metrics, and what was left out of these."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
+    images: dict[Key, Image] = field(default_factory=dict)
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
     metrics_ms: float = 0.0
     lossless: np.ndarray | None = None
@@ -127,11 +132,14 @@ class Lane:
     resumed run replays finished frames through `pack` and `advance` alone.
     """
 
-    def __init__(self, packer: Packer, scene: ServerScene, settings: Settings) -> None:
+    def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
+        """truth: of the scene and the settings' seed, where several lanes share one."""
         self.packer, self.scene, self.settings = packer, scene, settings
         self.method, self.variant = packer.name, variant_string(packer)
         self.dead: tuple[str, str] | None = None
         self.repeated = [self._another() for _ in range(settings.repeat - 1)]
+        self.verifier = Verifier(truth or Truth(scene, settings.seed), packer)
+        self.isolation: list[validity.Violation] = []
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
         self.fillers: dict[str, Filler] = {}
@@ -146,8 +154,8 @@ class Lane:
         spent = (time.perf_counter() - start) * 1000
         for packer in self.repeated:
             packer.prepare(self.scene)
-        self.lossless = self.packer.client(self.scene)
-        self.displayed = None if len(self.keys()) == 1 else self.packer.client(self.scene)
+        self.lossless = self.packer.client(self.scene.shipped)
+        self.displayed = None if len(self.keys()) == 1 else self.packer.client(self.scene.shipped)
         return spent
 
     def _another(self) -> Packer:
@@ -156,18 +164,9 @@ class Lane:
         return type(packer)(**{name: getattr(packer, name) for name in packer.parameters})
 
     def warm_up(self, work: Work) -> None:
-        """Build and run every kernel once, with a packer and a client of their own, so that no timer sees a compiler.
-
-        Twice, because the second frame of a method that keeps state runs other kernels than the first.
-        """
-        packer = self._another()
-        packer.prepare(self.scene)
-        client = packer.client(self.scene)
-        for _ in range(2):
-            payload = packer.pack(work.frame)
-            planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
-            client.receive(Decoded(planes, payload.blobs, payload.geometry, payload.lists))
-            client.draw(work.novel)
+        """Build and run every kernel once, so that no timer sees a compiler, with packers and clients of their own, of
+        which it is checked meanwhile whether they share anything."""
+        self.isolation = check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
@@ -275,6 +274,7 @@ class Lane:
         """Bring all state to where it was after this frame, without measuring."""
         payload = self.pack(work.frame).payload
         self.remember(payload, self.packer.owners(payload), self.advance(payload))
+        self.verifier.pass_over(self.lossless)
 
     def draw(self, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
         """Draw the novel view with both clients and compare with the reference; pictured: keep the pictures."""
@@ -286,12 +286,8 @@ class Lane:
             start = time.perf_counter()
             values = metrics.compare(image.rgb)
             drawn.metrics_ms += (time.perf_counter() - start) * 1000
-            holes = (image.triangle.get() < 0) & (novel.visibility >= 0)
-            drawn.rows[key] = {
-                **{name: values[name] for name in QUALITIES},
-                "client_ms": milliseconds,
-                "holes_px": float(holes.mean()),
-            }
+            drawn.images[key] = image
+            drawn.rows[key] = {**{name: values[name] for name in QUALITIES}, "client_ms": milliseconds}
             rgb = image.rgb.get()[..., :3]
             if client is self.lossless:
                 drawn.lossless = rgb
@@ -310,21 +306,26 @@ class Lane:
     ) -> Measured:
         """Check and measure one packed, sent and drawn frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
-        owners = self.packer.owners(payload)
+        with self.scene.device.record(own=True) as record:
+            owners = self.packer.owners(payload)
+        stages = None if "packing" in packed.skipped else packed.stages
+        verified = self.verifier.verify(frame, payload, sent.planes, owners, self.lossless, stages, record.launches)
+        self._check_pictures(frame, payload, novel, drawn, verified)
         located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
         gaps = validity.Gaps() if self.packer.leaves_unwritten else None
         found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
+        found += verified.found + self.isolation
         status, reason = _verdict(frame, payload, found)
         common = {
             "status": status,
             "reason": reason,
             "pvs_triangles": len(frame.pvs),
             "placed_triangles": len(frame.pvs) - len(payload.unplaced),
-            "samples": payload.sample_count,
+            "samples": verified.samples,
             "structs_ms": packed.total("structs"),
             "gather_ms": packed.total("gather"),
-            "server_ms": packed.total("structs") + packed.total("gather"),
+            "server_ms": packed.total(),
             "pvs_ms": work.pvs_ms,
             "wall_ms": packed.wall_ms,
             "missing_px": novel.missing,
@@ -340,8 +341,9 @@ class Lane:
             rows,
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
             payload.statistics
-            | _speed(packed, payload, novel)
+            | _speed(packed, verified.samples, novel)
             | self._cost_of_metrics(packed, novel, drawn)
+            | {"checks_ms": verified.milliseconds}
             | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
             self._pictures(payload, sent.planes, drawn) if pictured else {},
@@ -351,6 +353,17 @@ class Lane:
             owners,
             payload.details,
         )
+
+    def _check_pictures(
+        self, frame: Frame, payload: Payload, novel: NovelView, drawn: Drawn, verified: Verified
+    ) -> None:
+        """Holes, and what clients say that they show; of both clients, which may have received different planes."""
+        start = time.perf_counter()
+        for key, image in drawn.images.items():
+            known = (self.verifier.truth, frame, self.method, payload, novel, image)
+            drawn.rows[key]["holes_px"], found = check_picture(*known)
+            verified.found += found
+        verified.milliseconds += (time.perf_counter() - start) * 1000
 
     def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
         """Everything the report shows of a frame, by name."""
@@ -381,15 +394,15 @@ class Lane:
         return {"stretch_l2": l2, "stretch_linf": linf} if wanted else {}
 
 
-def _speed(packed: Packed, payload: Payload, novel: NovelView) -> dict[str, float]:
+def _speed(packed: Packed, samples: int, novel: NovelView) -> dict[str, float]:
     """What compares across machines: structures over server time, and the cost of a gathered sample over that of a
     covered pixel in the reference's shading kernel; what was not measured is left out."""
     structs, gather = packed.total("structs"), packed.total("gather")
     found = {"structs_share": structs / (structs + gather)} if structs + gather else {}
-    if novel.shading_ns and payload.sample_count:
+    if novel.shading_ns and samples:
         found |= {
             "reference_shading_ns": novel.shading_ns,
-            "gather_over_shading": gather * 1e6 / payload.sample_count / novel.shading_ns,
+            "gather_over_shading": gather * 1e6 / samples / novel.shading_ns,
         }
     return found
 
@@ -413,7 +426,7 @@ def same_work(a: Frame, b: Frame) -> bool:
 def _verdict(frame: Frame, payload: Payload, found: list[validity.Violation]) -> tuple[str, str | None]:
     """The status of a frame and its reason."""
     if found:
-        return "invalid", " ".join(violation.sentence for violation in found)
+        return "invalid", " ".join(dict.fromkeys(violation.sentence for violation in found))
     if payload.unplaced:
         reasons = sorted(set(payload.unplaced.values()))
         return "overflow", f"{len(payload.unplaced)} of {len(frame.pvs)} triangles unplaced: {'; '.join(reasons)}"

@@ -86,7 +86,7 @@ def sent(request: pytest.FixtureRequest, server: ServerScene) -> Sent:
     """Three frames of a moving camera over a changing set of triangles, with the packer's default parameters."""
     (packer,) = load_packer(request.param)
     packer.prepare(server)
-    client = packer.client(server)
+    client = packer.client(server.shipped)
     everything = np.arange(server.triangles.count, dtype=np.int32)
     found = []
     for index in range(3):

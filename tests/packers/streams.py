@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from harness.trial import send
+from harness.verification.isolation import decode_losslessly
 from harness.validity import BUDGET, check
 from packers.interface import Frame, Packer, Payload, ServerScene
 
@@ -13,12 +13,12 @@ class Stream:
     def __init__(self, kind: type[Packer], scene: ServerScene, budget: int | None = BUDGET, **parameters) -> None:
         self.packer, self.budget = kind(**parameters), budget
         self.packer.prepare(scene)
-        self.client = self.packer.client(scene)
+        self.client = self.packer.client(scene.shipped)
 
     def send(self, frame: Frame) -> Payload:
         """Pack a frame and hand it to the client."""
         payload = self.packer.pack(frame)
-        send(self.client, payload)
+        self.client.receive(decode_losslessly(payload))
         return payload
 
     def violations(self, frame: Frame, payload: Payload) -> list:

@@ -53,7 +53,7 @@ class Stream:
     def __init__(self, scene: ServerScene, **parameters) -> None:
         self.packer = PerPixelLinkedLists(**parameters)
         self.packer.prepare(scene)
-        self.client = self.packer.client(scene)
+        self.client = self.packer.client(scene.shipped)
 
     def send(self, frame: Frame) -> Payload:
         payload = self.packer.pack(frame)

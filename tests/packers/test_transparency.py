@@ -73,7 +73,7 @@ def sent(spec: str, scene, frame):
     """A method's packer, its payload for a frame, and a client that has received it."""
     (packer,) = load_packer(spec)
     packer.prepare(scene)
-    payload, client = packer.pack(frame), packer.client(scene)
+    payload, client = packer.pack(frame), packer.client(scene.shipped)
     planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
     client.receive(Decoded(planes, payload.blobs, payload.geometry))
     return packer, payload, client
@@ -169,7 +169,7 @@ def test_a_client_without_the_plane_draws_such_panes_opaque(scenes):
     (packer,) = load_packer("sas")
     packer.prepare(scene)
     packer.pack(frame)
-    client = packer.client(scene)
+    client = packer.client(scene.shipped)
     client.receive(Decoded({"atlas": payload.planes["atlas"].get()[..., :3]}, payload.blobs, payload.geometry))
     same = np.array_equal(client.draw(novel_view()).rgb.get(), complete.draw(novel_view()).rgb.get())
     assert same == (ALPHA not in payload.planes)
