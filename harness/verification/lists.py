@@ -12,7 +12,8 @@ moved     Fragments may come from other views: most of those that a ray meets ar
 blended   One fragment stands for several: the nearest is as near as the rasteriser's, and at some pixels it has the
           true list's colour.
 
-With lists of several parts, of which each may blend its own, rules on blended colours hold where a ray meets one surface.
+With lists of several parts, each of which may blend its own, rules on blended colours hold where a ray meets one
+surface.
 """
 
 from __future__ import annotations
@@ -166,7 +167,8 @@ def _check_exactly(
             free.remove(min(fits, key=lambda hit: abs(hits.depth[hit] - depth)))
         end = fragments.depth.min(initial=np.inf) if may_end else 0.0
         lost = [hit for hit in free if hits.certain[hit] and hits.depth[hit] > end * (1 + SAME_DEPTH)]
-        missing += [number] * (len(lost) > 0 or (may_end and not len(fragments.depth) and hits.certain[own].any()))
+        empty = may_end and not len(fragments.depth) and hits.certain[own].any()
+        missing += [number] * bool(lost or empty)
     coloured = _wrongly_coloured(truth, hits, lists, pairs, eye)
     for bad, what in ((missing, "lack"), (added, "hold, too, what is not"), (coloured, "colour or cover otherwise")):
         if (places := np.unique(bad).astype(int)).size > FEW:
