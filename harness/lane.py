@@ -22,6 +22,7 @@ from harness.plugins import variant_string
 from harness.settings import Settings
 from harness.verification.frame import Verified, Verifier
 from harness.verification.isolation import check_isolation
+from harness.verification.payload import statistics_of
 from harness.verification.pictures import check_picture
 from harness.verification.truth import Truth
 from kernels.fill.fill import Filler
@@ -273,7 +274,7 @@ class Lane:
     def replay(self, work: Work) -> None:
         """Bring all state to where it was after this frame, without measuring."""
         payload = self.pack(work.frame).payload
-        self.remember(payload, self.packer.owners(payload), self.advance(payload))
+        self.remember(payload, payload.owners(), self.advance(payload))
         self.verifier.pass_over(self.lossless)
 
     def draw(self, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
@@ -306,14 +307,13 @@ class Lane:
     ) -> Measured:
         """Check and measure one packed, sent and drawn frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
-        with self.scene.device.record(own=True) as record:
-            owners = self.packer.owners(payload)
+        gaps = validity.Gaps() if self.packer.leaves_unwritten else None
+        owners = payload.owners()
         stages = None if "packing" in packed.skipped else packed.stages
-        verified = self.verifier.verify(frame, payload, sent.planes, owners, self.lossless, stages, record.launches)
+        verified = self.verifier.verify(frame, payload, sent.planes, owners, self.lossless, stages)
         self._check_pictures(frame, payload, novel, drawn, verified)
         located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
-        gaps = validity.Gaps() if self.packer.leaves_unwritten else None
         found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
         found += verified.found + self.isolation
         status, reason = _verdict(frame, payload, found)
@@ -340,7 +340,7 @@ class Lane:
         return Measured(
             rows,
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
-            payload.statistics
+            statistics_of(payload)
             | _speed(packed, verified.samples, novel)
             | self._cost_of_metrics(packed, novel, drawn)
             | {"checks_ms": verified.milliseconds}

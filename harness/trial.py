@@ -195,9 +195,26 @@ def try_method(stage: Stage, make: Callable[[], Packer], *, again: int = 2) -> F
     again: how often to pack all frames again: 2 for once the same and once with other work-groups, 1 for the latter,
         0 for not at all.
     """
+    return _caught(lambda: _tried(stage, make, again))
+
+
+def try_isolation(stage: Stage, make: Callable[[], Packer]) -> Finding:
+    """Whether clients know and show what they receive, and nothing else."""
+
+    def isolated() -> Finding:
+        if reason := make().skip(stage.server.host):
+            return Finding("ok", f"skipped: {reason}")
+        found = check_isolation(stage.truth, make, stage.frames[0], stage.views[0])
+        return Finding("invalid" if found else "ok", " ".join(one.sentence for one in found))
+
+    return _caught(isolated)
+
+
+def _caught(work: Callable[[], Finding]) -> Finding:
+    """What comes of it, with the time that it took; whatever is raised becomes a finding."""
     start = time.perf_counter()
     try:
-        found = _tried(stage, make, again)
+        found = work()
     except Wrong as wrong:
         found = Finding(wrong.status, wrong.sentence, pictures=wrong.pictures)
     except PackTimeoutError:
@@ -236,17 +253,9 @@ def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> Finding:
         client.receive(decode_losslessly(payload))
         _check_frame(stage, index, verifier, payload, client, record.launches)
         prints.append(fingerprint(payload))
-    _check_isolation(stage, make)
     usual = stage.device.local_size
     _check_steady(stage, make, prints, [usual, 16 if usual != 16 else 32][2 - again :] if again else [])
     return _judged(stage, payload, client)
-
-
-def _check_isolation(stage: Stage, make: Callable[[], Packer]) -> None:
-    """Raise Wrong where a client knows or shows more than it receives."""
-    found = check_isolation(stage.truth, make, stage.frames[0], stage.views[0])
-    if found:
-        raise Wrong("invalid", " ".join(one.sentence for one in found))
 
 
 def fingerprint(payload: Payload) -> dict[str, str]:
@@ -263,17 +272,13 @@ def _check_frame(
 ) -> None:
     """Raise Wrong where a frame breaks a rule; stages: launched by packing it."""
     frame, packer = stage.frames[index], verifier.packer
-    with stage.device.record() as record:
-        owners = packer.owners(payload)
-    bad = sorted(name for name, value in payload.statistics.items() if not np.isfinite(value))
-    if bad:
-        raise Wrong("invalid", f"Frame {index}: the statistics {', '.join(bad)} are not finite.")
+    owners = payload.owners()
     gaps = validity.Gaps() if packer.leaves_unwritten else None
     seen = stage.seen(index)
     places = client.locate(seen.triangle, seen.bary)
     visible = None if places is None else (seen.triangle, seen.bary, places)
     planes = {name: plane.get() for name, plane in payload.planes.items()}
-    found = verifier.verify(frame, payload, planes, owners, client, stages, record.launches).found
+    found = verifier.verify(frame, payload, planes, owners, client, stages).found
     found += validity.check(frame, payload, owners, client, visible, gaps=gaps)
     found += check_picture(stage.truth, frame, packer.name, payload, seen, client.draw(stage.views[index]))[1]
     if found:

@@ -7,7 +7,6 @@ import hashlib
 import os
 import re
 import shutil
-import threading
 from collections import defaultdict
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
@@ -120,13 +119,12 @@ def kernels_digest() -> str:
 class Record:
     """Device time and launches by stage name, and time by kernel, filled when its `with` block ends.
 
-    kernels: milliseconds by the kernel's name, folder/file.function. thread: whose launches count, None for all.
+    kernels: milliseconds by the kernel's name, folder/file.function.
     """
 
     milliseconds: dict[str, float] = field(default_factory=dict)
     launches: dict[str, int] = field(default_factory=dict)
     kernels: dict[str, float] = field(default_factory=dict)
-    thread: int | None = None
     _events: list[tuple[str, str | None, Any]] = field(default_factory=list)
 
     def total(self, prefix: str) -> float:
@@ -302,7 +300,8 @@ class Device:
                     event = opencl().enqueue_nd_range_kernel(self.queue, kernel, (padded,), (local,))
                     event.wait()
                 self._launched.add(form)
-            self._note(stage, self._names.get(kernel), event)
+            for record in self._records:
+                record._events.append((stage, self._names.get(kernel), event))
 
     def upload(self, values: np.ndarray) -> Array:
         """A device copy of a NumPy array (never empty: zero-sized arrays become one unused element)."""
@@ -343,13 +342,9 @@ class Device:
         pattern = array.dtype.type(value)
         with SPEAKING:
             event = opencl().enqueue_fill_buffer(self.queue, array.base_data, pattern, array.offset, array.nbytes)
-            if stage:
-                self._note(stage, None, event)
-
-    def _note(self, stage: str, kernel: str | None, event: Any) -> None:
-        for record in self._records:
-            if record.thread in (None, threading.get_ident()):
-                record._events.append((stage, kernel, event))
+        if stage:
+            for record in self._records:
+                record._events.append((stage, None, event))
 
     def finish(self) -> None:
         """Wait until everything launched has run."""
@@ -357,19 +352,17 @@ class Device:
             self.queue.finish()
 
     @contextmanager
-    def record(self, own: bool = False) -> Iterator[Record]:
+    def record(self) -> Iterator[Record]:
         """Collect the device time of every launch inside the block; nested records all see their launches.
 
-        Those of other threads too: nothing else may use the device while it is timed. own: only this thread's.
+        Those of other threads too: nothing else may use the device while it is timed.
         """
-        record = Record(thread=threading.get_ident() if own else None)
-        with SPEAKING:
-            self._records.append(record)
+        record = Record()
+        self._records.append(record)
         try:
             yield record
         finally:
-            with SPEAKING:
-                self._records.remove(record)
+            self._records.remove(record)
             self.finish()
             record._close()
 

@@ -196,7 +196,7 @@ class Payload:
     geometry: the potentially visible triangles as the client needs them (see packers.geometry), LZ4 likewise.
     lists: what a method without an atlas sends in place of planes: name to bytes, LZ4 likewise, but counted with the
         planes as `bytes_video`. raw_bytes: their size before LZ4, which `compression_ratio` refers to.
-    samples: the shading samples, for `owners`, or None for a method without an atlas.
+    samples: the shading samples, or None for a method without an atlas.
     sample_count: shading samples computed this frame: those in `samples`, or the fragments that the client then holds.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
     statistics: what the method reports beyond the common columns, name to number.
@@ -213,6 +213,15 @@ class Payload:
     lists: dict[str, bytes] = field(default_factory=dict)
     raw_bytes: int = 0
     details: dict[str, np.ndarray] = field(default_factory=dict)
+
+    def owners(self) -> Owners | None:
+        """Texel to triangle and barycentrics, of the samples; None for a method without an atlas."""
+        samples = self.samples
+        if samples is None:
+            return None
+        n = samples.count
+        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+        return Owners(samples.texel.get()[:n].astype(np.int64), samples.triangle.get()[:n], bary)
 
 
 @dataclass(frozen=True)
@@ -349,15 +358,6 @@ class Packer(ABC):
     @abstractmethod
     def pack(self, frame: Frame) -> Payload:
         """Place and shade everything in the frame's PVS."""
-
-    def owners(self, payload: Payload) -> Owners | None:
-        """Texel to triangle and barycentrics, on request only; None for a method without an atlas."""
-        samples = payload.samples
-        if samples is None:
-            return None
-        n = samples.count
-        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
-        return Owners(samples.texel.get()[:n].astype(np.int64), samples.triangle.get()[:n], bary)
 
     def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
         """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""

@@ -1,7 +1,7 @@
 """Checked, not believed: rules that hold whatever a method says of itself. One file for each kind of rule.
 
 launches      Every launch inside `pack` is a stage "structs/..." or "gather/...", and a payload with samples has some
-              of the latter; `owners` launches nothing. (payload.py)
+              of the latter. (payload.py)
 plain         A payload is made of the interface's own classes and of arrays, bytes, numbers and text. (payload.py)
 samples       The samples claimed are those listed, or the fragments that the client holds. (payload.py, lists.py)
 raw bytes     The uncompressed size claimed is that of the lists, and no more than their fragments need. (lists.py)

@@ -10,14 +10,7 @@ import numpy as np
 
 from harness.validity import Violation
 from harness.verification import lists as of_lists
-from harness.verification.payload import (
-    HostSamples,
-    check_launches,
-    check_owners,
-    check_plain,
-    check_sample_count,
-    check_texels,
-)
+from harness.verification.payload import check_launches, check_plain, check_sample_count, check_texels
 from harness.verification.truth import Truth, violation
 from packers.interface import Client, Frame, Owners, Packer, Payload
 
@@ -51,31 +44,30 @@ class Verifier:
         owners: Owners | None,
         client: Client,
         stages: Iterable[str] | None,
-        outside: Iterable[str] = (),
     ) -> Verified:
         """Check one frame.
 
-        planes: uint8 (H, W, 4) as packed, on the host. client: has received the payload as it is. stages: launched by
-        `pack`, None where the last frame's payload was kept. outside: stages launched by `owners`.
+        planes: uint8 (H, W, 4) as packed, on the host. owners: the payload's. client: has received the payload as it
+        is. stages: launched by `pack`, None where the last frame's payload was kept.
         """
         start = time.perf_counter()
         result = self._of_planes(frame, payload, planes, owners) if planes else self._of_lists(frame, payload, client)
         result.found += check_plain(frame, payload)
         if stages is not None:
-            result.found += check_launches(stages, result.samples, outside)
+            result.found += check_launches(stages, result.samples)
         result.milliseconds = (time.perf_counter() - start) * 1000
         return result
 
     def _of_planes(
         self, frame: Frame, payload: Payload, planes: Mapping[str, np.ndarray], owners: Owners | None
     ) -> Verified:
-        if payload.samples is None:
+        if owners is None:
             return Verified(0)
-        samples = HostSamples.of(payload.samples)
-        found = [*check_sample_count(payload, len(samples.texel)), *check_owners(owners, samples)]
-        found += check_texels(self.truth, frame, self.packer.name, samples, planes)
+        count = len(owners.texel)
+        found = list(check_sample_count(payload, count))
+        found += check_texels(self.truth, frame, self.packer.name, payload.samples, owners, planes)
         found += of_lists.check_bytes(payload, (), 0, "every")
-        return Verified(len(samples.texel), found)
+        return Verified(count, found)
 
     def _of_lists(self, frame: Frame, payload: Payload, client: Client) -> Verified:
         held, holds, before = client.fragments(), self.packer.holds, self.fragments

@@ -193,13 +193,7 @@ def check_isolation(truth: Truth, make: Callable[[], Packer], frame: Frame, view
     client.receive(decode_losslessly(packer.pack(replace(frame, pvs=few, pvs_device=scene.device.upload(few)))))
     found += _check_decoy(truth, client, view, few)
     found += check_shared_state(before, shared_state((type(packer), type(client))))
-    again = _Shown.of(packer, shipped, first, view)
-    if not np.array_equal(again.rgb, shown.rgb):
-        sentence = "Another client shows another picture of the same payload, once the packer has packed another one."
-        found.append(violation("isolated", int((again.rgb != shown.rgb).any(axis=2).sum()), sentence))
-    if first.planes:
-        found += _check_inverted(truth, packer, shipped, first, view, shown)
-    return found
+    return found + list(_check_again(truth, packer, first, view, shown))
 
 
 @dataclass(frozen=True)
@@ -220,6 +214,24 @@ class _Shown:
         client = packer.client(shipped)
         client.receive(payload)
         return cls.by(client, view)
+
+
+def _check_again(truth: Truth, packer: Packer, payload: Decoded, view: View, shown: _Shown) -> Iterator[Violation]:
+    """What other clients show of a payload that one has shown already: the same, and inverted planes inverted."""
+    shipped = truth.scene.shipped
+    try:
+        again = _Shown.of(packer, shipped, payload, view).rgb
+        planes = {name: plane if name == ALPHA else 255 - plane for name, plane in payload.planes.items()}
+        inverted = _Shown.of(packer, shipped, replace(payload, planes=planes), view).rgb if planes else None
+    except Exception as error:  # whatever it is, the first client did not meet it
+        sentence = f"Another client cannot show the same payload: {type(error).__name__}: {error}"
+        yield violation("isolated", 1, sentence)
+        return
+    if not np.array_equal(again, shown.rgb):
+        sentence = "Another client shows another picture of the same payload, once the packer has packed another one."
+        yield violation("isolated", int((again != shown.rgb).any(axis=2).sum()), sentence)
+    if inverted is not None:
+        yield from _check_inverted(truth, shown, inverted)
 
 
 def _check_decoy(truth: Truth, client: Client, view: View, sent: np.ndarray) -> Iterator[Violation]:
@@ -256,12 +268,8 @@ def _check_blend(truth: Truth, client: Client, held: tuple) -> Iterator[Violatio
         yield violation("isolated", wrong, sentence)
 
 
-def _check_inverted(
-    truth: Truth, packer: Packer, shipped: ClientScene, payload: Decoded, view: View, shown: _Shown
-) -> Iterator[Violation]:
+def _check_inverted(truth: Truth, shown: _Shown, inverted: np.ndarray) -> Iterator[Violation]:
     """Inverted planes show an inverted picture, where opaque triangles are drawn."""
-    planes = {name: plane if name == ALPHA else 255 - plane for name, plane in payload.planes.items()}
-    inverted = _Shown.of(packer, shipped, replace(payload, planes=planes), view).rgb
     drawn = np.ones(inverted.shape[:2], bool)
     if shown.triangle is not None:
         ids = np.clip(shown.triangle, -1, truth.triangles.count - 1)

@@ -142,10 +142,11 @@ def _first_depths(part: HeldLists) -> np.ndarray:
     """float32 (pixels): of the first fragment that is there, 0 without."""
     offsets = part.offsets
     first = np.zeros(len(offsets) - 1, np.float32)
-    if not len(part.depth):
-        return first
-    used = np.flatnonzero(np.diff(offsets) > 0)
-    first[used] = np.maximum.reduceat(np.where(part.rgba[:, 3] > 0, part.depth, 0), offsets[:-1][used])
+    seen = np.flatnonzero(part.rgba[:, 3])
+    if len(seen) < len(part.depth):
+        offsets = np.searchsorted(seen, offsets)
+    used = offsets[:-1] < offsets[1:]
+    first[used] = part.depth[seen[offsets[:-1][used]]]
     return first
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from numbers import Real
 from typing import Any
 
@@ -19,32 +18,14 @@ OPACITY = 3  # levels of 255 that an opacity may be off
 BYTES = (bytes, bytearray, memoryview)
 
 
-@dataclass(frozen=True)
-class HostSamples:
-    """Samples on the host, see kernels.samples: triangle, texel int32 (n), bary (n, 2), footprint float32 (n)."""
-
-    triangle: np.ndarray
-    bary: np.ndarray
-    footprint: np.ndarray
-    texel: np.ndarray
-
-    @classmethod
-    def of(cls, samples: Samples) -> HostSamples:
-        n = samples.count
-        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
-        return cls(samples.triangle.get()[:n], bary, samples.footprint.get()[:n], samples.texel.get()[:n])
-
-
-def check_launches(stages: Iterable[str], samples: int, outside: Iterable[str] = ()) -> Iterator[Violation]:
-    """stages: of all launches inside `pack`. samples: in the payload. outside: stages launched by `owners`."""
+def check_launches(stages: Iterable[str], samples: int) -> Iterator[Violation]:
+    """stages: of all launches inside `pack`. samples: in the payload."""
     stages = list(stages)
     if stray := sorted(stage for stage in stages if not stage.startswith(GROUPS)):
         names = ", ".join(stray)
         yield violation("launches", len(stray), f'Packing launched {names}: stages begin with "structs/" or "gather/".')
     if samples and not any(stage.startswith(GROUPS[1]) for stage in stages):
         yield violation("launches", 1, f"The payload has {samples} samples, but packing it launched no gather stage.")
-    if later := sorted(outside):
-        yield violation("launches", len(later), f"`owners` launched {', '.join(later)}: all work belongs into `pack`.")
 
 
 def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
@@ -61,15 +42,23 @@ def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
         "geometry": type(payload.geometry) in BYTES,
         "samples": samples is None or (type(samples) is Samples and all(type(a) is device for a in _arrays(samples))),
         "unplaced": all(isinstance(reason, str) for reason in payload.unplaced.values()),
-        "statistics": all(isinstance(value, Real | np.number) for value in payload.statistics.values()),
     }
     if wrong := [name for name, is_fine in fine.items() if not is_fine]:
         sentence = f"The payload's {', '.join(wrong)} are not what the interface says, of the atlas' size."
         yield violation("plain", len(wrong), sentence)
+    if strange := sorted(payload.statistics.keys() - statistics_of(payload)):
+        sentence = f"Of the payload, the statistics {', '.join(strange)} are not finite numbers."
+        yield violation("plain", len(strange), sentence)
     if payload.planes and samples is None:
         yield violation("plain", 1, "The payload has planes but no samples: nothing says what their texels are.")
     if not payload.planes and not payload.lists:
         yield violation("plain", 1, "The payload has neither planes nor lists: there is nothing to draw.")
+
+
+def statistics_of(payload: Payload) -> dict[str, float]:
+    """Those that are finite numbers."""
+    known = payload.statistics.items()
+    return {name: float(value) for name, value in known if isinstance(value, Real) and np.isfinite(value)}
 
 
 def _all_of(values: Any, kinds: tuple[type, ...]) -> bool:
@@ -80,17 +69,6 @@ def _arrays(samples: Samples) -> tuple:
     return samples.triangle, samples.bary1, samples.bary2, samples.footprint, samples.texel
 
 
-def check_owners(owners: Owners | None, samples: HostSamples) -> Iterator[Violation]:
-    """That `owners` tells of the payload's samples."""
-    same = owners is not None and (
-        np.array_equal(owners.texel, samples.texel)
-        and np.array_equal(owners.triangle, samples.triangle)
-        and np.array_equal(owners.bary, samples.bary, equal_nan=True)
-    )
-    if not same:
-        yield violation("samples", 1, "`owners` tells of other samples than the payload lists.")
-
-
 def check_sample_count(payload: Payload, derived: int, share: float = 0.0) -> Iterator[Violation]:
     """derived: samples counted from outside. share: of them, by which the claim may differ."""
     if abs(payload.sample_count - derived) > share * derived:
@@ -99,17 +77,21 @@ def check_sample_count(payload: Payload, derived: int, share: float = 0.0) -> It
 
 
 def check_texels(
-    truth: Truth, frame: Frame, method: str, samples: HostSamples, planes: Mapping[str, np.ndarray]
+    truth: Truth, frame: Frame, method: str, samples: Samples, owners: Owners, planes: Mapping[str, np.ndarray]
 ) -> Iterator[Violation]:
-    """Colours, and opacities, of some texels against float64. planes: uint8 (H, W, 4) on the host."""
-    within = (samples.texel >= 0) & (samples.texel < frame.atlas_width * frame.atlas_height)
-    within &= (samples.triangle >= 0) & (samples.triangle < truth.triangles.count)
-    known = np.flatnonzero(within)  # others break a rule of harness/validity.py
-    if not known.size:
+    """Colours, and opacities, of some texels against float64.
+
+    owners: those of the samples. planes: uint8 (H, W, 4) on the host.
+    """
+    if not samples.count:
         return
-    chosen = known[truth.generator(frame.index, method).integers(0, known.size, CHOSEN)]
-    texel, triangle = samples.texel[chosen], samples.triangle[chosen]
-    points = (triangle, samples.bary[chosen].astype(np.float64), samples.footprint[chosen].astype(np.float64))
+    chosen = truth.generator(frame.index, method).integers(0, samples.count, CHOSEN)
+    texel, triangle = owners.texel[chosen], owners.triangle[chosen]
+    within = (texel >= 0) & (texel < frame.atlas_width * frame.atlas_height)
+    within &= (triangle >= 0) & (triangle < truth.triangles.count)  # others break a rule of harness/validity.py
+    chosen, texel, triangle = chosen[within], texel[within], triangle[within]
+    footprint = samples.footprint.get()[chosen].astype(np.float64)
+    points = (triangle, owners.bary[chosen].astype(np.float64), footprint)
     colours = {name: plane.reshape(-1, 4)[texel, :3] for name, plane in planes.items()}
     (shaded,) = (values for name, values in colours.items() if name != ALPHA)
     off = truth.off(shaded, points, frame.server.eye)

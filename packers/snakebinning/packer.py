@@ -339,7 +339,7 @@ class SnakeBinning(Packer):
     def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
         """The packing: superblocks, strips and slots in colours."""
         owner = np.full(payload.planes["atlas"].shape[:2], -1, np.int32)
-        found = self.owners(payload)
+        found = payload.owners()
         owner.reshape(-1)[found.texel] = found.triangle
         return {
             "packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), self.superblock, owner)

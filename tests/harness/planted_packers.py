@@ -1,4 +1,4 @@
-"""Packers that cheat, each in one way, and in each case what says so; two methods with nothing but the fault planted."""
+"""Packers that cheat, each in one way: two methods with one planted fault each, and what the reason must say."""
 
 from __future__ import annotations
 
@@ -154,6 +154,7 @@ class Stale(ShadingAtlasStreaming):
     """Sends the first frame again and again."""
 
     name = "stale"
+    since = 1
     first = None
 
     def pack(self, frame):
@@ -169,8 +170,8 @@ class Swapped(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
-        triangle = payload.samples.triangle.get()
-        triangle[:-1:2] = triangle[1::2]
+        triangle, last = payload.samples.triangle.get(), payload.samples.count // 2 * 2
+        triangle[:last:2] = triangle[1:last:2]
         payload.samples.triangle.set(triangle)
         return payload
 
@@ -318,28 +319,34 @@ class LazyPayload(Payload):
         return object.__getattribute__(self, name)
 
 
-class Afterwards(ShadingAtlasStreaming):
-    """Shades for the next frame when it is asked for owners, outside of all timers."""
+class Unrecorded(ShadingAtlasStreaming):
+    """Launches where nobody looks."""
 
-    name = "afterwards"
+    name = "unrecorded"
 
     def pack(self, frame):
-        self.frame = frame
-        return super().pack(frame)
+        device, records = frame.scene.device, frame.scene.device._records
+        device._records = []
+        try:
+            return super().pack(frame)
+        finally:
+            device._records = records
 
-    def owners(self, payload):
-        self.frame.shade(payload.samples)
-        return super().owners(payload)
 
+class Ended(PerPixelLinkedLists):
+    """Says that its lists may end early, and leaves out the nearest fragments."""
 
-class OtherOwners(ShadingAtlasStreaming):
-    """Owners and samples tell of different triangles."""
+    name = "ended"
+    holds = "nearest"
 
-    name = "other-owners"
+    def pack(self, frame):
+        def without_first(offsets, rows):
+            count = np.diff(offsets)
+            kept = np.ones(len(rows), bool)
+            kept[offsets[:-1][count > 1]] = False
+            return np.concatenate([[0], np.cumsum(count - (count > 1))]), rows[kept]
 
-    def owners(self, payload):
-        found = super().owners(payload)
-        return replace(found, triangle=found.triangle[::-1].copy())
+        return edit_lists(super().pack(frame), without_first)
 
 
 class FarFragment(PerPixelLinkedLists):
@@ -433,14 +440,14 @@ PLANTED = {
     WrongEye: "levels from what float64 shading gives them",
     CoarseTextures: "levels from what float64 shading gives them",
     Excused: "are listed as unplaced and have a place",
-    InStatistics: "The client holds a payload",
+    InStatistics: "The client holds the payload before it was sent: client.read",
     InTheClass: "State is kept outside of packer and client, in InTheClassClient.locations",
     InTheModule: "State is kept outside of packer and client",
     Opaque: "texels of the alpha plane have another opacity",
-    Phantom: "Lookups in",
+    Phantom: "have an alpha that is not 255 where they are listed",
     Lazy: "The payload's payload are not what the interface says",
-    Afterwards: "`owners` launched gather/",
-    OtherOwners: "tells of other samples",
+    Unrecorded: "packing it launched no gather stage",
+    Ended: "the nearest fragment is not the nearest surface",
     FarFragment: "hold, too, what is not",
     WrongOrder: "lie before one that is nearer",
     Padded: "more than",

@@ -92,7 +92,7 @@ def sent(request: pytest.FixtureRequest, server: ServerScene) -> Sent:
     for index in range(3):
         frame = frame_of(server, index, everything[everything % 5 != index])
         payload = packer.pack(frame)
-        owners = packer.owners(payload)
+        owners = payload.owners()
         planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
         client.receive(Decoded(planes, payload.blobs, payload.geometry))
         found.append(check(frame, payload, owners, client, budget=None))

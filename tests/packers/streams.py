@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harness.verification.isolation import decode_losslessly
 from harness.validity import BUDGET, check
+from harness.verification.isolation import decode_losslessly
 from packers.interface import Frame, Packer, Payload, ServerScene
 
 
@@ -23,4 +23,4 @@ class Stream:
 
     def violations(self, frame: Frame, payload: Payload) -> list:
         """What is not valid about the frame just sent."""
-        return check(frame, payload, self.packer.owners(payload), self.client, budget=self.budget)
+        return check(frame, payload, payload.owners(), self.client, budget=self.budget)

@@ -93,11 +93,11 @@ def test_the_client_blends_as_the_reference_does(scenes, spec):
     errors = []
     for scene in scenes:
         frame = frame_of(scene, SIDE, SIDE)
-        packer, payload, client = sent(spec, scene, frame)
+        _, payload, client = sent(spec, scene, frame)
         found, drawn, wanted = error(scene, client, frame)
         errors.append(found)
         assert (drawn == wanted).mean() > 0.995
-        assert check(frame, payload, packer.owners(payload), client, budget=20_000) == []
+        assert check(frame, payload, payload.owners(), client, budget=20_000) == []
         assert (ALPHA in payload.planes) == (scene.host.content_hash == "glazed-True")
     assert errors[0] < 1.5 * errors[1] < 4
 
