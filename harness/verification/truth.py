@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 LEVELS = 2  # of 255, by which a colour may differ from what the shading function gives its surface point
 CHOSEN = 64  # texels, pixels or fragments examined per frame
+THINNEST = 1e-5  # height over longest edge, below which float32 does not tell where a face looks
 NUDGES = 1e-5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # barycentrics that rounding may be off
 
 
@@ -67,15 +68,23 @@ class Truth:
             tries = [opacity_twin(layers.opacity, triangle, bary, footprint * by) for by in (0.99, 1.0, 1.01)]
         return np.stack([np.min(tries, axis=0), np.max(tries, axis=0)], axis=1)
 
+    def is_flat(self, triangle: np.ndarray) -> np.ndarray:
+        """bool (n): whether triangles are lower than THINNEST of their longest edge."""
+        corners = self.triangles.host_positions[self.triangles.host_indices[triangle]].astype(np.float64)
+        sides = corners - np.roll(corners, 1, axis=1)
+        longest = (sides * sides).sum(axis=2).max(axis=1, initial=0)
+        return ~(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) > THINNEST * longest)
+
     def off(
         self, colours: np.ndarray, points: tuple[np.ndarray, np.ndarray, np.ndarray], eye: np.ndarray
     ) -> np.ndarray:
         """int (n): levels by which colours uint8 (n, 3) differ from those of surface points, as for `shade`.
 
-        Where rounding decides (at a shadow's edge, between texels), the nearest colour close by counts.
+        Where rounding decides (at a shadow's edge, between texels), the nearest colour close by counts; on triangles too
+        thin to have a side in float32, any.
         """
         triangle, bary, footprint = points
-        off = _apart(colours, self.shade(*points, eye))
+        off = np.where(self.is_flat(triangle), 0, _apart(colours, self.shade(*points, eye)))
         far = np.flatnonzero(off > LEVELS)
         for nudge in NUDGES if far.size else ():
             near = self.shade(triangle[far], bary[far] + nudge, footprint[far], eye)
