@@ -63,14 +63,21 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("seed", "", "seed of scene, head motion and methods", "setting", int),
     Column("pvs_triangles", "triangles", "triangles in the potentially visible set", "count", int),
     Column("placed_triangles", "triangles", "of these, triangles that got a place", "count", int, "higher"),
-    Column("samples", "samples", "shading samples computed", "count", int, "lower"),
+    Column(
+        "samples",
+        "samples",
+        "shading samples computed, counted by the harness: of lists, the fragments held",
+        "count",
+        int,
+        "lower",
+    ),
     Column("atlas_width", "texels", "width of the atlas; empty for a method without one", "setting", int),
     Column("atlas_height", "texels", "height of the atlas; empty for a method without one", "setting", int),
     _quality("fill", "0..1", "higher", "share of the atlas' texels that a triangle owns"),
     _time("pvs_ms", "device time of finding the potentially visible set; empty where it came from the cache"),
     _time("structs_ms", "device time of building structures: sizes, places, lookups"),
     _time("gather_ms", "device time of computing the shading samples"),
-    _time("server_ms", "structs_ms + gather_ms: all the server does for a frame but visibility and encoding"),
+    _time("server_ms", "device time of all launches that pack the frame: structs_ms + gather_ms where they are valid"),
     _time("client_ms", "device time of decoding metadata and drawing the novel view on the client"),
     _time("encode_ms", "processor time, of one core, of encoding planes, metadata and geometry"),
     _time("decode_ms", "processor time, of one core, of decoding planes, metadata and geometry"),
@@ -122,7 +129,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "holes_px",
         "0..1",
         "lower",
-        "share of the novel view's pixels where the client draws nothing, blended or not, and the reference does",
+        "share of the novel view's pixels where the reference shows a surface, and the client nothing or what is not there",
     ),
     Column("peak_mb", "MB", "peak memory of the process (1 MB is 10^6 bytes)", "size", float, "lower"),
     Column("skipped", "", "what was left out because nothing needs it, separated by semicolons", "status", str),
@@ -389,7 +396,7 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "One row per frame and number that is in no common column: what the method's README explains, and of the "
             "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference), "
             "`metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
-            "clients), `structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
+            "clients), `checks_ms` (host time of checking what the method says of the frame), `structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
             "pixel of the shading kernel in the reference), `gather_over_shading` (gather_ms per sample over that) and "
             "`unwritten_lookups` (of the texels that the lookups of the validity check touch, the share that is "
             "missing, for a method that declares to leave some unwritten).",

@@ -16,8 +16,8 @@ from packers.interface import Frame, Image, Payload
 MARGIN = 1.0  # pixels outside its triangle at which a pixel is not that triangle's
 BOGUS = 0.005  # share of pixels that may show what cannot be there: slivers, and clipped triangles
 OTHER = 0.05  # share that may show another surface than the reference does: where opacity rounds to nothing
-POINTS = 4096  # pixels whose depth is examined
-APART, FAR = 0.05, 0.3  # share of the distance; share of the pixels that may be off by more: reprojected points are
+POINTS, FEW = 4096, 64  # pixels whose depth is examined, and of which a picture must have more to be judged
+APART, FAR = 0.05, 0.75  # share of the distance; share of the pixels that may be off by more: near things come in view
 
 
 def check_picture(
@@ -72,7 +72,9 @@ def _can_be_seen(truth: Truth, novel: Seen, triangle: np.ndarray, pixel: np.ndar
     edges *= np.sign(volume)[:, None, None]
     at = np.stack([pixel % view.width + 0.5, pixel // view.width + 0.5, np.ones(len(pixel))], axis=1)
     with np.errstate(all="ignore"):
-        margins = (edges * at[:, None]).sum(axis=2) / np.hypot(edges[..., 0], edges[..., 1])
+        margins = (edges * at[:, None]).sum(axis=2) / np.sqrt(
+            edges[..., 0] * edges[..., 0] + edges[..., 1] * edges[..., 1]
+        )
     return (margins >= -MARGIN - DEPTH).all(axis=1)
 
 
@@ -95,6 +97,6 @@ def _check_depth(
     with np.errstate(all="ignore"):
         off = np.abs(novel.view.projection[2, 3] / claimed - distance) > APART * distance
     wrong = int(np.count_nonzero(off & drawn))
-    if wrong > FAR * max(1, np.count_nonzero(drawn)):
+    if wrong > max(FEW, FAR * np.count_nonzero(drawn)):
         sentence = f"In {wrong} of {len(places)} pixels the client claims another distance than its surface has."
         yield violation("pictures", wrong, sentence)

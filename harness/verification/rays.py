@@ -55,9 +55,9 @@ def cast_rays(truth: Truth, view: View, ids: np.ndarray, columns: np.ndarray, ro
     with np.errstate(all="ignore"):
         plane = (z[found][..., None] * edges).sum(axis=1) / volume[:, None]
         edges = edges * np.sign(volume)[:, None, None]
-        margins = (edges * at[:, None]).sum(axis=2) / np.hypot(edges[..., 0], edges[..., 1])
+        margins = (edges * at[:, None]).sum(axis=2) / np.linalg.norm(edges[..., :2], axis=2)
         depth = (plane * at).sum(axis=1)
-        reach = np.hypot(plane[:, 0], plane[:, 1]) * SLACK + DEPTH * np.abs(depth)
+        reach = np.linalg.norm(plane[:, :2], axis=1) * SLACK + DEPTH * np.abs(depth)
     met = (margins >= -SLACK).all(axis=1) & (depth + reach > 0) & (depth - reach <= 1) & ((volume < 0) | sided)
     certain = (margins > SLACK).all(axis=1) & (depth + reach < 1) & (depth - reach > 0)
     area = np.where((w[found] > 0).all(axis=1), _areas(x[found], y[found], w[found]), np.nan)

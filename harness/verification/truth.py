@@ -80,8 +80,8 @@ class Truth:
     ) -> np.ndarray:
         """int (n): levels by which colours uint8 (n, 3) differ from those of surface points, as for `shade`.
 
-        Where rounding decides (at a shadow's edge, between texels), the nearest colour close by counts; on triangles too
-        thin to have a side in float32, any.
+        Where rounding decides (at a shadow's edge, between texels), the nearest colour close by counts; any does on
+        triangles too thin to have a side in float32.
         """
         triangle, bary, footprint = points
         off = np.where(self.is_flat(triangle), 0, _apart(colours, self.shade(*points, eye)))
