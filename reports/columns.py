@@ -129,7 +129,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "holes_px",
         "0..1",
         "lower",
-        "share of the novel view's pixels where the reference shows a surface, and the client nothing or what is not there",
+        "share of the novel view's pixels with a surface in the reference, and none or a false one on the client",
     ),
     Column("peak_mb", "MB", "peak memory of the process (1 MB is 10^6 bytes)", "size", float, "lower"),
     Column("skipped", "", "what was left out because nothing needs it, separated by semicolons", "status", str),
@@ -396,7 +396,8 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "One row per frame and number that is in no common column: what the method's README explains, and of the "
             "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference), "
             "`metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
-            "clients), `checks_ms` (host time of checking what the method says of the frame), `structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
+            "clients), `checks_ms` (host time of checking what the method says of the frame), "
+            "`structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
             "pixel of the shading kernel in the reference), `gather_over_shading` (gather_ms per sample over that) and "
             "`unwritten_lookups` (of the texels that the lookups of the validity check touch, the share that is "
             "missing, for a method that declares to leave some unwritten).",
