@@ -211,11 +211,12 @@ def _check_moved(hits: Hits, colours: np.ndarray, lists: list[List]) -> Iterator
 def _check_blends(
     hits: Hits, colours: np.ndarray, lists: list[List], pixel: np.ndarray, in_parts: bool, slack: int
 ) -> Iterator[Violation]:
-    """Lists blend to the colour of what rays meet."""
+    """Lists blend to the colour of what rays meet, where rounding decides neither that nor its order."""
     bad = []
     for number, fragments in enumerate(lists):
         own = np.flatnonzero(hits.ray == number)
-        if not hits.certain[own].all() or (in_parts and len(own) > 1):
+        tied = -np.diff(hits.depth[own]) <= hits.reach[own][1:] + hits.reach[own][:-1]
+        if tied.any() or not hits.certain[own].all() or (in_parts and len(own) > 1):
             continue
         expected = blended(colours[own], hits.opacity[own].mean(axis=1))
         found = blended(fragments.rgba[:, :3], fragments.rgba[:, 3])

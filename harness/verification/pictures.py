@@ -16,7 +16,7 @@ from packers.interface import Frame, Image, Payload
 MARGIN = 1.0  # pixels outside its triangle at which a pixel is not that triangle's
 BOGUS = 0.005  # share of pixels that may show what cannot be there: slivers, and clipped triangles
 OTHER = 0.05  # share that may show another surface than the reference does: where opacity rounds to nothing
-POINTS, FEW = 4096, 64  # pixels whose depth is examined, and of which a picture must have more to be judged
+POINTS, FEW = 4096, 512  # pixels whose depth is examined, and of which a picture must have more to be judged
 APART, FAR = 0.05, 0.75  # share of the distance; share of the pixels that may be off by more: near things come in view
 
 
