@@ -19,7 +19,7 @@ from rich.markup import escape
 from harness.console import InputError, make_console, tell_passed_over
 from harness.fuzz import hunt, save_soup
 from harness.stress_catalogue import CATALOGUE, facing, grid, room, scattered, scene_of, still, walk
-from harness.trial import Case, Finding, Stage, describe, refuses, try_method
+from harness.trial import Case, Finding, Stage, describe, refuses, try_isolation, try_method
 from harness.watchdog import PackTimeoutError, time_limit
 from packers.interface import Packer, Parameter
 from reports.stress import magnitude
@@ -147,6 +147,15 @@ def _scene_check(name: str) -> None:
 
 for _name in SCENES:
     _scene_check(_name)
+
+
+@check("isolated", "clients hold nothing of the server, and show what they receive and nothing else")
+def isolated(kit: Kit) -> Finding:
+    for name in SCENES:
+        found = try_isolation(kit.scene(name), kit.make)
+        if not found.good:
+            break
+    return found
 
 
 @check("deterministic", "two frames of the hall packed again, and again with other work-groups, to the same bytes")

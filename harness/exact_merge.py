@@ -22,7 +22,7 @@ def compare(scene: str, frames: int = FRAMES) -> tuple[int, list[float]]:
     session = open_session(Settings(("ppll",), scene, path=path, frames=frames, width=WIDTH, height=HEIGHT))
     packer = PerPixelLinkedLists(mode="bilateral", merge="exact")
     packer.prepare(session.scene)
-    display = packer.client(session.scene)
+    display = packer.client(session.scene.shipped)
     different, shares = 0, []
     for index in range(frames):
         payload = packer.pack(session.source.work(index % session.path.frames).frame)  # a turntable begins again

@@ -20,9 +20,14 @@ from harness.metrics import Metrics
 from harness.novel_view import NovelView
 from harness.plugins import variant_string
 from harness.settings import Settings
+from harness.verification.frame import Verified, Verifier
+from harness.verification.isolation import check_isolation
+from harness.verification.payload import statistics_of
+from harness.verification.pictures import check_picture
+from harness.verification.truth import Truth
 from kernels.fill.fill import Filler
 from kernels.metrics.stretch import stretch
-from packers.interface import ALPHA, Client, Decoded, Frame, Owners, Packer, Payload, ServerScene
+from packers.interface import ALPHA, Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
 
 Key = tuple[str, int | None]  # codec and CRF
 T = TypeVar("T")
@@ -44,9 +49,9 @@ class Packed:
     repeats: list[dict[str, float]] = field(default_factory=list)
     skipped: frozenset[str] = frozenset()
 
-    def total(self, group: str) -> float:
-        """Device milliseconds of all stages of a group ("structs" or "gather")."""
-        return sum(ms for name, ms in self.stages.items() if name.startswith(group + "/"))
+    def total(self, group: str = "") -> float:
+        """Device milliseconds of all stages of a group ("structs" or "gather"); of all launches without one."""
+        return sum(ms for name, ms in self.stages.items() if name.startswith(group and group + "/"))
 
 
 @dataclass(frozen=True)
@@ -142,10 +147,11 @@ class Measured:
 
 @dataclass
 class Drawn:
-    """The columns that come from drawing, by (codec, CRF), the pictures, host milliseconds spent on metrics, and what
-    was left out of these. clocked: host milliseconds from the payload's arrival to the picture."""
+    """The columns that come from drawing, by (codec, CRF), what the clients gave, the pictures, host milliseconds spent
+    on metrics, and what was left out of these. clocked: host milliseconds from the payload's arrival to the picture."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
+    images: dict[Key, Image] = field(default_factory=dict)
     clocked: dict[Key, float] = field(default_factory=dict)
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
     metrics_ms: float = 0.0
@@ -166,11 +172,14 @@ class Lane:
     replays finished frames without drawing and measuring.
     """
 
-    def __init__(self, packer: Packer, scene: ServerScene, settings: Settings) -> None:
+    def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
+        """truth: of the scene and the settings' seed, where several lanes share one."""
         self.packer, self.scene, self.settings = packer, scene, settings
         self.method, self.variant = packer.name, variant_string(packer)
         self.dead: tuple[str, str] | None = None
         self.repeated = [self._another() for _ in range(settings.repeat - 1)]
+        self.verifier = Verifier(truth or Truth(scene, settings.seed), packer)
+        self.isolation: list[validity.Violation] = []
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
         self.fillers: dict[str, Filler] = {}
@@ -185,8 +194,8 @@ class Lane:
         spent = (time.perf_counter() - start) * 1000
         for packer in self.repeated:
             packer.prepare(self.scene)
-        self.lossless = self.packer.client(self.scene)
-        self.displayed = None if len(self.keys()) == 1 else self.packer.client(self.scene)
+        self.lossless = self.packer.client(self.scene.shipped)
+        self.displayed = None if len(self.keys()) == 1 else self.packer.client(self.scene.shipped)
         return spent
 
     def _another(self) -> Packer:
@@ -195,20 +204,12 @@ class Lane:
         return type(packer)(**{name: getattr(packer, name) for name in packer.parameters})
 
     def warm_up(self, work: Work) -> None:
-        """Build and run every kernel once, with a packer and a client of their own, so that no timer sees a compiler.
-
-        Twice, because the second frame of a method that keeps state runs other kernels than the first.
-        """
-        packer = self._another()
-        packer.prepare(self.scene)
-        client = packer.client(self.scene)
-        for _ in range(2):
-            payload = packer.pack(work.frame)
-            planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
-            for plane in self._coded(payload).values():
-                Filler(self.scene.device, *plane.shape[1::-1]).fill(plane).get()
-            client.receive(Decoded(planes, payload.blobs, payload.geometry, payload.lists))
-            client.draw(work.novel)
+        """Build and run every kernel once, so that no timer sees a compiler, with packers and clients of their own, of
+        which it is checked meanwhile whether they share anything."""
+        self.isolation = check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
+        if self.packer.atlas and len(self.keys()) > 1:
+            size = (work.frame.atlas_width, work.frame.atlas_height)
+            Filler(self.scene.device, *size).fill(self.scene.device.zeros((*size[::-1], 4), np.uint8)).get()
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
@@ -340,7 +341,8 @@ class Lane:
         sent = self.advance(payload, filled)
         for key, client in self.clients.items():
             client.receive(sent.arrived[key])
-        self.remember(self.packer.owners(payload), filled.planes)
+        self.remember(payload.owners(), filled.planes)
+        self.verifier.pass_over(self.lossless)
 
     def draw(self, sent: Sent, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
         """Hand the frame to both clients, draw the novel view and compare with the reference; pictured: keep the
@@ -354,13 +356,12 @@ class Lane:
             drawn.clocked[key] = (start - begin) * 1000
             values = metrics.compare(image.rgb)
             drawn.metrics_ms += (time.perf_counter() - start) * 1000
-            holes = (image.triangle.get() < 0) & (novel.visibility >= 0)
+            drawn.images[key] = image
             drawn.rows[key] = {
                 **{name: values[name] for name in QUALITIES},
                 "receive_ms": receiving.host,
                 "draw_host_ms": drawing.host,
                 "client_ms": receiving.device + drawing.device,
-                "holes_px": float(holes.mean()),
             }
             rgb = image.rgb.get()[..., :3]
             if client is self.lossless:
@@ -390,12 +391,15 @@ class Lane:
     ) -> Measured:
         """Check and measure one packed, sent and drawn frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
-        owners = self.packer.owners(payload)
+        gaps = validity.Gaps() if self.packer.leaves_unwritten else None
+        owners = payload.owners()
+        stages = None if "packing" in packed.skipped else packed.stages
+        verified = self.verifier.verify(frame, payload, filled.planes, owners, self.lossless, stages)
+        self._check_pictures(frame, payload, novel, drawn, verified)
         located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
-        gaps = validity.Gaps() if self.packer.leaves_unwritten else None
-        details = self.packer.details(payload) if payload.lists or self.settings.dump else {}
-        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps, lists=details)
+        found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
+        found += verified.found + self.isolation
         status, reason = _verdict(frame, payload, found)
         packing = Clocked.of(packed.wall_ms, sum(packed.stages.values()))
         common = {
@@ -403,7 +407,7 @@ class Lane:
             "reason": reason,
             "pvs_triangles": len(frame.pvs),
             "placed_triangles": len(frame.pvs) - len(payload.unplaced),
-            "samples": payload.sample_count,
+            "samples": verified.samples,
             "structs_ms": packed.total("structs"),
             "gather_ms": packed.total("gather"),
             "server_ms": packing.device,
@@ -420,9 +424,10 @@ class Lane:
         return Measured(
             [{**common, **self._row(key, packed, filled, sent, drawn)} for key in self.keys()],
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
-            payload.statistics
-            | _speed(packed, payload, novel)
+            statistics_of(payload)
+            | _speed(packed, verified.samples, novel)
             | self._cost_of_metrics(packed, novel, drawn)
+            | {"checks_ms": verified.milliseconds}
             | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
             self._pictures(payload, filled.planes, drawn) if pictured else {},
@@ -430,7 +435,7 @@ class Lane:
             next(iter(filled.planes.values()), None),
             filled.planes.get(ALPHA),
             owners,
-            details if self.settings.dump else {},
+            self.packer.details(payload) if self.settings.dump else {},
         )
 
     def _row(self, key: Key, packed: Packed, filled: Filled, sent: Sent, drawn: Drawn) -> dict[str, Any]:
@@ -441,6 +446,17 @@ class Lane:
             steps = (packed.wall_ms, filled.milliseconds(key), sent.clocked(key), drawn.clocked[key])
             row["frame_ms"] = sum(steps) + row["network_ms"]
         return row
+
+    def _check_pictures(
+        self, frame: Frame, payload: Payload, novel: NovelView, drawn: Drawn, verified: Verified
+    ) -> None:
+        """Holes, and what clients say that they show; of both clients, which may have received different planes."""
+        start = time.perf_counter()
+        for key, image in drawn.images.items():
+            known = (self.verifier.truth, frame, self.method, payload, novel, image)
+            drawn.rows[key]["holes_px"], found = check_picture(*known)
+            verified.found += found
+        verified.milliseconds += (time.perf_counter() - start) * 1000
 
     def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
         """Everything the report shows of a frame, by name."""
@@ -471,15 +487,15 @@ class Lane:
         return {"stretch_l2": l2, "stretch_linf": linf} if wanted else {}
 
 
-def _speed(packed: Packed, payload: Payload, novel: NovelView) -> dict[str, float]:
+def _speed(packed: Packed, samples: int, novel: NovelView) -> dict[str, float]:
     """What compares across machines: structures over server time, and the cost of a gathered sample over that of a
     covered pixel in the reference's shading kernel; what was not measured is left out."""
     structs, gather = packed.total("structs"), packed.total("gather")
     found = {"structs_share": structs / (structs + gather)} if structs + gather else {}
-    if novel.shading_ns and payload.sample_count:
+    if novel.shading_ns and samples:
         found |= {
             "reference_shading_ns": novel.shading_ns,
-            "gather_over_shading": gather * 1e6 / payload.sample_count / novel.shading_ns,
+            "gather_over_shading": gather * 1e6 / samples / novel.shading_ns,
         }
     return found
 
@@ -503,7 +519,7 @@ def same_work(a: Frame, b: Frame) -> bool:
 def _verdict(frame: Frame, payload: Payload, found: list[validity.Violation]) -> tuple[str, str | None]:
     """The status of a frame and its reason."""
     if found:
-        return "invalid", " ".join(violation.sentence for violation in found)
+        return "invalid", " ".join(dict.fromkeys(violation.sentence for violation in found))
     if payload.unplaced:
         reasons = sorted(set(payload.unplaced.values()))
         return "overflow", f"{len(payload.unplaced)} of {len(frame.pvs)} triangles unplaced: {'; '.join(reasons)}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,27 +13,46 @@ from harness.reference import ForwardRenderer
 from kernels.raster.resolve import resolve
 from packers.interface import Frame, ServerScene, View
 
+if TYPE_CHECKING:
+    from kernels.raster.rasteriser import Visibility
+    from kernels.samples import Samples
+
 STAGE = "reference/shade"
 
 
 @dataclass(frozen=True)
-class NovelView:
+class Seen:
+    """What a view shows.
+
+    view: its camera. visibility: int32 (h, w), the nearest triangle that is not wholly transparent, -1 where empty.
+    pixel, triangle, bary: of every covered pixel, int32 (n), int32 (n), float32 (n, 2).
+    """
+
+    view: View
+    visibility: np.ndarray
+    pixel: np.ndarray
+    triangle: np.ndarray
+    bary: np.ndarray
+
+    @classmethod
+    def of(cls, view: View, visibility: Visibility, samples: Samples) -> Seen:
+        """samples: resolved from the visibility."""
+        n = samples.count
+        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+        return cls(view, visibility.triangle.get(), samples.texel.get()[:n], samples.triangle.get()[:n], bary)
+
+
+@dataclass(frozen=True)
+class NovelView(Seen):
     """The reference of one frame.
 
-    view: the client's camera. rgb: uint8 (h, w, 4). visibility: int32 (h, w), triangle per pixel, -1 where empty.
-    pixel, triangle, bary: of every covered pixel, int32 (n), int32 (n), float32 (n, 2).
-    missing: share of all pixels that show a triangle which is not in the PVS.
+    rgb: uint8 (h, w, 4). missing: share of all pixels that show a triangle which is not in the PVS.
     view_dependence: mean FLIP between it as shaded for the server's eye and for the client's; None without FLIP.
     milliseconds: device time of drawing it. shading_ns: of which the shading kernel takes so many nanoseconds for each
     covered pixel, None without any. metrics_ms: host time of what metrics need of it, once per frame.
     """
 
-    view: View
     rgb: np.ndarray
-    visibility: np.ndarray
-    pixel: np.ndarray
-    triangle: np.ndarray
-    bary: np.ndarray
     missing: float
     view_dependence: float | None
     milliseconds: float
@@ -50,16 +70,14 @@ def draw_novel_view(
     with device.record() as record:
         image, visibility = forward.draw(view, eye)
     samples = resolve(device, scene.triangles, visibility, view.view, view.projection)
-    n = samples.count
-    triangle = samples.triangle.get()[:n]
-    bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+    seen, n = Seen.of(view, visibility, samples), samples.count
     shading = record
     if n and STAGE not in record.milliseconds:  # layers were shaded, whose number differs: the nearest ones alone
         with device.record() as shading:
             scene.shader.shade(samples, eye, device.empty(image.rgb.shape, np.uint8), STAGE)
     known = np.zeros(scene.host.triangle_count, bool)
     known[frame.pvs] = True
-    missing = np.count_nonzero(~known[triangle]) / (view.width * view.height)
+    missing = np.count_nonzero(~known[seen.triangle]) / (view.width * view.height)
     start = time.perf_counter()
     metrics.reference(image.rgb)
     device.finish()
@@ -67,12 +85,8 @@ def draw_novel_view(
     moved = not np.array_equal(eye, other)
     view_dependence = metrics.flip(forward.draw(view, other)[0].rgb if moved else image.rgb)
     return NovelView(
-        view=view,
+        **vars(seen),
         rgb=image.rgb.get(),
-        visibility=visibility.triangle.get(),
-        pixel=samples.texel.get()[:n],
-        triangle=triangle,
-        bary=bary,
         missing=missing,
         view_dependence=view_dependence,
         milliseconds=sum(record.milliseconds.values()),

@@ -143,7 +143,7 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], fra
     merge = "paper" if mode == "bilateral" else "exact"
     packer = PerPixelLinkedLists(mode=mode, layers=LAYERS if mode == "depth-limited" else 0, merge=merge)
     other = PerPixelLinkedLists(mode=mode, layers=packer.layers, merge=merge, layout="shuffled")
-    display = packer.client(scene)
+    display = packer.client(scene.shipped)
     for each in (packer, other):
         each.prepare(scene)
     for frame in views(scene, size, frames):
@@ -187,7 +187,7 @@ def _bad(frame: Frame, image: Image) -> float:
     """Share of pixels where the display's picture differs from the full lists', by more than rounding."""
     full = PerPixelLinkedLists(mode="full")
     full.prepare(frame.scene)
-    client = full.client(frame.scene)
+    client = full.client(frame.scene.shipped)
     complete = full.pack(frame)
     client.receive(Decoded({}, complete.blobs, b"", complete.lists))
     expected = client.draw(frame.server).rgb.get().astype(int)

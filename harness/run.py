@@ -37,8 +37,10 @@ from harness.rare import note_unseen
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
 from harness.skips import check_names, known_skips, skipped_stages
+from harness.verification.truth import Truth
 from harness.watchdog import PackTimeoutError, ended_steps, time_limit
 from kernels.journal import journal
+from packers.interface import NotShippedError
 from reports import csv_files, html
 from reports.store import Store
 
@@ -63,7 +65,8 @@ def run(settings: Settings, out: Path | None, resume: Path | None = None, explai
     lanes_of = find_methods(settings)
     check_names(settings.no_skip, lanes_of)
     session = open_session(settings)
-    lanes = [Lane(packer, session.scene, settings) for packer in lanes_of]
+    truth = Truth(session.scene, settings.seed)
+    lanes = [Lane(packer, session.scene, settings, truth) for packer in lanes_of]
     plan = make_plan(session, lanes)
     folder = out or folder_for(plan, Path(settings.scene).stem)
     with locked(folder), Store(folder) as store:
@@ -187,7 +190,7 @@ class Run:
             self.store.notes[f"prepare_ms/{lane.method}[{lane.variant}]"] = f"{lane.prepare():.1f}"
         if not lane.dead:
             work = self.session.source.work(0)
-            with self._guarded(lane, "warming up"), self._limited(lane, "warming up", packs=2):
+            with self._guarded(lane, "warming up"), self._limited(lane, "warming up", packs=3):
                 lane.warm_up(work)
 
     def _warm_up_metrics(self) -> None:
@@ -313,6 +316,8 @@ class Run:
             yield
         except PackTimeoutError:
             lane.dead = ("timeout", f"{doing}: it took longer than --timeout {self.settings.timeout:g} allows.")
+        except NotShippedError as error:
+            lane.dead = ("invalid", f"{doing}: {error}")
         except (Exception, SystemExit) as error:  # whatever a method does, the others go on, and its rows say what
             place = traceback.extract_tb(error.__traceback__)[-1]
             where = f"{Path(place.filename).name}, line {place.lineno}"

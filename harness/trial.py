@@ -9,7 +9,7 @@ from __future__ import annotations
 import hashlib
 import time
 import traceback
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -21,13 +21,18 @@ import numpy as np
 from arithmetic.matrices import turned
 from harness import validity
 from harness.exact import ExactPicture, draw_exact
+from harness.novel_view import Seen
 from harness.reference import ForwardRenderer
 from harness.upload import upload_scene
+from harness.verification.frame import Verifier
+from harness.verification.isolation import check_isolation, decode_losslessly
+from harness.verification.pictures import check_picture
+from harness.verification.truth import LEVELS, Truth
 from harness.views import Cell, CellFrustum, Pose, client_view, from_rotation_vector, multiply, rotation
 from harness.watchdog import PackTimeoutError
 from kernels.metrics.flip import Flip
 from kernels.raster.resolve import resolve
-from packers.interface import Client, Decoded, Frame, Owners, Packer, Payload, ServerScene, View
+from packers.interface import Client, Frame, NotShippedError, Owners, Packer, Payload, ServerScene, View
 from scenes.model import Scene
 
 if TYPE_CHECKING:
@@ -35,7 +40,6 @@ if TYPE_CHECKING:
 
     from kernels.device import Device
 
-LEVELS = 2  # of 255, by which a texel may differ from what the shading function gives its sample
 WRONG = 0.002  # share of pixels that may show another surface than float64 does, where rounding does not explain it
 HOLES = 0.002  # share of pixels that may be empty well inside what float64 shows, with every triangle placed
 FIRST = 6  # triangles and texels named in a sentence
@@ -157,13 +161,17 @@ class Stage:
         self._flip.compare(rgb)
         return self._flip.mean()
 
-    def seen(self, index: int) -> tuple[np.ndarray, np.ndarray]:
-        """Triangles and barycentrics that frame `index`'s client view sees."""
+    def seen(self, index: int) -> Seen:
+        """What frame `index`'s client view sees."""
         view = self.views[index]
-        visible = self.server.rasteriser.draw(view.view, view.projection, view.width, view.height)
+        _, visible = self.forward.draw(view, self.frames[index].server.eye)
         samples = resolve(self.device, self.server.triangles, visible, view.view, view.projection)
-        n = samples.count
-        return samples.triangle.get()[:n], np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+        return Seen.of(view, visible, samples)
+
+    @cached_property
+    def truth(self) -> Truth:
+        """The scene in float64."""
+        return Truth(self.server)
 
 
 def beside(pose: Pose, cell: Cell, fov: float) -> Pose:
@@ -187,13 +195,32 @@ def try_method(stage: Stage, make: Callable[[], Packer], *, again: int = 2) -> F
     again: how often to pack all frames again: 2 for once the same and once with other work-groups, 1 for the latter,
         0 for not at all.
     """
+    return _caught(lambda: _tried(stage, make, again))
+
+
+def try_isolation(stage: Stage, make: Callable[[], Packer]) -> Finding:
+    """Whether clients know and show what they receive, and nothing else."""
+
+    def isolated() -> Finding:
+        if reason := make().skip(stage.server.host):
+            return Finding("ok", f"skipped: {reason}")
+        found = check_isolation(stage.truth, make, stage.frames[0], stage.views[0])
+        return Finding("invalid" if found else "ok", " ".join(one.sentence for one in found))
+
+    return _caught(isolated)
+
+
+def _caught(work: Callable[[], Finding]) -> Finding:
+    """What comes of it, with the time that it took; whatever is raised becomes a finding."""
     start = time.perf_counter()
     try:
-        found = _tried(stage, make, again)
+        found = work()
     except Wrong as wrong:
         found = Finding(wrong.status, wrong.sentence, pictures=wrong.pictures)
     except PackTimeoutError:
         found = Finding("timeout", "It did not finish in time.")
+    except NotShippedError as error:
+        found = Finding("invalid", str(error))
     except Exception as error:  # whatever a method does becomes a sentence
         found = Finding("refused", str(error)) if refuses(error) else Finding("failed", describe(error))
     return replace(found, seconds=time.perf_counter() - start)
@@ -218,22 +245,17 @@ def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> Finding:
     if reason := packer.skip(stage.server.host):
         return Finding("ok", f"skipped: {reason}")
     packer.prepare(stage.server)
-    client = packer.client(stage.server)
+    client, verifier = packer.client(stage.server.shipped), Verifier(stage.truth, packer)
     prints = []
     for index, frame in enumerate(stage.frames):
-        payload = packer.pack(frame)
-        send(client, payload)
-        _check_frame(stage, index, packer, payload, client)
+        with stage.device.record() as record:
+            payload = packer.pack(frame)
+        client.receive(decode_losslessly(payload))
+        _check_frame(stage, index, verifier, payload, client, record.launches)
         prints.append(fingerprint(payload))
     usual = stage.device.local_size
     _check_steady(stage, make, prints, [usual, 16 if usual != 16 else 32][2 - again :] if again else [])
     return _judged(stage, payload, client)
-
-
-def send(client: Client, payload: Payload) -> None:
-    """Hand a payload to a client as it arrives without a lossy codec."""
-    planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
-    client.receive(Decoded(planes, payload.blobs, payload.geometry, payload.lists))
 
 
 def fingerprint(payload: Payload) -> dict[str, str]:
@@ -245,20 +267,20 @@ def fingerprint(payload: Payload) -> dict[str, str]:
     return {name: hashlib.sha256(np.ascontiguousarray(part)).hexdigest() for name, part in parts.items()}
 
 
-def _check_frame(stage: Stage, index: int, packer: Packer, payload: Payload, client: Client) -> None:
-    """Raise Wrong where a frame breaks a rule."""
-    frame, owners = stage.frames[index], packer.owners(payload)
-    if not payload.planes and not payload.lists:
-        raise Wrong("invalid", f"Frame {index}: the payload has neither planes nor lists: there is nothing to draw.")
-    bad = sorted(name for name, value in payload.statistics.items() if not np.isfinite(value))
-    if bad:
-        raise Wrong("invalid", f"Frame {index}: the statistics {', '.join(bad)} are not finite.")
+def _check_frame(
+    stage: Stage, index: int, verifier: Verifier, payload: Payload, client: Client, stages: Iterable[str]
+) -> None:
+    """Raise Wrong where a frame breaks a rule; stages: launched by packing it."""
+    frame, packer = stage.frames[index], verifier.packer
+    owners = payload.owners()
     gaps = validity.Gaps() if packer.leaves_unwritten else None
-    triangle, bary = stage.seen(index)
-    places = client.locate(triangle, bary)
-    visible = None if places is None else (triangle, bary, places)
-    lists = packer.details(payload) if payload.lists else {}
-    found = validity.check(frame, payload, owners, client, visible, gaps=gaps, lists=lists)
+    seen = stage.seen(index)
+    places = client.locate(seen.triangle, seen.bary)
+    visible = None if places is None else (seen.triangle, seen.bary, places)
+    planes = {name: plane.get() for name, plane in payload.planes.items()}
+    found = verifier.verify(frame, payload, planes, owners, client, stages).found
+    found += validity.check(frame, payload, owners, client, visible, gaps=gaps)
+    found += check_picture(stage.truth, frame, packer.name, payload, seen, client.draw(stage.views[index]))[1]
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
         raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
@@ -328,12 +350,14 @@ def work_groups(device: Device, size: int) -> Iterator[None]:
 def _judged(stage: Stage, payload: Payload, client: Client) -> Finding:
     """The last frame's client picture against what it should show."""
     image = client.draw(stage.views[-1])
-    ids, unplaced = image.triangle.get(), len(payload.unplaced)
+    unplaced = len(payload.unplaced)
+    ids = None if image.triangle is None else image.triangle.get()
+    drawn = image.depth.get() > 0 if ids is None else ids >= 0
     error, wrong, holes = stage.error(image.rgb), None, None
     total = len(stage.frames[-1].pvs)
     if stage.last is not None and stage.complete and not unplaced:
-        holes = float(stage.last.holes(ids >= 0).mean())
-        wrong = float(stage.last.wrong(ids).mean()) if payload.planes else None
+        holes = float(stage.last.holes(drawn).mean())
+        wrong = None if ids is None else float(stage.last.wrong(ids).mean())
     status, sentence = "ok", ""
     if unplaced:
         reasons = "; ".join(sorted(set(payload.unplaced.values())))

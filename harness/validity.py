@@ -31,7 +31,8 @@ gaps          A packer that declares it (`Packer.leaves_unwritten`) need not wri
               over NEAR from the point looked up may be missing or another triangle's, and are counted (`Gaps`), or
               belong to another part of the same triangle, which shows by the four not being on one plane. All else
               holds for it too.
-sorted        A method without an atlas lists each pixel's fragments nearest first, and (`once`) each in one list.
+
+Of a method without an atlas only `placed` is checked here: see harness/verification/lists.py.
 
 Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
 its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
@@ -41,7 +42,7 @@ turns by frame index, so that every one is examined within a few frames.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -119,7 +120,6 @@ def check(
     *,
     budget: int | None = BUDGET,
     gaps: Gaps | None = None,
-    lists: Mapping[str, np.ndarray] | None = None,
 ) -> list[Violation]:
     """Check every rule on one frame; an empty list if all hold.
 
@@ -129,10 +129,9 @@ def check(
         `locate` says of them; those of triangles without a place are passed over (they count as missing elsewhere).
     budget: None examines every triangle and every sample.
     gaps: given for a packer that declares to leave texels unwritten, whose share is counted here.
-    lists: of a method without an atlas, what `Packer.details` decodes from the payload's lists.
     """
     if owners is None or not payload.planes:
-        return [*_check_unplaced(frame, payload, None), *_check_lists(lists or {})]
+        return _check_unplaced(frame, payload, None)
     planes = {name: plane.get() for name, plane in payload.planes.items()}
     height, width = next(iter(planes.values())).shape[:2]
     found = _check_ids(frame, owners)
@@ -185,31 +184,6 @@ def _check_unplaced(frame: Frame, payload: Payload, placed: np.ndarray | None) -
         for bad, what in cases
         if len(bad)
     ]
-
-
-def _check_lists(details: Mapping[str, np.ndarray]) -> Iterator[Violation]:
-    """Of the rules `once` and `sorted`, on every `header` (h, w, 2) and its `fragments` (n, words)."""
-    for name in details:
-        if not name.startswith("header"):
-            continue
-        offset, count = np.moveaxis(details[name].reshape(-1, 2).astype(np.int64), 1, 0)
-        rows = details[name.replace("header", "fragments")]
-        first = np.cumsum(count) - count
-        stray = np.flatnonzero((count > 0) & (offset != first))
-        if stray.size or count.sum() != len(rows):
-            sentence = (
-                f"{name}: {stray.size} lists, of {count.sum()} fragments where there are {len(rows)}, overlap or gap."
-            )
-            yield Violation("once", max(1, stray.size), sentence, texels=_first(stray))
-            continue
-        pixel = np.repeat(np.arange(len(count), dtype=np.int32), count)
-        seen = rows[:, 0] >> 24 > 0
-        pixel, far = pixel[seen], np.ascontiguousarray(rows[seen, -1]).view(np.float32)
-        far = -far if rows.shape[1] == 2 else far  # a depth falls with distance
-        wrong = pixel[1:][(pixel[1:] == pixel[:-1]) & (far[1:] < far[:-1])]
-        if wrong.size:
-            yield Violation("sorted", wrong.size, f"{name}: {wrong.size} fragments lie before one that is nearer.",
-                            texels=_first(wrong))  # fmt: skip
 
 
 class _Atlas:

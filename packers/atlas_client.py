@@ -18,7 +18,7 @@ from kernels.raster.resolve import resolve
 from kernels.samples import Samples
 from kernels.triangles import Triangles
 from packers.geometry import GeometryDecoder, GeometryEncoder
-from packers.interface import ALPHA, Client, Decoded, Image, ServerScene, View
+from packers.interface import ALPHA, Client, ClientScene, Decoded, Image, ServerScene, View
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -35,15 +35,14 @@ class LookupClient(Client):
     over the opaque picture. A set without blended triangles runs none of this.
 
     A subclass names its per-triangle `attributes` (name to dtype), takes its metadata in `read` and says in `place`
-    where surface points lie in the atlas. From the scene it uses what a client is shipped with: the device, the sky
-    behind everything and the alpha masks.
+    where surface points lie in the atlas.
     """
 
     attributes: ClassVar[Mapping[str, Any]] = {}
 
-    def __init__(self, scene: ServerScene) -> None:
+    def __init__(self, scene: ClientScene) -> None:
         self.device = scene.device
-        self.sky = scene.shader.sky
+        self.sky = scene.sky
         self.mask = scene.mask
         self.geometry = GeometryDecoder(self.attributes)
         self._row_of: np.ndarray | None = None

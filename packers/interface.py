@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from kernels.raster.rasteriser import Rasteriser
     from kernels.samples import Samples
     from kernels.shade.shader import Shader
+    from kernels.shade.sky import Sky
     from kernels.texture.mask import AlphaMask
     from kernels.triangles import Triangles
     from scenes.model import Scene
 
 
 ALPHA = "alpha"  # the name of a plane that holds opacities
+ALIKE = 8  # levels of 255, by which the blend of lists that a client keeps may differ from that of new ones
 
 
 @dataclass(frozen=True)
@@ -129,6 +131,34 @@ class ServerScene:
     layers: Layers | None = None
     skips: Skips = field(default_factory=Skips)
 
+    @property
+    def shipped(self) -> ClientScene:
+        """What a client gets of it."""
+        return ClientScene(self.device, self.shader.sky, self.mask)
+
+
+class NotShippedError(AttributeError):
+    """A client asked its scene for something that no client is shipped with."""
+
+
+@dataclass(frozen=True)
+class ClientScene:
+    """All that a client is shipped with; whatever else it needs must be in payloads.
+
+    device: what it computes on. sky: painted behind everything. mask: alpha masks of masked triangles, by their numbers
+    in the scene, None where it has none. Asked for anything else it raises NotShippedError.
+    """
+
+    device: Device
+    sky: Sky
+    mask: AlphaMask | None = None
+
+    def __getattr__(self, name: str) -> Any:
+        raise NotShippedError(
+            f"The client uses {name!r} of its scene, but a client is shipped with device, sky and mask only: send what "
+            "else it needs."
+        )
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -180,9 +210,9 @@ class Payload:
     blobs: metadata the client needs each frame: name to bytes, compressed by the harness with LZ4.
     geometry: the potentially visible triangles as the client needs them (see packers.geometry), LZ4 likewise.
     lists: what a method without an atlas sends in place of planes: name to bytes, LZ4 likewise, but counted with the
-        planes as `bytes_video`. raw_bytes: their size in plain structures, which `compression_ratio` refers to.
-    samples: the shading samples, for `owners`, or None for a method without an atlas.
-    sample_count: shading samples computed this frame.
+        planes as `bytes_video`. raw_bytes: their size before LZ4, which `compression_ratio` refers to.
+    samples: the shading samples, or None for a method without an atlas.
+    sample_count: shading samples computed this frame: those in `samples`, or the fragments that the client then holds.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
     statistics: what the method reports beyond the common columns, name to number.
     """
@@ -196,6 +226,15 @@ class Payload:
     statistics: dict[str, float] = field(default_factory=dict)
     lists: dict[str, bytes] = field(default_factory=dict)
     raw_bytes: int = 0
+
+    def owners(self) -> Owners | None:
+        """Texel to triangle and barycentrics, of the samples; None for a method without an atlas."""
+        samples = self.samples
+        if samples is None:
+            return None
+        n = samples.count
+        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
+        return Owners(samples.texel.get()[:n].astype(np.int64), samples.triangle.get()[:n], bary)
 
 
 @dataclass(frozen=True)
@@ -231,6 +270,13 @@ class Client(ABC):
     def draw(self, view: View) -> Image:
         """Draw `view` from what was received."""
 
+    def fragments(self) -> tuple[HeldLists, ...]:
+        """The lists that it holds after `receive`, one for each part that was sent apart; none where there is an atlas.
+
+        They must come from decoded bytes: the harness holds them against the scene.
+        """
+        return ()
+
     def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
         """Atlas position, in texels, that a lookup at a surface point uses; None for a method without an atlas.
 
@@ -242,13 +288,36 @@ class Client(ABC):
 
 @dataclass(frozen=True)
 class Image:
-    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB; triangle int32 (h, w), scene ids, -1 where empty.
+    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB, and what shows in each pixel.
 
-    A client that knows no ids writes 0 wherever something is drawn.
+    triangle: int32 (h, w), scene ids of what is nearest there and not wholly transparent, -1 where nothing is drawn. A
+    client that knows no ids has None, and says in their place:
+    depth: float32 (h, w), the near plane's distance over that of what is nearest, 0 where nothing is drawn.
     """
 
     rgb: Array
-    triangle: Array
+    triangle: Array | None
+    depth: Array | None = None
+
+
+@dataclass(frozen=True)
+class HeldLists:
+    """Fragments of a list view, as a client holds them, whatever the wire format.
+
+    view: the camera that saw them. offsets: int64 (height * width + 1), where each pixel's begin, row by row.
+    rgba: uint8 (n, 4), nearest first; one of alpha 0 is not there. depth: float32 (n), near plane over distance.
+    normals: whether they carry what lighting or moving them needs: 24 bytes each on the wire in place of 12.
+    """
+
+    view: View
+    offsets: np.ndarray
+    rgba: np.ndarray
+    depth: np.ndarray
+    normals: bool = False
+
+
+# What a client's lists hold of the fragments that a list view sees, see Packer.holds.
+HOLDS = ("every", "nearest", "alike", "moved", "blended")
 
 
 class Packer(ABC):
@@ -258,6 +327,9 @@ class Packer(ABC):
     atlas: whether it fills planes for the video encoder. A method that does not has rows of codec `none` only.
     leaves_unwritten: whether it writes only the texels within half a texel of a triangle, not all that lookups in it
         touch. Their share is then reported as the statistic `unwritten_lookups`, where validity would else object.
+    holds: of a method that sends lists, what clients hold of each pixel's fragments: one of HOLDS. "every" one;
+        "nearest", the nearest ones; "alike", some that blend to the same colour within ALIKE levels; "moved", some that
+        were seen from elsewhere; "blended", one in place of all.
     skips: what it leaves out (ServerScene.skips) where a frame does not need it, by name: what that is, why it is not
         needed where that applies, and why it is needed elsewhere.
     """
@@ -266,6 +338,7 @@ class Packer(ABC):
     paper: ClassVar[Paper]
     atlas: ClassVar[bool] = True
     leaves_unwritten: bool = False
+    holds: str = "every"
     parameters: ClassVar[dict[str, Parameter]] = {}
     skips: ClassVar[dict[str, tuple[str, str, str]]] = {}
 
@@ -303,15 +376,6 @@ class Packer(ABC):
     def pack(self, frame: Frame) -> Payload:
         """Place and shade everything in the frame's PVS."""
 
-    def owners(self, payload: Payload) -> Owners | None:
-        """Texel to triangle and barycentrics, on request only; None for a method without an atlas."""
-        samples = payload.samples
-        if samples is None:
-            return None
-        n = samples.count
-        bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
-        return Owners(samples.texel.get()[:n].astype(np.int64), samples.triangle.get()[:n], bary)
-
     def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
         """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""
         return {}
@@ -321,5 +385,5 @@ class Packer(ABC):
         return {}
 
     @abstractmethod
-    def client(self, scene: ServerScene) -> Client:
-        """A fresh client. It may take from `scene` only what a client is shipped with (the device, alpha masks)."""
+    def client(self, scene: ClientScene) -> Client:
+        """A fresh client. It keeps nothing of the packer; `scene` is all that it has before the first payload."""

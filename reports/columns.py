@@ -68,14 +68,21 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("seed", "", "seed of scene, head motion and methods", "setting", int),
     Column("pvs_triangles", "triangles", "triangles in the potentially visible set", "count", int),
     Column("placed_triangles", "triangles", "of these, triangles that got a place", "count", int, "higher"),
-    Column("samples", "samples", "shading samples computed", "count", int, "lower"),
+    Column(
+        "samples",
+        "samples",
+        "shading samples computed, counted by the harness: of lists, the fragments held",
+        "count",
+        int,
+        "lower",
+    ),
     Column("atlas_width", "texels", "width of the atlas; empty for a method without one", "setting", int),
     Column("atlas_height", "texels", "height of the atlas; empty for a method without one", "setting", int),
     _quality("fill", "0..1", "higher", "share of the atlas' texels that a triangle owns"),
     _time("pvs_ms", "device time of finding the potentially visible set; measured when it was found, kept with it"),
     _time("structs_ms", "device time of building structures: sizes, places, lookups"),
     _time("gather_ms", "device time of computing the shading samples"),
-    _time("server_ms", "device time of all that packing launches: structs_ms + gather_ms"),
+    _time("server_ms", "device time of all launches that pack the frame: structs_ms + gather_ms where they are valid"),
     _time("serialise_ms", "host time of packing: wall_ms - server_ms, what it chooses, copies, writes and waits for"),
     _time(
         "fill_ms",
@@ -147,7 +154,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "holes_px",
         "0..1",
         "lower",
-        "share of the novel view's pixels where the client draws nothing, blended or not, and the reference does",
+        "share of the novel view's pixels with a surface in the reference, and none or a false one on the client",
     ),
     Column("peak_mb", "MB", "peak memory of the process (1 MB is 10^6 bytes)", "size", float, "lower"),
     Column("skipped", "", "what was left out because nothing needs it, separated by semicolons", "status", str),
@@ -434,7 +441,8 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "One row per frame and number that is in no common column: what the method's README explains, and of the "
             "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference), "
             "`metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
-            "clients), `structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
+            "clients), `checks_ms` (host time of checking what the method says of the frame), "
+            "`structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
             "pixel of the shading kernel in the reference), `gather_over_shading` (gather_ms per sample over that) and "
             "`unwritten_lookups` (of the texels that the lookups of the validity check touch, the share that is "
             "missing, for a method that declares to leave some unwritten).",

@@ -231,7 +231,7 @@ SPLATTING = {
 }
 
 
-@case(SPLATTING, 480, 48, adversarial=Bound(wrong=5e-4))
+@case(SPLATTING, 480, 48, typical=Bound(2), adversarial=Bound(4, spared=5e-4, wrong=5e-4))
 def splatting(device: Device, kind: str, size: int) -> Trial:
     """A point falls on about 4 pixels. Adversarial: long lists, moved until they spread."""
     rng, shape = seeded(kind), (size, size * 2 // 3)
@@ -240,14 +240,15 @@ def splatting(device: Device, kind: str, size: int) -> Trial:
     views = (np.eye(4), perspective(80, 1.5)), (look_at((shift, 0, 0), (shift, 0, -5)), perspective(60, 1.5))
     background = rng.integers(0, 256, (*shape[::-1], 4)).astype(np.uint8)
     uploaded, picture = device.upload(background), device.upload(background)
-    drawn = device.empty(shape[::-1], np.int32)
+    depth = device.empty(shape[::-1], np.float32)
 
     def run() -> None:
-        draw_lists(device, lists, *views, picture, drawn, "splat")
+        draw_lists(device, lists, *views, picture, depth, "splat")
 
     def results() -> list[Result]:
         picture.set(uploaded.get())
         run()
-        return [Result(picture.get()[..., :3], draw_lists_twin(lists, *views, background))]
+        expected, distances = draw_lists_twin(lists, *views, background)
+        return [Result(picture.get()[..., :3], expected), Result(depth.get(), distances)]
 
     return Trial({"n": lists[0].count, "pixels": lists[0].pixels}, run, results)

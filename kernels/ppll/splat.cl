@@ -91,17 +91,19 @@ __kernel void list_points(const int count, const int width, const int height, __
 }
 
 // A pixel's colour: the points that fall on it, nearest first, in groups of one surface; a group's colour and opacity
-// are averages, weighted by how near the points are to the pixel's centre. drawn: 0 where any point is, -1 elsewhere.
+// are averages, weighted by how near the points are to the pixel's centre. depth: near over the distance of the nearest
+// point, 0 where there is none.
 __kernel void blend_points(const int pixels, const int width, __global const int *offsets, __global int *numbers,
                            __global const float4 *points, __global const float *keys, __global const int *sources,
-                           __global const uint *colours, __global uint *picture, __global int *drawn)
+                           __global const uint *colours, const float near, __global uint *picture,
+                           __global float *depth)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
         return;
     const int first = offsets[pixel], end = offsets[pixel + 1];
-    drawn[pixel] = first < end ? 0 : -1;
     sort_numbers(numbers + first, end - first, keys);
+    depth[pixel] = first < end ? near / keys[numbers[first]] : 0.0f;
     const float px = pixel % width + 0.5f, py = pixel / width + 0.5f;
     float4 sum = 0.0f;
     float through = 1.0f;

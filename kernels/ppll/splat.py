@@ -26,16 +26,17 @@ def draw_lists(
     taken: tuple[np.ndarray, np.ndarray],
     view: tuple[np.ndarray, np.ndarray],
     picture: Array,
-    drawn: Array,
+    depth: Array,
     stage: str,
 ) -> None:
     """Draw lists of one list view, merged by depth, over `picture`, uint8 (h, w, 4).
 
-    taken, view: view and projection float64 (4, 4) of the lists and of the picture. drawn: int32 (h, w) becomes 0
-    where a fragment is seen, -1 elsewhere. Where both views have the same eye and pixels, this is the lists' blend.
+    taken, view: view and projection float64 (4, 4) of the lists and of the picture. depth: float32 (h, w) becomes near
+    over the distance of the nearest fragment seen, 0 where none is. Where both views have the same eye and pixels, this
+    is the lists' blend.
     Slots are handed out by atomics, but each pixel sorts its points by distance and number, so their order is fixed.
     """
-    height, width = drawn.shape
+    height, width = depth.shape
     kernels = device.build("ppll/splat.cl")
     count = sum(part.count for part in lists)
     points, keys = device.recycled((count, 4), np.float32), device.recycled(count, np.float32)
@@ -54,7 +55,7 @@ def draw_lists(
     offsets, total = exclusive_scan(device, counts, pixels + 1, f"{stage}/scan")
     numbers, cursor = device.recycled(total, np.int32), offsets.copy()
     device.launch(f"{stage}/list", kernels.list_points, count, count, width, height, points, cursor, numbers)
-    inputs = (pixels, width, offsets, numbers, points, keys, sources, colours, picture, drawn)
+    inputs = (pixels, width, offsets, numbers, points, keys, sources, colours, float(view[1][2, 3]), picture, depth)
     device.launch(f"{stage}/blend", kernels.blend_points, pixels, *inputs)
 
 
@@ -88,9 +89,9 @@ def draw_lists_twin(
     taken: tuple[np.ndarray, np.ndarray],
     view: tuple[np.ndarray, np.ndarray],
     background: np.ndarray,
-) -> np.ndarray:
-    """float64 (h, w, 3): the picture over `background`, uint8 (h, w, 4), pixel by pixel, as `draw_lists` for lists of
-    colours and depths."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """float64 (h, w, 3), the picture over `background`, uint8 (h, w, 4), and float64 (h, w), its depth, pixel by pixel,
+    as `draw_lists` for lists of colours and depths."""
     height, width = background.shape[:2]
     falling: dict[int, list] = {}
     number = 0
@@ -115,9 +116,11 @@ def draw_lists_twin(
                         falling.setdefault(row * width + column, []).append(point)
         number += len(source)
     out = background[..., :3].reshape(-1, 3).astype(np.float64)
+    depth = np.zeros(height * width)
     for pixel, points in falling.items():
+        depth[pixel] = view[1][2, 3] / min(point[0] for point in points)
         out[pixel] = _blended(sorted(points, key=lambda point: point[:2]), out[pixel])
-    return out.reshape(height, width, 3)
+    return out.reshape(height, width, 3), depth.reshape(height, width)
 
 
 def _blended(points: list, behind: np.ndarray) -> np.ndarray:

@@ -55,12 +55,31 @@ def locate_samples(device: Device, triangles: Triangles, samples: Samples, camer
 def resolve_twin(triangles: Triangles, triangle: np.ndarray, view: np.ndarray, projection: np.ndarray) -> dict:
     """The samples of an image of triangle ids (height, width): arrays by the names of Samples, float64.
 
-    Meets each triangle's plane with the ray through the pixel's centre, and with those one pixel to the right and
-    below for the footprint's differentials.
+    See `locate_samples_twin`.
     """
     height, width = triangle.shape
     rows, columns = np.nonzero(triangle >= 0)
     ids = triangle[rows, columns]
+    bary, footprint = locate_samples_twin(triangles, ids, columns, rows, view, projection, width, height)
+    texel = rows * width + columns
+    return {"triangle": ids, "bary1": bary[:, 0], "bary2": bary[:, 1], "footprint": footprint, "texel": texel}
+
+
+def locate_samples_twin(
+    triangles: Triangles,
+    ids: np.ndarray,
+    columns: np.ndarray,
+    rows: np.ndarray,
+    view: np.ndarray,
+    projection: np.ndarray,
+    width: int,
+    height: int,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Barycentrics float64 (n, 2), kept inside, and footprints (n): triangles int (n) at pixels, columns and rows (n).
+
+    Meets each triangle's plane with the ray through the pixel's centre, and with those one pixel to the right and
+    below for the footprint's differentials.
+    """
     corners = triangles.host_positions[triangles.host_indices[ids]].astype(np.float64)
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
     normal = np.cross(edges[..., 0], edges[..., 1])
@@ -93,10 +112,4 @@ def resolve_twin(triangles: Triangles, triangle: np.ndarray, view: np.ndarray, p
         change = (other - direction) * slope[:, None] + (other_origin - origin)  # of the point at the same distance
         along = (change * normal).sum(axis=1) / (direction * normal).sum(axis=1)
         steps.append(np.linalg.norm(change - along[:, None] * direction, axis=1))
-    return {
-        "triangle": ids,
-        "bary1": b1,
-        "bary2": np.clip(weights[:, 1], 0, 1 - b1),
-        "footprint": np.maximum(*steps),
-        "texel": rows * width + columns,
-    }
+    return np.stack([b1, np.clip(weights[:, 1], 0, 1 - b1)], axis=1), np.maximum(*steps)

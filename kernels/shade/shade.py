@@ -71,7 +71,7 @@ def shade_twin(
 
 
 def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray):
-    corners = tables.vertices.astype(np.float64)[tables.indices[triangle]]
+    corners = tables.vertices[tables.indices[triangle]].astype(np.float64)
     weights = np.stack([1 - bary.sum(axis=1), bary[:, 0], bary[:, 1]], axis=1)
     rows = np.einsum("ni,nif->nf", weights, corners)
     upright = np.broadcast_to([0.0, 1.0, 0.0], (len(rows), 3))
@@ -79,7 +79,7 @@ def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary:
     face = _unit(np.cross(sides[:, 0], sides[:, 1]), upright)
     extra = np.zeros((len(rows), 8))
     if len(tables.extras):
-        extra = np.einsum("ni,nif->nf", weights, tables.extras.astype(np.float64)[tables.indices[triangle]])
+        extra = np.einsum("ni,nif->nf", weights, tables.extras[tables.indices[triangle]].astype(np.float64))
     scale = faces[triangle, 1].view(np.float32).astype(np.float64)
     return Points(
         rows[:, :3],

@@ -9,7 +9,7 @@ import numpy as np
 
 from kernels.shade.faces import face_rows
 from kernels.shade.shadow import ShadowMaps
-from kernels.shade.sky import pixel_rays
+from kernels.shade.sky import Sky
 from kernels.shade.tables import Lighting, Surface, make_tables
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ STEP = 8  # samples shaded at once
 
 
 class Shader:
-    """The one shading function for a scene: shades sample lists and paints the sky.
+    """The one shading function for a scene: shades sample lists; `sky` paints what is behind everything.
 
     `defines` and `arguments` are for kernels of packers that include shade/shade.cl: what to build them with, and what
     to pass for SURFACE_PARAMETERS.
@@ -55,7 +55,7 @@ class Shader:
         self.defines = self.tables.defines | dict.fromkeys(keep, 1)
         vertices = device.upload(self.tables.vertices)
         self.faces = face_rows(device, vertices, triangles.indices, surface.material_ids)
-        self._environment = device.upload(self.tables.environment)
+        self.sky = Sky(device, device.upload(self.tables.environment))
         self.arguments = (
             vertices,
             device.upload(self.tables.extras),
@@ -67,7 +67,7 @@ class Shader:
             textures.texels,
             device.upload(self.tables.lights),
             shadows.maps,
-            self._environment,
+            self.sky.environment,
         )
 
     def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:
@@ -94,11 +94,3 @@ class Shader:
             *self.arguments,
             local=1 if self.device.is_cpu else None,
         )
-
-    def sky(self, view: np.ndarray, projection: np.ndarray, target: Array, stage: str = "shade/sky") -> None:
-        """Paint the sky over all of `target`, uint8 (H, W, 4), as a camera (float64 4x4 each) sees it; alpha 255."""
-        height, width = target.shape[:2]
-        rays = self.device.upload(pixel_rays(view, projection, width, height).astype(np.float32))
-        kernel = self.device.build("shade/sky.cl").paint_sky
-        groups = -(-width // STEP) * height
-        self.device.launch(stage, kernel, groups, width, height, rays, self._environment, target)

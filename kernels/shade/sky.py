@@ -2,10 +2,36 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from arithmetic.matrices import product
 from kernels.shade.colour import encode, sky_radiance
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from kernels.device import Device
+
+STEP = 8  # pixels painted at once
+
+
+@dataclass(frozen=True)
+class Sky:
+    """The sky of a scene; environment: float32 (10) on the device, see tables.environment_row."""
+
+    device: Device
+    environment: Array
+
+    def __call__(self, view: np.ndarray, projection: np.ndarray, target: Array, stage: str = "shade/sky") -> None:
+        """Paint the sky over all of `target`, uint8 (H, W, 4), as a camera (float64 4x4 each) sees it; alpha 255."""
+        height, width = target.shape[:2]
+        rays = self.device.upload(pixel_rays(view, projection, width, height).astype(np.float32))
+        kernel = self.device.build("shade/sky.cl").paint_sky
+        groups = -(-width // STEP) * height
+        self.device.launch(stage, kernel, groups, width, height, rays, self.environment, target)
 
 
 def pixel_rays(view: np.ndarray, projection: np.ndarray, width: int, height: int) -> np.ndarray:

@@ -31,10 +31,9 @@ def bilinear(textures: TextureBuffers, level: np.ndarray, u: np.ndarray, v: np.n
     offset, width, height = textures.host_levels[level, :3].T.astype(np.int64)
     x0, x1, fx = neighbours(u, width, wrap & 3)
     y0, y1, fy = neighbours(v, height, wrap >> 2)
-    texels = textures.host_texels / 65535
 
     def at(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return texels[offset + y * width + x]
+        return textures.host_texels[offset + y * width + x] / 65535
 
     fx, fy = fx[:, None], fy[:, None]
     return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy

@@ -6,17 +6,18 @@ import numpy as np
 
 from kernels.ppll.lists import Lists, splice_lists
 from kernels.ppll.match import merge_differences, move_lists, turning
+from kernels.ppll.rows import COLOUR_WORDS
 from kernels.ppll.splat import draw_lists
-from packers.interface import Client, Decoded, Image, ServerScene, View
+from packers.interface import Client, ClientScene, Decoded, HeldLists, Image, View
 from packers.ppll.wire import Message, WireError, decode
 
 
 class ListClient(Client):
-    """Draws the lists it holds over the sky. From the scene it uses the device and the sky behind everything."""
+    """Draws the lists it holds over the sky."""
 
-    def __init__(self, scene: ServerScene) -> None:
+    def __init__(self, scene: ClientScene) -> None:
         self.device = scene.device
-        self.sky = scene.shader.sky
+        self.sky = scene.sky
         self.nodes: list[Lists] = []
 
     def receive(self, payload: Decoded) -> None:
@@ -47,6 +48,20 @@ class ListClient(Client):
         """The view: sky, and over it all nodes' fragments, merged by depth."""
         rgb = self.device.empty((view.height, view.width, 4), np.uint8)
         self.sky(view.view, view.projection, rgb, stage="client/sky")
-        drawn = self.device.empty((view.height, view.width), np.int32)
-        draw_lists(self.device, self.nodes, self.taken, (view.view, view.projection), rgb, drawn, "client")
-        return Image(rgb, drawn)
+        depth = self.device.empty((view.height, view.width), np.float32)
+        draw_lists(self.device, self.nodes, self.taken, (view.view, view.projection), rgb, depth, "client")
+        return Image(rgb, None, depth)
+
+    def fragments(self) -> tuple[HeldLists, ...]:
+        """Each node's lists."""
+        return tuple(self._neutral(lists) for lists in self.nodes)
+
+    def _neutral(self, lists: Lists) -> HeldLists:
+        offsets, rows = lists.host()
+        view = View(*self.taken, lists.width, lists.height)
+        rgba = np.ascontiguousarray(rows[:, 0]).view(np.uint8).reshape(-1, 4)
+        last = np.ascontiguousarray(rows[:, -1]).view(np.float32)
+        if lists.words == COLOUR_WORDS:
+            return HeldLists(view, offsets.astype(np.int64), rgba, last)
+        depth = np.float32(view.projection[2, 3]) / np.maximum(last, np.finfo(np.float32).tiny)
+        return HeldLists(view, offsets.astype(np.int64), rgba, depth, normals=True)

@@ -14,7 +14,7 @@ from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
 from kernels.ppll.lists import Lists, changed_colours, changed_lists, count_deleted, splice_lists
 from kernels.ppll.match import apply_differences, find_differences, move_lists, turning
 from kernels.ppll.wire import LAYOUTS, write_lists
-from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene, View
+from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene, View
 from packers.ppll.client import ListClient
 from packers.ppll.server import Depth, ListRenderer, NodeLists
 from packers.ppll.wire import MERGES, MODES, MOST_NODES, Head, decode, encode
@@ -118,6 +118,12 @@ class PerPixelLinkedLists(Packer):
         self.shown: dict[int, Array] = {}  # by node, what blending `held` gives, where differences are of colours
         self.view: View | None = None
 
+    @property
+    def holds(self) -> str:
+        """Which of its fragments the display holds."""
+        kinds = {"full": "every", "depth-limited": "nearest", "difference": "alike", "bilateral": "moved"}
+        return "blended" if self.preblend and self.mode != "difference" else kinds[self.mode]
+
     def settled(self) -> bool:
         """Whole lists depend on the frame alone; differences on what was sent before."""
         return self.mode in ("full", "depth-limited")
@@ -215,7 +221,7 @@ class PerPixelLinkedLists(Packer):
         blend_lists(device, *blended, "structs/blend")
         return picture
 
-    def client(self, scene: ServerScene) -> ListClient:
+    def client(self, scene: ClientScene) -> ListClient:
         """A client that holds nothing yet."""
         return ListClient(scene)
 

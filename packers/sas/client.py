@@ -10,7 +10,7 @@ import numpy as np
 from kernels.sas.corners import locate_corners
 from packers.atlas_client import AtlasClient
 from packers.geometry import shuffle, unshuffle
-from packers.interface import ServerScene
+from packers.interface import ClientScene
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -28,7 +28,7 @@ class ShadingAtlasClient(AtlasClient):
 
     attributes = ATTRIBUTES
 
-    def __init__(self, scene: ServerScene) -> None:
+    def __init__(self, scene: ClientScene) -> None:
         super().__init__(scene)
         self.words = np.empty(0, np.uint32)
 

@@ -15,7 +15,7 @@ from kernels.sas.emit import Unfolded, emit_samples
 from kernels.sas.footprint import STEPS, measure_sides
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
-from packers.interface import Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
+from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
 from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
 
@@ -144,7 +144,7 @@ class ShadingAtlasStreaming(Packer):
             statistics=statistics,
         )
 
-    def client(self, scene: ServerScene) -> ShadingAtlasClient:
+    def client(self, scene: ClientScene) -> ShadingAtlasClient:
         """A client without any triangle yet."""
         return ShadingAtlasClient(scene)
 

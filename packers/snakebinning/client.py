@@ -11,7 +11,7 @@ from kernels.snakebinning.corners import locate_corners
 from kernels.snakebinning.split import piece_maps, split_samples
 from packers.atlas_client import AtlasClient
 from packers.geometry import shuffle, unshuffle
-from packers.interface import ServerScene
+from packers.interface import ClientScene
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -59,7 +59,7 @@ def decode_pieces(data: bytes) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 class SnakeBinningClient(AtlasClient):
     """Keeps the record of every triangle it was ever sent; draws as every atlas client, in perspective."""
 
-    def __init__(self, scene: ServerScene) -> None:
+    def __init__(self, scene: ClientScene) -> None:
         super().__init__(scene)
         self.records = np.zeros((0, FIELDS), np.uint32)
 

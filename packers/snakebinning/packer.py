@@ -29,7 +29,7 @@ from kernels.snakebinning.place import Places, find_new, list_records, place_tri
 from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
-from packers.interface import Frame, Packer, Paper, Payload, RareCost, ServerScene, View
+from packers.interface import ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
 from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
 from packers.snakebinning.parameters import PARAMETERS
 from packers.snakebinning.picture import draw_packing
@@ -354,13 +354,13 @@ class SnakeBinning(Packer):
     def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
         """The packing: superblocks, strips and slots in colours."""
         owner = np.full(payload.planes["atlas"].shape[:2], -1, np.int32)
-        found = self.owners(payload)
+        found = payload.owners()
         owner.reshape(-1)[found.texel] = found.triangle
         return {
             "packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), self.superblock, owner)
         }
 
-    def client(self, scene: ServerScene) -> SnakeBinningClient:
+    def client(self, scene: ClientScene) -> SnakeBinningClient:
         """A client without any triangle yet."""
         return SnakeBinningClient(scene)
 

@@ -12,7 +12,7 @@ from kernels.tss.footprint import measure_triangles
 from kernels.tss.locate import locate
 from kernels.tss.perspective import invert_depths
 from packers.atlas_client import LookupClient
-from packers.interface import ServerScene
+from packers.interface import ClientScene
 from packers.tss.message import decode
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ STAGE = "client/decode"
 class TessellatedClient(LookupClient):
     """Finds each pixel's piece, its L or right triangle, and the position there."""
 
-    def __init__(self, scene: ServerScene) -> None:
+    def __init__(self, scene: ClientScene) -> None:
         super().__init__(scene)
         self.bins = Bins.make()
 

@@ -22,7 +22,7 @@ from kernels.tss.layout import lay_out, place_items
 from kernels.tss.perspective import invert_depths
 from kernels.tss.primitives import Primitives, list_primitives
 from packers.atlas_client import geometry_encoder
-from packers.interface import Frame, Packer, Paper, Parameter, Payload, ServerScene
+from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
 from packers.tss.client import TessellatedClient
 from packers.tss.message import Placement, encode
 from packers.tss.picture import draw_strategies
@@ -199,7 +199,7 @@ class TessellatedShadingStreaming(Packer):
         decided = (table(arranged.forms, 4), table(places, 2), firsts, first_ranks, arranged.regions.get())
         return Placement(camera, arranged.scale, pieces, *decided)
 
-    def client(self, scene: ServerScene) -> TessellatedClient:
+    def client(self, scene: ClientScene) -> TessellatedClient:
         """A client without any triangle yet."""
         return TessellatedClient(scene)
 

@@ -116,7 +116,8 @@ class AbortingBeside(ShadingAtlasStreaming):
 
     name = "aborting-beside"
 
-    def owners(self, payload):
+    @property
+    def leaves_unwritten(self):
         os.abort()
 
 
@@ -125,7 +126,8 @@ class AbortingLater(ShadingAtlasStreaming):
 
     name = "aborting-later"
 
-    def owners(self, payload):
+    @property
+    def leaves_unwritten(self):
         time.sleep(0.4)
         os.abort()
 
@@ -135,7 +137,8 @@ class HoldingTheDevice(ShadingAtlasStreaming):
 
     name = "holding-the-device"
 
-    def owners(self, payload):
+    @property
+    def leaves_unwritten(self):
         with SPEAKING:
             ctypes.CDLL(None).sleep(10_000)
 

@@ -1,37 +1,56 @@
 """The validity of fragment lists: each fragment once, each pixel's nearest first; planted errors are found."""
 
+from dataclasses import replace
+
 import numpy as np
-import pytest
 
-from harness.validity import _check_lists
+from harness.verification.lists import check_bytes, check_structure, count_fragments
+from packers.interface import HeldLists, Payload, View
 
 
-def details(words: int = 2) -> dict[str, np.ndarray]:
+def lists() -> HeldLists:
     """Three pixels with 2, 0 and 3 fragments."""
-    header = np.array([[[0, 2], [2, 0], [2, 3]]], np.uint32)
+    view = View(np.eye(4), np.eye(4), 3, 1)
     far = np.array([1, 2, 1, 2, 3], np.float32)
-    rows = np.full((5, words), 255 << 24, np.uint32)
-    rows[:, -1] = (1 / far if words == 2 else far).astype(np.float32).view(np.uint32)
-    return {"header": header, "fragments": rows}
+    return HeldLists(view, np.array([0, 2, 2, 5]), np.full((5, 4), 255, np.uint8), 1 / far)
 
 
-def rules(lists: dict[str, np.ndarray]) -> list[str]:
-    return [violation.rule for violation in _check_lists(lists)]
+def rules(*held: HeldLists) -> list[str]:
+    return [violation.rule for violation in check_structure(held)]
 
 
-@pytest.mark.parametrize("words", [2, 5])
-def test_sound_lists_pass_and_a_swap_is_found(words):
-    lists = details(words)
-    assert rules(lists) == []
-    lists["fragments"] = lists["fragments"][[0, 1, 3, 2, 4]]
-    assert rules(lists) == ["sorted"]
-    lists["fragments"][2:, 0] = 0  # what is removed has no order
-    assert rules(lists) == []
+def test_sound_lists_pass_and_a_swap_is_found():
+    sound = lists()
+    assert rules(sound) == []
+    swapped = replace(sound, depth=sound.depth[[0, 1, 3, 2, 4]])
+    assert rules(swapped) == ["sorted"]
+    gone = sound.rgba.copy()
+    gone[2:] = 0  # what is removed has no order
+    assert rules(replace(swapped, rgba=gone)) == []
+    assert count_fragments((sound, replace(sound, rgba=gone))) == 7
 
 
 def test_a_fragment_in_two_lists_or_in_none_is_found():
-    shared, lost, other_node = details(), details(), details()
-    shared["header"][0, 2, 0] = 1
-    lost["header"][0, 2, 1] = 2
-    other_node |= {"header1": lost["header"], "fragments1": lost["fragments"]}
-    assert rules(shared) == rules(lost) == rules(other_node) == ["once"]
+    sound = lists()
+    shared, lost = (replace(sound, offsets=np.array(offsets)) for offsets in ([0, 2, 1, 5], [0, 2, 2, 4]))
+    assert rules(shared) == rules(lost) == rules(sound, lost) == ["once"]
+
+
+def test_fragments_have_depths():
+    nowhere = replace(lists(), depth=np.array([1, np.nan, 1, 0, 0], np.float32))
+    assert rules(nowhere) == ["sorted"]
+
+
+def test_bytes_are_counted_and_bounded():
+    """3 pixels of 4 bytes and 5 fragments of 12, or of 24 with normals."""
+
+    def found(size: int, claimed: int, held: HeldLists, before: int = 0, holds: str = "every") -> int:
+        payload = Payload({}, {}, b"", 5, lists={"lists": bytes(size)}, raw_bytes=claimed)
+        return len(list(check_bytes(payload, (held,), before, holds)))
+
+    assert found(72, 72, lists()) == 0
+    assert found(72, 71, lists()) == 1
+    assert found(73, 73, lists()) == 1
+    assert found(73, 74, lists()) == 2
+    assert found(132, 132, replace(lists(), normals=True)) == 0
+    assert found(73, 73, lists(), before=1, holds="alike") == 0

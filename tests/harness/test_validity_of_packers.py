@@ -86,13 +86,13 @@ def sent(request: pytest.FixtureRequest, server: ServerScene) -> Sent:
     """Three frames of a moving camera over a changing set of triangles, with the packer's default parameters."""
     (packer,) = load_packer(request.param)
     packer.prepare(server)
-    client = packer.client(server)
+    client = packer.client(server.shipped)
     everything = np.arange(server.triangles.count, dtype=np.int32)
     found = []
     for index in range(3):
         frame = frame_of(server, index, everything[everything % 5 != index])
         payload = packer.pack(frame)
-        owners = packer.owners(payload)
+        owners = payload.owners()
         planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
         client.receive(Decoded(planes, payload.blobs, payload.geometry))
         found.append(check(frame, payload, owners, client, budget=None))

@@ -299,12 +299,13 @@ def test_reprojection_equals_its_twin(device):
     parts = [random_lists(device, rng, most=4) for _ in range(2)]
     taken, view = views(0.05)
     background = rng.integers(0, 256, (14, 20, 4)).astype(np.uint8)
-    picture, drawn = device.upload(background), device.empty((14, 20), np.int32)
-    draw_lists(device, parts, taken, view, picture, drawn, "draw")
-    expected = draw_lists_twin(parts, taken, view, background)
+    picture, depth = device.upload(background), device.empty((14, 20), np.float32)
+    draw_lists(device, parts, taken, view, picture, depth, "draw")
+    expected, distances = draw_lists_twin(parts, taken, view, background)
     error = np.abs(picture.get()[..., :3] - expected).max(axis=-1)
     assert (error > 1).mean() < 0.01
-    assert (drawn.get() == 0).mean() > 0.8
+    assert (np.abs(depth.get() - distances) > 1e-6 * distances).mean() < 0.01
+    assert (depth.get() > 0).mean() > 0.8
 
 
 def test_where_nothing_moved_reprojection_is_the_blend(device):
@@ -316,10 +317,10 @@ def test_where_nothing_moved_reprojection_is_the_blend(device):
     expected, picture = device.upload(background), device.upload(background)
     inputs = (lists.pixels, lists.offsets, lists.rows, lists.words, expected, expected)
     blend_lists(device, *inputs, "blend")
-    drawn = device.empty((lists.height, lists.width), np.int32)
-    draw_lists(device, [lists], taken, taken, picture, drawn, "draw")
+    depth = device.empty((lists.height, lists.width), np.float32)
+    draw_lists(device, [lists], taken, taken, picture, depth, "draw")
     assert np.abs(picture.get().astype(int) - expected.get()).max() <= 1
-    np.testing.assert_array_equal(drawn.get().ravel() == 0, np.diff(lists.host()[0]) > 0)
+    np.testing.assert_array_equal(depth.get().ravel() > 0, np.diff(lists.host()[0]) > 0)
 
 
 def test_reprojection_is_the_same_for_every_work_group_size(device, monkeypatch):
@@ -328,7 +329,7 @@ def test_reprojection_is_the_same_for_every_work_group_size(device, monkeypatch)
     pictures = []
     for local_size in (64, 1, 7, 256):
         monkeypatch.setattr(device, "local_size", local_size)
-        picture, drawn = device.zeros((70, 100, 4), np.uint8), device.empty((70, 100), np.int32)
-        draw_lists(device, [lists, replace(lists)], taken, view, picture, drawn, "draw")
-        pictures.append(picture.get().tobytes())
+        picture, depth = device.zeros((70, 100, 4), np.uint8), device.empty((70, 100), np.float32)
+        draw_lists(device, [lists, replace(lists)], taken, view, picture, depth, "draw")
+        pictures.append(picture.get().tobytes() + depth.get().tobytes())
     assert len(set(pictures)) == 1

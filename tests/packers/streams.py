@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from harness.trial import send
 from harness.validity import BUDGET, check
+from harness.verification.isolation import decode_losslessly
 from packers.interface import Frame, Packer, Payload, ServerScene
 
 
@@ -13,14 +13,14 @@ class Stream:
     def __init__(self, kind: type[Packer], scene: ServerScene, budget: int | None = BUDGET, **parameters) -> None:
         self.packer, self.budget = kind(**parameters), budget
         self.packer.prepare(scene)
-        self.client = self.packer.client(scene)
+        self.client = self.packer.client(scene.shipped)
 
     def send(self, frame: Frame) -> Payload:
         """Pack a frame and hand it to the client."""
         payload = self.packer.pack(frame)
-        send(self.client, payload)
+        self.client.receive(decode_losslessly(payload))
         return payload
 
     def violations(self, frame: Frame, payload: Payload) -> list:
         """What is not valid about the frame just sent."""
-        return check(frame, payload, self.packer.owners(payload), self.client, budget=self.budget)
+        return check(frame, payload, payload.owners(), self.client, budget=self.budget)

@@ -127,7 +127,7 @@ def test_rare_costs_come_within_the_frames_they_are_promised_for(scene, width):
 
 def test_the_published_enlargement_leaves_texels_unwritten_and_breaks_no_other_rule(scene):
     stream, frame = Stream(scene, enlarge="paper"), frame_of(scene, 1024, 512)
-    owners = stream.packer.owners(payload := stream.send(frame))
+    owners = (payload := stream.send(frame)).owners()
     assert stream.packer.leaves_unwritten
     assert not SnakeBinning().leaves_unwritten
     gaps = Gaps()
@@ -142,10 +142,10 @@ def test_frozen_frames_move_nothing_and_add_what_is_new(scene):
     everything = frame_of(scene, 1024, 1024).pvs
     before, after = everything[np.arange(len(everything)) % 40 > 0], everything[np.arange(len(everything)) % 40 < 39]
     first = stream.send(frame_of(scene, 1024, 1024, 0, before))
-    owners = stream.packer.owners(first)
+    owners = first.owners()
     payload = stream.send(frame_of(scene, 1024, 1024, 1, after))
     assert payload.statistics["frozen_frames"] == 1
-    later = stream.packer.owners(payload)
+    later = payload.owners()
     stay = np.intersect1d(before, after)
     moved = sum(set(owners.texel[owners.triangle == t]) != set(later.texel[later.triangle == t]) for t in stay)
     assert moved <= 0.1 * len(stay)

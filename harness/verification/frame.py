@@ -1,0 +1,84 @@
+"""All that is checked of one frame of a method, in runs and in the conformance kit alike."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from harness.validity import Violation
+from harness.verification import lists as of_lists
+from harness.verification.payload import check_launches, check_plain, check_sample_count, check_texels
+from harness.verification.truth import Truth, violation
+from packers.interface import Client, Frame, Owners, Packer, Payload
+
+OLD = 0.25  # share of the fragments by which lists that may be old may differ from those that were shaded
+
+
+@dataclass
+class Verified:
+    """samples: derived. found: rules that do not hold. milliseconds: host time of finding that out."""
+
+    samples: int
+    found: list[Violation] = field(default_factory=list)
+    milliseconds: float = 0.0
+
+
+class Verifier:
+    """Checks a method's frames, one after the other: how large lists may be depends on those before."""
+
+    def __init__(self, truth: Truth, packer: Packer) -> None:
+        self.truth, self.packer, self.fragments = truth, packer, 0
+
+    def pass_over(self, client: Client) -> None:
+        """Go on behind a frame that is not checked."""
+        self.fragments = of_lists.count_fragments(client.fragments())
+
+    def verify(
+        self,
+        frame: Frame,
+        payload: Payload,
+        planes: Mapping[str, np.ndarray],
+        owners: Owners | None,
+        client: Client,
+        stages: Iterable[str] | None,
+    ) -> Verified:
+        """Check one frame.
+
+        planes: uint8 (H, W, 4) as packed, on the host. owners: the payload's. client: has received the payload as it
+        is. stages: launched by `pack`, None where the last frame's payload was kept.
+        """
+        start = time.perf_counter()
+        result = self._of_planes(frame, payload, planes, owners) if planes else self._of_lists(frame, payload, client)
+        result.found += check_plain(frame, payload)
+        if stages is not None:
+            result.found += check_launches(stages, result.samples)
+        result.milliseconds = (time.perf_counter() - start) * 1000
+        return result
+
+    def _of_planes(
+        self, frame: Frame, payload: Payload, planes: Mapping[str, np.ndarray], owners: Owners | None
+    ) -> Verified:
+        if owners is None:
+            return Verified(0)
+        count = len(owners.texel)
+        found = list(check_sample_count(payload, count))
+        found += check_texels(self.truth, frame, self.packer.name, payload.samples, owners, planes)
+        found += of_lists.check_bytes(payload, (), 0, "every")
+        return Verified(count, found)
+
+    def _of_lists(self, frame: Frame, payload: Payload, client: Client) -> Verified:
+        held, holds, before = client.fragments(), self.packer.holds, self.fragments
+        self.fragments = count = of_lists.count_fragments(held)
+        if not held:
+            sentence = "The payload has no planes, and the client's `fragments` tells of no lists."
+            return Verified(0, [violation("fragments", 1, sentence)])
+        found = list(of_lists.check_structure(held))
+        if found:
+            return Verified(count, found)
+        found += check_sample_count(payload, count, OLD if holds in ("alike", "moved") else 0.0)
+        found += of_lists.check_bytes(payload, held, before, holds)
+        found += of_lists.check_fragments(self.truth, frame, self.packer.name, holds, held)
+        return Verified(count, found)

@@ -1,0 +1,234 @@
+"""Fragment lists against the scene: what every pixel's nearest fragment is, and all that some rays meet.
+
+What lists hold (`Packer.holds`) says which rules can be true of them:
+
+every     At some pixels they hold what a float64 ray meets: nothing is missing, nothing is added, and depth, colour and
+          opacity are right. In all pixels the nearest fragment is as near as the rasteriser's nearest surface.
+nearest   The same, but a list may end early.
+alike     Lists may be old where they blend to the same colour: at some pixels it is that of the true list, within
+          ALIKE levels.
+moved     Fragments may come from other views: most of those that a ray meets are there, within FAR of their distance
+          and DRIFTED levels.
+blended   One fragment stands for several: the nearest is as near as the rasteriser's, and at some pixels it has the
+          true list's colour.
+
+With lists of several parts, each of which may blend its own, rules on blended colours hold where a ray meets one
+surface.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from harness.validity import Violation
+from harness.verification.rays import Hits, cast_rays
+from harness.verification.truth import CHOSEN, LEVELS, Truth, violation
+from packers.interface import ALIKE, Frame, HeldLists, Payload
+
+HEADER, COLOUR, NORMAL = 4, 12, 24  # bytes: of a pixel, of a fragment, of one with a normal and a position
+NEAREST = 0.01  # share of pixels whose nearest fragment may be another: sets and rounding explain some
+SAME_DEPTH = 1e-4  # relative
+FEW = 3  # of the chosen pixels, where lists may differ: what rounding does to masks and slivers
+FAR, DRIFTED = 0.1, 64 + LEVELS  # of moved fragments: share of the distance, levels
+LOST = 0.25  # share of surfaces that moved fragments may lack: those that have just come into view
+OPACITY = 3  # levels
+
+
+def check_structure(held: tuple[HeldLists, ...]) -> Iterator[Violation]:
+    """That each fragment is in one list, and each pixel's nearest comes first."""
+    for number, part in enumerate(held):
+        pixels, count, offsets = part.view.width * part.view.height, len(part.depth), part.offsets
+        whole = len(offsets) == pixels + 1 and offsets[0] == 0 and offsets[-1] == count == len(part.rgba)
+        if not whole or (np.diff(offsets) < 0).any():
+            yield violation("once", 1, f"Lists of part {number}: they overlap, or gap, or lack fragments.")
+            continue
+        pixel = np.repeat(np.arange(pixels, dtype=np.int32), np.diff(offsets))
+        seen = part.rgba[:, 3] > 0
+        depth, pixel = (part.depth, pixel) if seen.all() else (part.depth[seen], pixel[seen])
+        if not (np.isfinite(depth) & (depth > 0)).all():
+            yield violation("sorted", 1, f"Lists of part {number}: fragments have no depth.")
+        wrong = np.flatnonzero((depth[1:] > depth[:-1]) & (pixel[1:] == pixel[:-1]))
+        if wrong.size:
+            sentence = f"Lists of part {number}: {wrong.size} fragments lie before one that is nearer."
+            yield violation("sorted", wrong.size, sentence, texels=pixel[1:][wrong])
+
+
+def count_fragments(held: tuple[HeldLists, ...]) -> int:
+    """Those that are there."""
+    return sum(int(np.count_nonzero(part.rgba[:, 3])) for part in held)
+
+
+def check_bytes(payload: Payload, held: tuple[HeldLists, ...], before: int, holds: str) -> Iterator[Violation]:
+    """The uncompressed size, and what it may be; before: fragments that the client held before this payload."""
+    size = sum(len(data) for data in payload.lists.values())
+    if payload.raw_bytes != size:
+        sentence = f"The payload claims {payload.raw_bytes} uncompressed bytes of lists and has {size}."
+        yield violation("raw bytes", abs(payload.raw_bytes - size), sentence)
+    each = NORMAL if any(part.normals for part in held) else COLOUR
+    pixels = sum(part.view.width * part.view.height for part in held)
+    fragments = count_fragments(held)
+    if holds in ("alike", "moved"):
+        fragments += before + pixels  # what is removed is sent as a fragment, too
+    if size > HEADER * pixels + each * fragments:
+        sentence = (
+            f"The lists have {size} bytes, more than {pixels} pixels and {fragments} fragments of {each} bytes need."
+        )
+        yield violation("raw bytes", size - HEADER * pixels - each * fragments, sentence)
+
+
+def check_fragments(
+    truth: Truth, frame: Frame, method: str, holds: str, held: tuple[HeldLists, ...]
+) -> Iterator[Violation]:
+    """The rules for what such lists hold."""
+    view = held[0].view
+    if not np.allclose(view.eye, frame.server.eye, rtol=1e-9, atol=1e-6 * frame.cell_radius):
+        yield violation("fragments", 1, "The lists are seen from another eye than the frame's server view.")
+        return
+    if holds in ("every", "nearest", "blended"):
+        yield from _check_nearest(truth, frame, held)
+    pixel = truth.generator(frame.index, method).integers(0, view.width * view.height, CHOSEN)
+    hits = cast_rays(truth, view, frame.pvs, pixel % view.width, pixel // view.width)
+    colours = truth.shade(hits.triangle, hits.bary, hits.footprint, view.eye)
+    lists = [_at(held, number) for number in pixel]
+    if holds == "moved":
+        yield from _check_moved(hits, colours, lists)
+    elif holds in ("alike", "blended"):
+        yield from _check_blends(hits, colours, lists, pixel, len(held) > 1, ALIKE if holds == "alike" else 0)
+    else:
+        yield from _check_exactly(truth, hits, lists, pixel, view.eye, holds == "nearest")
+
+
+@dataclass(frozen=True)
+class List:
+    """One pixel's visible fragments of all parts, nearest first: rgba uint8 (n, 4), depth float64 (n)."""
+
+    rgba: np.ndarray
+    depth: np.ndarray
+
+
+def _at(held: tuple[HeldLists, ...], pixel: int) -> List:
+    spans = [slice(part.offsets[pixel], part.offsets[pixel + 1]) for part in held]
+    rgba = np.concatenate([part.rgba[span] for part, span in zip(held, spans, strict=True)])
+    depth = np.concatenate([part.depth[span] for part, span in zip(held, spans, strict=True)]).astype(np.float64)
+    seen = np.flatnonzero(rgba[:, 3] > 0)
+    order = seen[np.argsort(-depth[seen], kind="stable")]
+    return List(rgba[order], depth[order])
+
+
+def _check_nearest(truth: Truth, frame: Frame, held: tuple[HeldLists, ...]) -> Iterator[Violation]:
+    """The nearest fragment of every pixel against the rasteriser; behind blended surfaces it may be nearer."""
+    view, scene = held[0].view, truth.scene
+    rasteriser = scene.layers.rasteriser.opaque if scene.layers else scene.rasteriser
+    with truth.drawing:
+        visible = rasteriser.draw(view.view, view.projection, view.width, view.height, stage="check")
+        depth, ids = visible.depth.get().ravel(), visible.triangle.get().ravel()
+    numbers = np.flatnonzero(~truth.blended) if scene.layers else np.arange(truth.triangles.count)
+    known = np.zeros(truth.triangles.count, bool)
+    known[frame.pvs] = True
+    expected = (ids >= 0) & known[numbers[ids]] if len(numbers) else np.zeros(len(ids), bool)
+    nearest = np.max([_first_depths(part) for part in held], axis=0)
+    behind = nearest < depth * np.float32(1 - SAME_DEPTH)
+    before = nearest > depth * np.float32(1 + SAME_DEPTH) if not scene.layers else np.zeros(len(ids), bool)
+    wrong = np.flatnonzero(expected & (behind | before))
+    if wrong.size > NEAREST * len(ids):
+        sentence = f"In {wrong.size} of {len(ids)} pixels the nearest fragment is not the nearest surface of the set."
+        yield violation("fragments", wrong.size, sentence, texels=wrong)
+
+
+def _first_depths(part: HeldLists) -> np.ndarray:
+    """float32 (pixels): of the first fragment that is there, 0 without."""
+    offsets = part.offsets
+    first = np.zeros(len(offsets) - 1, np.float32)
+    seen = np.flatnonzero(part.rgba[:, 3])
+    if len(seen) < len(part.depth):
+        offsets = np.searchsorted(seen, offsets)
+    used = offsets[:-1] < offsets[1:]
+    first[used] = part.depth[seen[offsets[:-1][used]]]
+    return first
+
+
+def _check_exactly(
+    truth: Truth, hits: Hits, lists: list[List], pixel: np.ndarray, eye: np.ndarray, may_end: bool
+) -> Iterator[Violation]:
+    """Each certain hit is one fragment, and each fragment one hit."""
+    missing, added, pairs = [], [], []
+    for number, fragments in enumerate(lists):
+        own = np.flatnonzero(hits.ray == number)
+        free = list(own)
+        for at, depth in enumerate(fragments.depth):
+            off = np.abs(hits.depth[free] - depth) - hits.reach[free] - SAME_DEPTH * depth
+            if not free or not off.min() <= 0:
+                added.append(number)
+                continue
+            fits = [free[k] for k in np.flatnonzero(off <= 0)]
+            pairs.append((number, at, fits))
+            free.remove(min(fits, key=lambda hit: abs(hits.depth[hit] - depth)))
+        end = fragments.depth.min(initial=np.inf) if may_end else 0.0
+        lost = [hit for hit in free if hits.certain[hit] and hits.depth[hit] > end * (1 + SAME_DEPTH)]
+        empty = may_end and not len(fragments.depth) and hits.certain[own].any()
+        missing += [number] * bool(lost or empty)
+    coloured = _wrongly_coloured(truth, hits, lists, pairs, eye)
+    for bad, what in ((missing, "lack"), (added, "hold, too, what is not"), (coloured, "colour or cover otherwise")):
+        if (places := np.unique(bad).astype(int)).size > FEW:
+            sentence = f"{places.size} of {CHOSEN} lists {what} among the fragments that a float64 ray meets."
+            yield violation("colours" if bad is coloured else "fragments", places.size, sentence, texels=pixel[places])
+
+
+def _wrongly_coloured(
+    truth: Truth, hits: Hits, lists: list[List], pairs: list[tuple[int, int, list[int]]], eye: np.ndarray
+) -> list[int]:
+    """Numbers of lists with a fragment whose colour or opacity is that of none of the hits at its depth."""
+    if not pairs:
+        return []
+    tried = [(which, hit) for which, (_, _, fits) in enumerate(pairs) for hit in fits]
+    which, hit = np.array(tried).T
+    rgba = np.array([lists[number].rgba[at] for number, at, _ in pairs])[which]
+    points = (hits.triangle[hit], hits.bary[hit], hits.footprint[hit])
+    low, high = hits.opacity[hit].T
+    fine = truth.off(rgba[:, :3], points, eye) <= LEVELS
+    fine &= (rgba[:, 3] >= low - OPACITY) & (rgba[:, 3] <= high + OPACITY)
+    matched = np.bincount(which[fine], minlength=len(pairs)) > 0
+    return [number for (number, _, _), good in zip(pairs, matched, strict=True) if not good]
+
+
+def _check_moved(hits: Hits, colours: np.ndarray, lists: list[List]) -> Iterator[Violation]:
+    """Most certain hits have a fragment about there that looks about so."""
+    certain = np.flatnonzero(hits.certain)
+    found = 0
+    for hit in certain:
+        fragments = lists[hits.ray[hit]]
+        near = np.abs(fragments.depth - hits.depth[hit]) <= FAR * hits.depth[hit] + hits.reach[hit]
+        alike = np.abs(fragments.rgba[:, :3].astype(int) - colours[hit]).max(axis=1, initial=0) <= DRIFTED
+        found += bool((near & alike).any())
+    if found < (1 - LOST) * len(certain) - FEW:
+        sentence = f"{len(certain) - found} of {len(certain)} surfaces on rays are not among the moved fragments."
+        yield violation("fragments", len(certain) - found, sentence)
+
+
+def _check_blends(
+    hits: Hits, colours: np.ndarray, lists: list[List], pixel: np.ndarray, in_parts: bool, slack: int
+) -> Iterator[Violation]:
+    """Lists blend to the colour of what rays meet, where rounding decides neither that nor its order."""
+    bad = []
+    for number, fragments in enumerate(lists):
+        own = np.flatnonzero(hits.ray == number)
+        tied = -np.diff(hits.depth[own]) <= hits.reach[own][1:] + hits.reach[own][:-1]
+        if tied.any() or not hits.certain[own].all() or (in_parts and len(own) > 1):
+            continue
+        expected = blended(colours[own], hits.opacity[own].mean(axis=1))
+        found = blended(fragments.rgba[:, :3], fragments.rgba[:, 3])
+        if np.abs(found - expected).max() > LEVELS + OPACITY + slack:
+            bad.append(number)
+    if len(bad) > FEW:
+        sentence = f"{len(bad)} of {CHOSEN} lists blend to another colour than the fragments that a float64 ray meets."
+        yield violation("colours", len(bad), sentence, texels=pixel[bad])
+
+
+def blended(colours: np.ndarray, opacity: np.ndarray) -> np.ndarray:
+    """float64 (4): colours (n, 3) of opacities (n), of 255, nearest first, over nothing; and what they let through."""
+    through = np.cumprod(np.concatenate([[1.0], 1 - np.asarray(opacity, np.float64) / 255]))
+    weights = through[:-1] * np.asarray(opacity) / 255
+    return np.append((weights[:, None] * colours).sum(axis=0), 255 * through[-1])

@@ -1,0 +1,456 @@
+"""Packers that cheat, each in one way: two methods with one planted fault each, and what the reason must say."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from kernels.samples import Samples
+from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
+from packers.ppll import PerPixelLinkedLists
+from packers.ppll.client import ListClient
+from packers.ppll.wire import decode, encode
+from packers.sas import ShadingAtlasStreaming
+from packers.sas.client import ShadingAtlasClient
+
+GLOBAL = {}  # what two of them hide things in
+
+
+def edit_lists(payload: Payload, edit) -> Payload:
+    """A payload whose lists are those that `edit` makes of offsets and rows."""
+    message = decode(payload.blobs["head"], payload.lists["lists"])
+    message = replace(message, nodes=tuple(edit(*node) for node in message.nodes))
+    payload.blobs["head"], payload.lists["lists"] = encode(message)
+    payload.raw_bytes = message.raw_bytes
+    payload.sample_count = sum(len(rows) for _, rows in message.nodes)
+    return payload
+
+
+def reshaded(frame, payload: Payload, samples: Samples, eye: np.ndarray, chosen: np.ndarray) -> Payload:
+    """The payload with some texels, bool by sample, shaded as other samples from an eye are."""
+    plane = payload.planes["atlas"]
+    other = frame.scene.device.zeros(plane.shape, np.uint8)
+    frame.scene.shader.shade(samples, eye, other, stage="gather/shade")
+    texel = payload.samples.texel.get()[: payload.samples.count][chosen]
+    pixels, cheap = plane.get().reshape(-1, 4), other.get().reshape(-1, 4)
+    pixels[texel] = cheap[texel]
+    plane.set(pixels.reshape(plane.shape))
+    return payload
+
+
+class Renamed(ShadingAtlasStreaming):
+    """Its launches have names that count for nothing."""
+
+    name = "renamed"
+
+    def pack(self, frame):
+        device, launch = frame.scene.device, frame.scene.device.launch
+        device.launch = lambda stage, *rest, **options: launch("free/of-charge", *rest, **options)
+        try:
+            return super().pack(frame)
+        finally:
+            del device.launch
+
+
+class FewerSamples(ShadingAtlasStreaming):
+    """Claims a tenth of its samples."""
+
+    name = "fewer-samples"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        payload.sample_count //= 10
+        return payload
+
+
+class MoreRawBytes(PerPixelLinkedLists):
+    """Claims ten times its bytes before compression."""
+
+    name = "more-raw-bytes"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        payload.raw_bytes *= 10
+        return payload
+
+
+class Renderer(ShadingAtlasStreaming):
+    """Its client draws the scene itself."""
+
+    name = "renderer"
+
+    def prepare(self, scene):
+        super().prepare(scene)
+        self.scene = scene
+
+    def client(self, scene):
+        from harness.reference import ForwardRenderer
+
+        client, renderer = super().client(scene), ForwardRenderer(self.scene)
+        client.draw = lambda view: renderer.draw(view)[0]
+        return client
+
+
+class AskingRenderer(ShadingAtlasStreaming):
+    """Its client asks what it is shipped with for the scene's shader."""
+
+    name = "asking-renderer"
+
+    def client(self, scene):
+        client = super().client(scene)
+        client.shader = scene.shader
+        return client
+
+
+class Black(ShadingAtlasStreaming):
+    """Its client shows nothing, and calls it triangle 0."""
+
+    name = "black"
+
+    def client(self, scene):
+        return BlackClient(scene)
+
+
+class BlackClient(ShadingAtlasClient):
+    def draw(self, view):
+        shape = (view.height, view.width)
+        return Image(self.device.zeros((*shape, 4), np.uint8), self.device.zeros(shape, np.int32))
+
+
+class Grey(ShadingAtlasStreaming):
+    """Its texels are grey, which compresses well."""
+
+    name = "grey"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        plane = payload.planes["atlas"].get()
+        plane[..., :3] = 128
+        payload.planes["atlas"].set(plane)
+        return payload
+
+
+class LeftOut(PerPixelLinkedLists):
+    """Leaves out two triangles of five."""
+
+    name = "left-out"
+
+    def pack(self, frame):
+        kept = frame.pvs[frame.pvs % 5 > 1]
+        return super().pack(replace(frame, pvs=kept, pvs_device=frame.scene.device.upload(kept)))
+
+
+class InvertedLists(PerPixelLinkedLists):
+    """Its fragments have inverted colours."""
+
+    name = "inverted-lists"
+
+    def pack(self, frame):
+        return edit_lists(super().pack(frame), lambda offsets, rows: (offsets, rows ^ np.uint32([0xFFFFFF, 0])))
+
+
+class Stale(ShadingAtlasStreaming):
+    """Sends the first frame again and again."""
+
+    name = "stale"
+    since = 1
+    first = None
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        self.first = self.first or payload
+        return self.first
+
+
+class Swapped(ShadingAtlasStreaming):
+    """Every other sample names its neighbour's triangle."""
+
+    name = "swapped"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        triangle, last = payload.samples.triangle.get(), payload.samples.count // 2 * 2
+        triangle[:last:2] = triangle[1:last:2]
+        payload.samples.triangle.set(triangle)
+        return payload
+
+
+class WrongEye(ShadingAtlasStreaming):
+    """A quarter of its texels is shaded from where the eye was not."""
+
+    name = "wrong-eye"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        quarter = np.arange(payload.samples.count) % 4 == 0
+        return reshaded(frame, payload, payload.samples, -frame.server.eye, quarter)
+
+
+class CoarseTextures(ShadingAtlasStreaming):
+    """Its textures come from mip levels that are coarser than its samples say."""
+
+    name = "coarse-textures"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        coarse = replace(payload.samples, footprint=payload.samples.footprint * np.float32(16))
+        return reshaded(frame, payload, coarse, frame.server.eye, np.ones(payload.samples.count, bool))
+
+
+class Excused(ShadingAtlasStreaming):
+    """Says of triangles that it could not place them, and places them."""
+
+    name = "excused"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        payload.unplaced = dict.fromkeys(frame.pvs.tolist(), "the atlas is full")
+        return payload
+
+
+class InStatistics(ShadingAtlasStreaming):
+    """Its metadata travels among the statistics, which nobody counts."""
+
+    name = "in-statistics"
+
+    def prepare(self, scene):
+        super().prepare(scene)
+        self.mail = {}
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        self.mail["payload"] = payload
+        payload.statistics["locations"] = payload.blobs.pop("locations")
+        return payload
+
+    def client(self, scene):
+        client, mail = super().client(scene), self.mail
+        read = client.read
+        client.read = lambda blobs: read({"locations": mail["payload"].statistics["locations"]})
+        return client
+
+
+class InTheClass(ShadingAtlasStreaming):
+    """Its metadata is an attribute of a class."""
+
+    name = "in-the-class"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        InTheClassClient.locations = payload.blobs.pop("locations")
+        return payload
+
+    def client(self, scene):
+        return InTheClassClient(scene)
+
+
+class InTheClassClient(ShadingAtlasClient):
+    def read(self, blobs):
+        super().read({"locations": self.locations})
+
+
+class InTheModule(ShadingAtlasStreaming):
+    """Its geometry lies in a module, and is sent by number."""
+
+    name = "in-the-module"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        GLOBAL[frame.index, len(frame.pvs)] = payload.geometry
+        payload.geometry = bytes([frame.index]) + len(frame.pvs).to_bytes(4, "little")
+        return payload
+
+    def client(self, scene):
+        return InTheModuleClient(scene)
+
+
+class InTheModuleClient(ShadingAtlasClient):
+    def receive(self, payload):
+        key = payload.geometry[0], int.from_bytes(payload.geometry[1:], "little")
+        super().receive(Decoded(payload.planes, payload.blobs, GLOBAL[key]))
+
+
+class Opaque(ShadingAtlasStreaming):
+    """Its alpha plane says that nothing is seen through anything."""
+
+    name = "opaque"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        plane = payload.planes[ALPHA].get()
+        plane[plane[..., 3] > 0] = 255
+        payload.planes[ALPHA].set(plane)
+        return payload
+
+
+class Phantom(ShadingAtlasStreaming):
+    """Lists samples of which some were not written."""
+
+    name = "phantom"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        plane = payload.planes["atlas"].get()
+        plane.reshape(-1, 4)[payload.samples.texel.get()[: payload.samples.count : 3]] = 0
+        payload.planes["atlas"].set(plane)
+        return payload
+
+
+class Lazy(ShadingAtlasStreaming):
+    """Its payload is packed when somebody looks at it."""
+
+    name = "lazy"
+
+    def pack(self, frame):
+        return LazyPayload({}, {}, b"", 0).later(lambda: super(Lazy, self).pack(frame))
+
+
+class LazyPayload(Payload):
+    def later(self, pack):
+        self.__dict__ = {"pack": pack}
+        return self
+
+    def __getattribute__(self, name):
+        own = object.__getattribute__(self, "__dict__")
+        if "pack" in own:
+            pack = own.pop("pack")
+            own.update(vars(pack()))
+        return object.__getattribute__(self, name)
+
+
+class Unrecorded(ShadingAtlasStreaming):
+    """Launches where nobody looks."""
+
+    name = "unrecorded"
+
+    def pack(self, frame):
+        device, records = frame.scene.device, frame.scene.device._records
+        device._records = []
+        try:
+            return super().pack(frame)
+        finally:
+            device._records = records
+
+
+class Ended(PerPixelLinkedLists):
+    """Says that its lists may end early, and leaves out the nearest fragments."""
+
+    name = "ended"
+    holds = "nearest"
+
+    def pack(self, frame):
+        def without_first(offsets, rows):
+            count = np.diff(offsets)
+            kept = np.ones(len(rows), bool)
+            kept[offsets[:-1][count > 1]] = False
+            return np.concatenate([[0], np.cumsum(count - (count > 1))]), rows[kept]
+
+        return edit_lists(super().pack(frame), without_first)
+
+
+class FarFragment(PerPixelLinkedLists):
+    """Every list ends in a fragment that is not there, and compresses well."""
+
+    name = "far-fragment"
+
+    def pack(self, frame):
+        def longer(offsets, rows):
+            ends = offsets[1:][np.diff(offsets) > 0]
+            far = np.tile(np.array([0xFF808080, np.float32(1e-6).view(np.uint32)], np.uint32), (len(ends), 1))
+            count = np.diff(offsets) + (np.diff(offsets) > 0)
+            return np.concatenate([[0], np.cumsum(count)]), np.insert(rows, ends, far, axis=0)
+
+        return edit_lists(super().pack(frame), longer)
+
+
+class WrongOrder(PerPixelLinkedLists):
+    """Its lists begin with what is farthest."""
+
+    name = "wrong-order"
+
+    def pack(self, frame):
+        def reversed_lists(offsets, rows):
+            pixel = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+            return offsets, rows[np.lexsort((rows[:, 1].copy().view(np.float32), pixel))]
+
+        return edit_lists(super().pack(frame), reversed_lists)
+
+
+class Padded(PerPixelLinkedLists):
+    """Its lists end in zeros, which cost nothing once they are compressed; its client takes them off."""
+
+    name = "padded"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        payload.lists["lists"] += bytes(8 * payload.raw_bytes)
+        payload.raw_bytes *= 9
+        return payload
+
+    def client(self, scene):
+        return PaddedClient(scene)
+
+
+class PaddedClient(ListClient):
+    def receive(self, payload):
+        lists = payload.lists["lists"]
+        super().receive(replace(payload, lists={"lists": lists[: len(lists) // 9]}))
+
+
+class Pretending(PerPixelLinkedLists):
+    """Its client tells of lists that it made up, and shows none."""
+
+    name = "pretending"
+
+    def client(self, scene):
+        return PretendingClient(scene)
+
+
+class PretendingClient(ListClient):
+    def fragments(self) -> tuple[HeldLists, ...]:
+        return tuple(replace(part, rgba=part.rgba // 2 + 64) for part in super().fragments())
+
+
+class SayingNothing(ShadingAtlasStreaming):
+    """Neither ids nor depths come with its pictures."""
+
+    name = "saying-nothing"
+
+    def client(self, scene):
+        client: Client = super().client(scene)
+        draw = client.draw
+        client.draw = lambda view: replace(draw(view), triangle=None)
+        return client
+
+
+# What the reason of each must say.
+PLANTED = {
+    Renamed: "Packing launched free/of-charge",
+    FewerSamples: "samples and has",
+    MoreRawBytes: "uncompressed bytes of lists and has",
+    Renderer: "The client holds",
+    AskingRenderer: "The client uses 'shader' of its scene",
+    Black: "the client claims a triangle that is not there",
+    Grey: "levels from what float64 shading gives them",
+    LeftOut: "the nearest fragment is not the nearest surface",
+    InvertedLists: "colour or cover otherwise",
+    Stale: "differ by up to",
+    Swapped: "find another surface",
+    WrongEye: "levels from what float64 shading gives them",
+    CoarseTextures: "levels from what float64 shading gives them",
+    Excused: "are listed as unplaced and have a place",
+    InStatistics: "The client holds the payload before it was sent: client.read",
+    InTheClass: "State is kept outside of packer and client, in InTheClassClient.locations",
+    InTheModule: "State is kept outside of packer and client",
+    Opaque: "texels of the alpha plane have another opacity",
+    Phantom: "have an alpha that is not 255 where they are listed",
+    Lazy: "The payload's payload are not what the interface says",
+    Unrecorded: "packing it launched no gather stage",
+    Ended: "the nearest fragment is not the nearest surface",
+    FarFragment: "hold, too, what is not",
+    WrongOrder: "lie before one that is nearer",
+    Padded: "more than",
+    Pretending: "does not show the blend of the lists",
+    SayingNothing: "neither which triangles it shows nor how far",
+}

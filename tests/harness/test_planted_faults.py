@@ -1,0 +1,91 @@
+"""Nobody who cheats gets away with it: every planted fault ends as invalid, with a reason, in a run and in the kit."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from harness import session
+from harness.run import run
+from harness.session import open_session
+from harness.settings import Settings
+from harness.trial import Stage, try_isolation, try_method
+from packers.ppll import PerPixelLinkedLists
+from packers.sas import ShadingAtlasStreaming
+from reports.store import Store
+from scenes.features import find_features
+from scenes.model import Material, Scene, Texture
+from tests.harness import planted_packers as planted
+from tests.packers.test_transparency import glazed
+
+FILE = Path(planted.__file__)
+HONEST = ("sas", "snakebinning", "tss", "ppll", "ppll[mode=depth-limited]", "ppll[mode=difference,tolerance=8]",
+          "ppll[mode=bilateral]", "ppll[nodes=2]", "ppll[preblend=true]")  # fmt: skip
+SMALL = {"scene": "hall", "frames": 2, "width": 160, "height": 90, "atlas_width": 256, "atlas_height": 256,
+         "path": "orbit", "codec": "none", "metrics": ("psnr",)}  # fmt: skip
+
+
+def shiny_room() -> Scene:
+    """A room with panes of varying opacity, whose walls reflect and have a texture of noise."""
+    scene = glazed(textured=True)
+    noise = np.random.default_rng(0).integers(0, 256, (64, 64, 4), np.uint8)
+    noise[..., 3] = 255
+    scene.textures.append(Texture("noise", noise))
+    scene.materials[0] = Material(base_texture=1, roughness=0.2, metallic=0.5, double_sided=True)
+    scene.features, scene.content_hash = find_features(scene), "shiny room"
+    return scene
+
+
+@pytest.fixture(scope="module")
+def small_scene() -> Iterator[None]:
+    """Whatever scene is asked for, it is the shiny room."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(session, "load_scene", lambda *_, **__: shiny_room())
+        yield
+
+
+@pytest.fixture(scope="module")
+def rows(small_scene, tmp_path_factory) -> list[dict]:
+    """The rows of one run of all of them."""
+    folder = tmp_path_factory.mktemp("planted") / "run"
+    cheats = [f"{FILE}:{packer.__name__}" for packer in planted.PLANTED]
+    assert not run(Settings(methods=(*HONEST, *cheats), **SMALL), folder)
+    with Store(folder, must_exist=True) as store:
+        return store.rows()
+
+
+@pytest.fixture(scope="module")
+def stage(small_scene, device) -> Stage:
+    opened = open_session(Settings(methods=("sas",), **SMALL), device)
+    works = [opened.source.work(index) for index in range(2)]
+    return Stage(opened.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
+
+
+@pytest.mark.parametrize("packer", planted.PLANTED, ids=lambda packer: packer.name)
+def test_a_fault_is_invalid_in_a_run_with_its_reason(rows, packer):
+    since = getattr(packer, "since", 0)
+    found = [row for row in rows if row["method"] == packer.name and row["frame"] >= since]
+    assert {row["status"] for row in found} == {"invalid"}
+    assert any(planted.PLANTED[packer] in row["reason"] for row in found), found[-1]["reason"]
+
+
+@pytest.mark.parametrize("packer", planted.PLANTED, ids=lambda packer: packer.name)
+def test_a_fault_is_invalid_in_the_kit_with_its_reason(stage, packer):
+    found = [try_method(stage, packer, again=0), try_isolation(stage, packer)]
+    assert "invalid" in [one.status for one in found]
+    assert planted.PLANTED[packer] in " ".join(one.sentence for one in found), found
+
+
+def test_who_is_honest_is_ok(rows):
+    found = [row for row in rows if not any(row["method"] == packer.name for packer in planted.PLANTED)]
+    assert len(found) == 2 * len(HONEST)
+    assert {(row["status"], row["reason"]) for row in found} == {("ok", None)}
+
+
+def test_who_is_honest_is_ok_in_the_kit(stage):
+    for make in (ShadingAtlasStreaming, PerPixelLinkedLists):
+        assert try_method(stage, make, again=0).status == "ok"
+        assert try_isolation(stage, make).status == "ok"
