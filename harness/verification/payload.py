@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
 from numbers import Real
 from typing import Any
 
@@ -34,7 +36,7 @@ def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
     device = type(frame.pvs_device)
     samples = payload.samples
     fine = {
-        "payload": type(payload) is Payload,
+        "payload": _is_plain(payload),
         "planes": type(payload.planes) is dict
         and all(type(p) is device and p.dtype == np.uint8 and p.shape == shape for p in payload.planes.values()),
         "blobs": _all_of(payload.blobs, BYTES),
@@ -53,6 +55,14 @@ def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
         yield violation("plain", 1, "The payload has planes but no samples: nothing says what their texels are.")
     if not payload.planes and not payload.lists:
         yield violation("plain", 1, "The payload has neither planes nor lists: there is nothing to draw.")
+
+
+def _is_plain(payload: Payload) -> bool:
+    """Whether a payload's fields are values and nothing that is run when somebody reads them; a packer may add some."""
+    kind = type(payload)
+    reading = (inspect.getattr_static(kind, name, None) for name in ("__getattribute__", "__getattr__"))
+    computed = (inspect.isdatadescriptor(inspect.getattr_static(kind, field.name, None)) for field in fields(Payload))
+    return isinstance(payload, Payload) and [*reading] == [object.__getattribute__, None] and not any(computed)
 
 
 def statistics_of(payload: Payload) -> dict[str, float]:

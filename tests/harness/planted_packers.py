@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from kernels.ppll.wire import write_twin
 from kernels.samples import Samples
 from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
 from packers.ppll import PerPixelLinkedLists
@@ -20,10 +21,11 @@ GLOBAL = {}  # what two of them hide things in
 def edit_lists(payload: Payload, edit) -> Payload:
     """A payload whose lists are those that `edit` makes of offsets and rows."""
     message = decode(payload.blobs["head"], payload.lists["lists"])
-    message = replace(message, nodes=tuple(edit(*node) for node in message.nodes))
-    payload.blobs["head"], payload.lists["lists"] = encode(message)
-    payload.raw_bytes = message.raw_bytes
-    payload.sample_count = sum(len(rows) for _, rows in message.nodes)
+    nodes = [edit(*node) for node in message.nodes]
+    message = replace(message, counts=tuple(len(rows) for _, rows in nodes))
+    payload.lists["lists"] = b"".join(write_twin(*node, message.layout) for node in nodes)
+    payload.blobs["head"] = encode(message, payload.lists["lists"])
+    payload.raw_bytes, payload.sample_count = message.raw_bytes, sum(message.counts)
     return payload
 
 
@@ -338,6 +340,9 @@ class Ended(PerPixelLinkedLists):
 
     name = "ended"
     holds = "nearest"
+    parameters = PerPixelLinkedLists.parameters | {
+        "mode": replace(PerPixelLinkedLists.parameters["mode"], default="full")
+    }
 
     def pack(self, frame):
         def without_first(offsets, rows):
