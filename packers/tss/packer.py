@@ -77,8 +77,8 @@ class TessellatedShadingStreaming(Packer):
         "picture": Parameter(
             "density",
             PICTURES,
-            "what the server's view, as wide as the cell's, has of the client's: its pixels per angle in the centre, or "
-            "its number of pixels",
+            "what the server's view, as wide as the cell's, has of the client's: pixels per angle in its centre, or "
+            "the number of pixels",
             "",
             "wide view: SnakeBinning, section 5.2; density: ours",
         ),
