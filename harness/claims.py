@@ -129,8 +129,9 @@ def _check(named: NamedRun) -> None:
 
 
 def _shortened(options: dict[str, Any], quick: dict[str, Any], specs: set[str]) -> dict[str, Any]:
-    """The options with only the methods that are asked about; quick options in place of those that they name."""
-    if "method" in options:
+    """The options with only the methods that are asked about, but for a preset, whose method has the parameters; quick
+    options in place of those that they name."""
+    if "method" in options and "preset" not in options:
         options = options | {"method": [spec for spec in options["method"] if spec in specs]}
     return options | {name: value for name, value in quick.items() if name in options}
 

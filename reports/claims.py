@@ -259,7 +259,7 @@ def _experiments(entry: Mapping[str, Any], claim: Claim, where: str) -> list[Exp
         tests = [(place, places) for place in _places(entry["runs"], where)]
     else:
         tests = [(tuple(instead.get(name, name) for name in place), (place,)) for place in places]
-    as_it_was = [place for place, _ in tests if place in claim.runs]
+    as_it_was = [test for test, explains in tests if test in explains]
     if as_it_was and (changed.measure, changed.rule) == (claim.measure, claim.rule):
         raise ClaimsError(
             f"{where} changes nothing of the claim {claim.id!r} at {'/'.join(as_it_was[0])}: say what, or name places."
