@@ -52,12 +52,12 @@ runs = ["tiny", "elsewhere"]
 measure = { value = "flip", method = "sas", crf = 25 }
 rule = { below = 0.0001 }
 [[causes]]
-id = "half-the-atlas"
+id = "the-atlas"
 claims = ["no-error"]
 places = ["tiny"]
-cause = "Half of the atlas is enough."
-test = "half of it"
-instead = { sas = "sas[fit=0.5]" }
+cause = "It is the atlas."
+test = "a method without one"
+measure = { value = "flip", method = "ppll" }
 """
 
 
@@ -115,13 +115,13 @@ def test_runs_are_reused_and_a_run_that_cannot_be_made_is_a_row_with_its_reason(
     with open(folder / "causes.csv", newline="", encoding="utf-8") as file:
         (cause,) = csv.DictReader(file)
     assert [cause[name] for name in ("id", "claim", "run", "verdict")] == [
-        "half-the-atlas",
+        "the-atlas",
         "no-error",
         "tiny",
         "refuted",
     ]
-    assert "half-the-atlas? refuted" in done.stdout
-    assert "Half of the atlas is enough." in (folder / "claims.html").read_text(encoding="utf-8")
+    assert "the-atlas? refuted" in done.stdout
+    assert "It is the atlas." in (folder / "claims.html").read_text(encoding="utf-8")
     state = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     assert state["runs"]["tiny"]["reused"]
     of_claims = claims.parent / "of_claims"
