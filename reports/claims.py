@@ -236,6 +236,10 @@ def _cause(entry: Mapping[str, Any], claims: Sequence[Claim], runs: Mapping[str,
     if "untested" in entry and given:
         raise ClaimsError(f"{where} has untested, and so no {' and '.join(given)}.")
     found = [experiment for name in entry["claims"] for experiment in _experiments(entry, known[name], where)]
+    explained = {place for experiment in found for place in experiment.explains}
+    strange = [place for place in entry.get("places", ()) if tuple(place.split("/")) not in explained]
+    if strange:
+        raise ClaimsError(f"{where} has the place {strange[0]!r}, which is none of its claims' runs.")
     for experiment in found:
         _check_runs(experiment.claim, runs, f"{where}, of {experiment.claim.id!r},")
     return Cause(entry["id"], entry["cause"], tuple(found), entry.get("test", ""), entry.get("untested", ""))

@@ -131,6 +131,7 @@ def test_an_unusable_file_is_refused_with_a_sentence(tmp_path: Path, old: str, n
         ('sas = "bins", bins = "sas"', 'two = "one"', "changes nothing of the claim 'a' at one"),
         ('sas = "bins", bins = "sas"', "one = 2", "has instead {'one': 2}"),
         ('test = "swapped back"', 'test = "swapped back"\nplaces = ["two"]', "has no place of the claim 'a'"),
+        ('test = "swapped back"', 'test = "swapped back"\nplaces = ["one", "two"]', "has the place 'two'"),
         ('test = "swapped back"', 'test = "swapped back"\nrule = { near = 1 }', "unknown entry 'near'"),
         ('test = "swapped back"', 'untested = "It takes a GPU."', "has untested, and so no instead"),
         ('test = "swapped back"', 'test = "swapped back"\nmethod = "sas"', "unknown entry 'method'"),
