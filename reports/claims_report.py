@@ -18,10 +18,10 @@ from typing import Any
 
 from reports.claims import (
     CONFIRMED,
-    HOLDS,
     NOT_CONFIRMED,
     NOT_MEASURABLE,
     NOT_MEASURED,
+    REFUTED,
     UNDECIDED,
     Claims,
     ClaimsError,
@@ -178,7 +178,7 @@ def why_not(folder: Path, method: str) -> list[str]:
     and by which command, and what came out. From claims.csv and causes.csv in `folder`; raises ClaimsError without
     them.
 
-    Where no cause holds the table says so, in a line of its own.
+    Where there is no cause, or each is refuted, a line of its own says so.
     """
     rows = [row for row in _read(folder / CLAIMS_CSV) if method in row["methods"].split(", ")]
     causes = _read(folder / CAUSES_CSV)
@@ -188,17 +188,16 @@ def why_not(folder: Path, method: str) -> list[str]:
         own = {row["run"]: row for row in group}
         found = [row for row in causes if row["claim"] == id_ and row["run"] in own]
         named = next(iter(own.values()))
-        claim = f"{named['claim']} `{id_}`"
+        lead = (f"{named['claim']} `{id_}`", named["published"])
         for about in _why_lines(own, found):
-            cells = (claim, named["published"], *about)
-            lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
-            claim = named["published"] = ""
+            lines.append("| " + " | ".join(cell.replace("|", "/") for cell in (*lead, *about)) + " |")
+            lead = ("", "")
     return lines
 
 
 def _why_lines(own: dict[str, dict[str, str]], causes: list[dict[str, str]]) -> list[tuple[str, ...]]:
-    """For each cause of a claim, what was measured where it is one, and what its experiment gave; then the places that
-    no cause explains. own: the claim's rows by place."""
+    """For each cause of a claim, what was measured where it is one, and what its experiment gave; then the places
+    for which none is left. own: the claim's rows by place."""
 
     def measured(places: Sequence[str]) -> str:
         return "<br>".join(f"{place} {_interval(own[place])}, not {own[place]['rule']}" for place in places)
@@ -213,8 +212,8 @@ def _why_lines(own: dict[str, dict[str, str]], causes: list[dict[str, str]]) -> 
         how = f"{tests[0]['test']}: `bench claims --id {tests[0]['claim']}`" if then else tests[0]["reason"]
         cells = (tests[0]["cause"], how, "<br>".join(dict.fromkeys(then)), "<br>".join(verdicts))
         lines.append((measured(list(dict.fromkeys(row["run"] for row in tests))), *cells))
-    explained = {row["run"] for row in causes if row["verdict"] == HOLDS}
-    rest = [place for place in own if place not in explained]
+    open_to = {row["run"] for row in causes if row["verdict"] != REFUTED}
+    rest = [place for place in own if place not in open_to]
     if rest:
         lines.append((measured(rest), "no cause found", "", "", ""))
     return lines
