@@ -24,7 +24,17 @@ from harness.session import find_methods
 from harness.settings import Settings, SettingsError, read_settings, settings_of
 from kernels.cache import VERSION
 from kernels.device import Device, kernels_digest
-from reports.claims import DEFAULT_FILE, NOT_MEASURED, Claims, ClaimsError, Judged, chosen, read_claims
+from reports.claims import (
+    DEFAULT_FILE,
+    NOT_CONFIRMED,
+    NOT_MEASURED,
+    Claims,
+    ClaimsError,
+    Explained,
+    Judged,
+    chosen,
+    read_claims,
+)
 from reports.claims_report import COPY, FILE, counts_text, is_claims, measured_text, write_claims
 from reports.csv_files import replace_file
 from reports.store import FILE as RESULTS
@@ -95,8 +105,9 @@ def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
         raise InputError(str(error)) from error
     found = []
     for name, options in claims.runs.items():
-        ids = tuple(claim.id for claim in claims.claims if any(name in place for place in claim.runs))
-        specs = {op.method for claim in claims.claims if claim.id in ids for op in claim.operands() if op.method}
+        asking = [claim for claim in claims.measured() if any(name in place for place in claim.runs)]
+        ids = tuple(dict.fromkeys(claim.id for claim in asking))
+        specs = {method for claim in asking for run, method in claim.asked() if run == name}
         if ids:
             device = {"device": wanted.device} if wanted.device else {}
             quick = claims.quick if wanted.quick else {}
@@ -118,15 +129,16 @@ def _check(named: NamedRun) -> None:
 
 
 def _shortened(options: dict[str, Any], quick: dict[str, Any], specs: set[str]) -> dict[str, Any]:
-    """The options with only the methods that are asked about; quick options in place of those that they name."""
-    if "method" in options:
+    """The options with only the methods that are asked about, but for a preset, whose method has the parameters; quick
+    options in place of those that they name."""
+    if "method" in options and "preset" not in options:
         options = options | {"method": [spec for spec in options["method"] if spec in specs]}
     return options | {name: value for name, value in quick.items() if name in options}
 
 
 def variants_of(claims: Claims) -> dict[str, tuple[str, str]]:
     """Name and parameters of each method that the claims name. Raises InputError for an unknown one."""
-    specs = {operand.method: None for claim in claims.claims for operand in claim.operands() if operand.method}
+    specs = {operand.method: None for claim in claims.measured() for operand in claim.operands() if operand.method}
     return {spec: _variant(spec) for spec in specs}
 
 
@@ -167,11 +179,11 @@ def run_claims(wanted: Wanted, out: Path | None) -> bool:
                 console.print(f"Stopped. Finished runs are kept: the same command with --out {folder} goes on.")
                 stopped = True
                 break
-        results = write_claims(folder)
-    show_results(results, folder)
+        results, causes = write_claims(folder)
+    show_results(results, causes, folder)
     if stopped:
         raise typer.Exit(INTERRUPTED)
-    return not any(result.verdict == NOT_MEASURED for result in results)
+    return not any(result.verdict == NOT_MEASURED for result in (*results, *causes))
 
 
 class Work:
@@ -335,8 +347,9 @@ def show_needs(wanted: Wanted, out: Path | None) -> None:
     console.print(f"about {duration(seconds)} on a quiet machine, more for scenes of millions of triangles")
 
 
-def show_results(results: list[Judged], folder: Path) -> None:
-    """Print each claim with a line for each place where it was measured, and how many of each verdict."""
+def show_results(results: list[Judged], causes: list[Explained], folder: Path) -> None:
+    """Print each claim with a line for each place where it was measured, causes of it that were tested, and how many of
+    each verdict."""
     console = make_console()
     for id_, group in groupby(results, key=lambda result: result.claim.id):
         places = list(group)
@@ -346,7 +359,12 @@ def show_results(results: list[Judged], folder: Path) -> None:
         for result in places:
             verdict = f"[{COLOURS.get(result.verdict, 'dim')}]{result.verdict}[/]"
             console.print(f"  {'/'.join(result.place):<30} {measured_text(result):<26} {verdict}", soft_wrap=True)
-    for reason in dict.fromkeys(result.reason for result in results if result.verdict == NOT_MEASURED):
+            if result.verdict == NOT_CONFIRMED:
+                for each in causes:
+                    if (each.claim, each.place) == (id_, result.place):
+                        console.print(f"    [dim]because of {each.cause.id}?[/] {each.verdict}", soft_wrap=True)
+    tests = [cause.test for cause in causes if cause.test]
+    for reason in dict.fromkeys(result.reason for result in (*results, *tests) if result.verdict == NOT_MEASURED):
         console.print(f"[yellow]not measured[/] {escape(reason)}")
     console.print(counts_text(results))
-    console.print(f"[bold]{folder}/claims.html[/]  claims.csv", soft_wrap=True)
+    console.print(f"[bold]{folder}/claims.html[/]  claims.csv  causes.csv", soft_wrap=True)

@@ -109,7 +109,9 @@ Workers = Annotated[int, _option(RUNNING, "Cells side by side, for quality only:
 Config = Annotated[Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")]
 Preset = Annotated[
     Text,
-    _option(WORK, "A paper's own experiment: ppll-2014, with --frames, --size, --device and --out", metavar="NAME"),
+    _option(
+        WORK, "A paper's own experiment: ppll-2014, with --method, --frames, --size, --device and --out", metavar="NAME"
+    ),
 ]
 
 

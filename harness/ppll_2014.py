@@ -9,8 +9,8 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any
@@ -20,6 +20,8 @@ import numpy as np
 from harness.codecs import pack_lz4
 from harness.console import InputError, make_console
 from harness.ppll_2014_report import write_report
+from harness.session import find_methods
+from harness.settings import Settings, parse_size
 from harness.upload import upload_scene
 from harness.views import Pose, client_view
 from kernels.cache import cache_root
@@ -55,11 +57,13 @@ Row = dict[str, Any]
 
 @dataclass(frozen=True)
 class Experiment:
-    """What is asked for: frames per model, picture sizes, a device's name or None."""
+    """What is asked for: frames per model, picture sizes, a device's name or None, and parameters of ppll beside those
+    that the modes set."""
 
     frames: int = FRAMES
     sizes: tuple[tuple[int, int], ...] = SIZES
     device: str | None = None
+    parameters: Mapping[str, Any] = field(default_factory=dict)
 
 
 def run_experiment(wanted: Experiment, out: Path) -> None:
@@ -76,7 +80,7 @@ def run_experiment(wanted: Experiment, out: Path) -> None:
         for size in wanted.sizes:
             console.print(f"{name} at {size[0]}x{size[1]} ...")
             for mode in MODES:
-                frames += measure(scene, name, mode, size, wanted.frames)
+                frames += measure(scene, name, mode, size, wanted)
             layers += bad_pixels(scene, name, size)
     tables = {"frames": frames, "layers": layers, "table_a1": sizes_table(frames), "table_a2": times_table(frames)}
     for table, rows in tables.items():
@@ -138,15 +142,15 @@ def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Fr
         yield Frame(index, scene, view, 0.0, FOV, pvs, uploaded, (), *size)
 
 
-def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], frames: int) -> Iterator[Row]:
+def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], wanted: Experiment) -> Iterator[Row]:
     """One row per frame of a mode: sizes in both layouts, times, fragments, and how the display's picture differs."""
-    merge = "paper" if mode == "bilateral" else "exact"
-    packer = PerPixelLinkedLists(mode=mode, layers=LAYERS if mode == "depth-limited" else 0, merge=merge)
-    other = PerPixelLinkedLists(mode=mode, layers=packer.layers, merge=merge, layout="shuffled")
+    chosen = {"mode": mode, "layers": LAYERS if mode == "depth-limited" else 0}
+    chosen |= {"merge": "paper" if mode == "bilateral" else "exact", **wanted.parameters}
+    packer, other = PerPixelLinkedLists(**chosen), PerPixelLinkedLists(**chosen | {"layout": "shuffled"})
     display = packer.client(scene.shipped)
     for each in (packer, other):
         each.prepare(scene)
-    for frame in views(scene, size, frames):
+    for frame in views(scene, size, wanted.frames):
         with scene.device.record() as record:
             payload = packer.pack(frame)
         shuffled = other.pack(frame)
@@ -171,6 +175,8 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], fra
             "raw_bytes": payload.raw_bytes,
             "list_bytes": payload.raw_bytes - header,
             "padded_bytes": statistics["padded_bytes"],
+            "padded_list_bytes": statistics["padded_bytes"] - header,
+            "padded_list_lz4_bytes": lz4_padded(payload.lists["lists"][header:], mode),
             "lz4_bytes": compressed[0],
             "lz4_shuffled_bytes": compressed[1],
             "opaque_ms": opaque.total("raster"),
@@ -181,6 +187,13 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], fra
             "network_ms": compressed[0] / NETWORK * 1000,
             "bad_pixels": _bad(frame, image),
         }
+
+
+def lz4_padded(fragments: bytes, mode: str) -> int:
+    """Bytes that LZ4 leaves of fragments of the published layout, padded to 16 or 32 bytes (table 2.1)."""
+    words = 6 if mode == "bilateral" else 3
+    rows = np.frombuffer(fragments, "<u4").reshape(-1, words)
+    return len(pack_lz4({"lists": np.pad(rows, ((0, 0), (0, words // 3))).tobytes()})["lists"])
 
 
 def _bad(frame: Frame, image: Image) -> float:
@@ -327,12 +340,26 @@ def as_csv(rows: list[Row]) -> str:
 
 def experiment_of(name: str, options: dict[str, Any]) -> Experiment:
     """What a preset means with the options given beside it. Raises InputError for an unknown one."""
-    from harness.settings import parse_size
-
     if name != "ppll-2014":
         raise InputError(f"There is no preset {name!r}. Known: ppll-2014.")
     sizes = (parse_size(options["size"], "--size"),) if options.get("size") else SIZES
     frames = options.get("frames") or FRAMES
     if frames < 1:
         raise InputError(f"--frames is {frames}: give at least 1.")
-    return Experiment(frames, sizes, options.get("device"))
+    return Experiment(frames, sizes, options.get("device"), _parameters(options.get("method") or ()))
+
+
+def _parameters(specs: Sequence[str]) -> dict[str, Any]:
+    """What `--method ppll[...]` changes. Raises InputError for another method, and for what the modes set."""
+    if not specs:
+        return {}
+    plain, packers = PerPixelLinkedLists(), find_methods(Settings(methods=tuple(specs)))
+    changed = {name: getattr(packers[0], name) for name in plain.parameters}
+    changed = {name: value for name, value in changed.items() if value != getattr(plain, name)}
+    if (
+        len(packers) != 1
+        or not isinstance(packers[0], PerPixelLinkedLists)
+        or {"mode", "layers", "layout"} & set(changed)
+    ):
+        raise InputError("The preset ppll-2014 takes one --method ppll[...], without mode, layers and layout.")
+    return changed

@@ -3,6 +3,9 @@
 A measured value is one number per frame: a column, a statistic or a stage of a method (or a sum of some), over or minus
 another such value of the same frame, or the exponent with which it grows over several runs. The verdict is about the
 median over the frames and its 95 % interval.
+
+The file also states causes of claims that may fail, each with an experiment in which the cause is removed. It is
+measured and judged in the same way, and its rule must hold if that is the cause.
 """
 
 from __future__ import annotations
@@ -24,13 +27,17 @@ from reports.store import FILE, Store
 DEFAULT_FILE = Path(__file__).with_name("claims.toml")
 CONFIRMED, NOT_CONFIRMED, UNDECIDED = "confirmed", "not confirmed", "undecided"
 NOT_MEASURED, NOT_MEASURABLE = "not measured", "not measurable"
+HOLDS, REFUTED, UNTESTED = "holds", "refuted", "untested"
+OF_CAUSE = {CONFIRMED: HOLDS, NOT_CONFIRMED: REFUTED}
 HALVES = ("first", "second")
 TABLES = ("frames", "layers")
 FEWEST = 6  # values that have a 95 % interval
 OPERAND = ("value", "method", "crf", "table", "where", "from", "half")
 COMBINED = ("over", "minus", "exponent")
 TEXTS = ("id", "paper", "source", "claim", "published", "kind", "why")
-OPTIONAL = ("methods", "runs", "measure", "rule", "not_measurable")
+OPTIONAL = ("methods", "runs", "measure", "rule", "not_measurable", "undecided")
+TEXTS_OF_CAUSE = ("id", "cause", "test")
+OPTIONAL_OF_CAUSE = ("claims", "places", "instead", "runs", "measure", "rule", "untested")
 
 Row = dict[str, Any]
 Variant = tuple[str, str]
@@ -89,7 +96,8 @@ class Rule:
 @dataclass(frozen=True)
 class Claim:
     """A published statement. runs: for each place where it is measured, the runs that takes, the measured value's own
-    first. measure and rule are None where it cannot be measured here, and `not_measurable` says why."""
+    first. measure and rule are None where it cannot be measured here, and `not_measurable` says why. undecided: what it
+    would take where the runs cannot decide it."""
 
     id: str
     paper: str
@@ -103,10 +111,41 @@ class Claim:
     measure: Measure | None = None
     rule: Rule | None = None
     not_measurable: str = ""
+    undecided: str = ""
 
     def operands(self) -> list[Operand]:
         found = [self.measure.value, self.measure.other] if self.measure else []
         return [operand for operand in found if operand]
+
+    def asked(self) -> set[tuple[str, str]]:
+        """Run and method of every value that it takes."""
+        found = set()
+        for place in self.runs:
+            if self.measure.how in ("over", "minus"):
+                found |= {(place[0], self.measure.value.method), (place[-1], self.measure.other.method)}
+            else:
+                found |= {(name, operand.method) for operand in self.operands() for name in place}
+        return found
+
+
+@dataclass(frozen=True)
+class Cause:
+    """Why claims may fail. test: how an experiment removes it, in words, or else `untested`: why none can."""
+
+    id: str
+    cause: str
+    experiments: tuple[Experiment, ...]
+    test: str = ""
+    untested: str = ""
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """claim: what must hold if the cause is the right one, a claim with other runs, methods, measure or rule, at one
+    place (the claim itself if nothing can be tested). explains: the places of the claim for which it is the cause."""
+
+    claim: Claim
+    explains: tuple[tuple[str, ...], ...]
 
 
 @dataclass(frozen=True)
@@ -117,6 +156,12 @@ class Claims:
     runs: dict[str, dict[str, Any]]
     quick: dict[str, Any]
     claims: tuple[Claim, ...]
+    causes: tuple[Cause, ...] = ()
+
+    def measured(self) -> list[Claim]:
+        """All that runs must give values for: the claims, and those that test causes."""
+        tested = [cause for cause in self.causes if not cause.untested]
+        return [*self.claims, *(experiment.claim for cause in tested for experiment in cause.experiments)]
 
 
 # Reading -------------------------------------------------------------------------------------------------------------
@@ -130,7 +175,7 @@ def read_claims(file: Path = DEFAULT_FILE) -> Claims:
         raise ClaimsError(f"{file} cannot be read: {error.strerror}.") from error
     except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
         raise ClaimsError(f"{file} is not TOML: {error}.") from error
-    _known(content, ("papers", "runs", "quick", "claims"), str(file))
+    _known(content, ("papers", "runs", "quick", "claims", "causes"), str(file))
     for name in ("papers", "runs", "claims"):
         if not content.get(name):
             raise ClaimsError(f"{file} has no {name}: give at least one.")
@@ -139,11 +184,13 @@ def read_claims(file: Path = DEFAULT_FILE) -> Claims:
         if not isinstance(options, dict) or not fits_everywhere(name):
             raise ClaimsError(f"{file}: the run {name!r} must be a table of options, its name of {ALLOWED}.")
     claims = tuple(_claim(entry, papers, runs) for entry in content["claims"])
-    ids = [claim.id for claim in claims]
-    twice = next((name for name in ids if ids.count(name) > 1), None)
-    if twice:
-        raise ClaimsError(f"{file}: two claims have the id {twice!r}: give each its own.")
-    return Claims(papers, runs, content.get("quick", {}), claims)
+    causes = tuple(_cause(entry, claims, runs) for entry in content.get("causes", ()))
+    for what, entries in (("claims", claims), ("causes", causes)):
+        ids = [entry.id for entry in entries]
+        twice = next((name for name in ids if ids.count(name) > 1), None)
+        if twice:
+            raise ClaimsError(f"{file}: two {what} have the id {twice!r}: give each its own.")
+    return Claims(papers, runs, content.get("quick", {}), claims, causes)
 
 
 def _claim(entry: Mapping[str, Any], papers: Mapping[str, str], runs: Mapping[str, Any]) -> Claim:
@@ -158,6 +205,8 @@ def _claim(entry: Mapping[str, Any], papers: Mapping[str, str], runs: Mapping[st
         raise ClaimsError(f"{where} has the kind {entry['kind']!r}; known are {', '.join(CLAIM_KINDS)}.")
     if not _texts(entry.get("methods")):
         raise ClaimsError(f"{where} lacks methods, a list of the packers that it is about.")
+    if not isinstance(entry.get("undecided", ""), str):
+        raise ClaimsError(f"{where} has undecided {entry['undecided']!r}: give a text.")
     texts = {name: entry[name] for name in TEXTS} | {"methods": tuple(entry["methods"])}
     given = [name for name in ("runs", "measure", "rule") if name in entry]
     if "not_measurable" in entry:
@@ -166,8 +215,69 @@ def _claim(entry: Mapping[str, Any], papers: Mapping[str, str], runs: Mapping[st
         return Claim(**texts, not_measurable=entry["not_measurable"])
     if len(given) < 3:
         raise ClaimsError(f"{where} needs runs, measure and rule, or else not_measurable.")
-    measure = _measure(entry["measure"], where)
-    return Claim(**texts, runs=_runs(entry["runs"], measure, runs, where), measure=measure, rule=_rule(entry, where))
+    found = Claim(
+        **texts, runs=_places(entry["runs"], where), measure=_measure(entry["measure"], where),
+        rule=_rule(entry, where), undecided=entry.get("undecided", ""),
+    )  # fmt: skip
+    _check_runs(found, runs, where)
+    return found
+
+
+def _cause(entry: Mapping[str, Any], claims: Sequence[Claim], runs: Mapping[str, Any]) -> Cause:
+    where = f"The cause {entry.get('id', '?')!r}"
+    _known(entry, (*TEXTS_OF_CAUSE, *OPTIONAL_OF_CAUSE), where)
+    for name in (*TEXTS_OF_CAUSE[:2], "untested" if "untested" in entry else "test"):
+        if not isinstance(entry.get(name), str) or not entry[name]:
+            raise ClaimsError(f"{where} lacks {name}, a text.")
+    known = {claim.id: claim for claim in claims if claim.measure}
+    if not _texts(entry.get("claims")) or not set(entry["claims"]) <= set(known):
+        raise ClaimsError(f"{where} has claims {entry.get('claims')!r}: give ids of claims that are measured.")
+    given = [name for name in ("test", "instead", "runs", "measure", "rule") if name in entry]
+    if "untested" in entry and given:
+        raise ClaimsError(f"{where} has untested, and so no {' and '.join(given)}.")
+    found = [experiment for name in entry["claims"] for experiment in _experiments(entry, known[name], where)]
+    explained = {place for experiment in found for place in experiment.explains}
+    strange = [place for place in entry.get("places", ()) if tuple(place.split("/")) not in explained]
+    if strange:
+        raise ClaimsError(f"{where} has the place {strange[0]!r}, which is none of its claims' runs.")
+    for experiment in found:
+        _check_runs(experiment.claim, runs, f"{where}, of {experiment.claim.id!r},")
+    return Cause(entry["id"], entry["cause"], tuple(found), entry.get("test", ""), entry.get("untested", ""))
+
+
+def _experiments(entry: Mapping[str, Any], claim: Claim, where: str) -> list[Experiment]:
+    """The claim with what the entry changes: its measure, its rule, and either its runs, or runs and methods instead of
+    others at each of its places."""
+    instead = entry.get("instead", {})
+    if not isinstance(instead, Mapping) or not all(isinstance(value, str) for value in instead.values()):
+        raise ClaimsError(f"{where} has instead {instead!r}: give runs or methods and those to take instead.")
+    wanted = _places(entry["places"], where) if "places" in entry else claim.runs
+    places = tuple(place for place in claim.runs if place in wanted)
+    if not places:
+        raise ClaimsError(f"{where} has no place of the claim {claim.id!r}: give some of its runs as places.")
+    measure = _measure(entry["measure"], where) if "measure" in entry else _instead(claim.measure, instead)
+    changed = replace(claim, undecided="", measure=measure, rule=_rule(entry, where) if "rule" in entry else claim.rule)
+    if "untested" in entry:
+        return [Experiment(changed, places)]
+    if "runs" in entry:
+        tests = [(place, places) for place in _places(entry["runs"], where)]
+    else:
+        tests = [(tuple(instead.get(name, name) for name in place), (place,)) for place in places]
+    as_it_was = [test for test, explains in tests if test in explains]
+    if as_it_was and (changed.measure, changed.rule) == (claim.measure, claim.rule):
+        raise ClaimsError(
+            f"{where} changes nothing of the claim {claim.id!r} at {'/'.join(as_it_was[0])}: say what, or name places."
+        )
+    return [Experiment(replace(changed, runs=(test,)), explains) for test, explains in tests]
+
+
+def _instead(measure: Measure, names: Mapping[str, str]) -> Measure:
+    """The measure with other methods."""
+
+    def other(operand: Operand) -> Operand:
+        return replace(operand, method=names.get(operand.method, operand.method))
+
+    return replace(measure, value=other(measure.value), other=measure.other and other(measure.other))
 
 
 def _known(table: Any, names: Sequence[str], where: str) -> None:
@@ -182,27 +292,28 @@ def _texts(value: Any) -> bool:
     return isinstance(value, list) and bool(value) and all(isinstance(each, str) and each for each in value)
 
 
-def _runs(value: Any, measure: Measure, known: Mapping[str, Any], where: str) -> tuple[tuple[str, ...], ...]:
+def _places(value: Any, where: str) -> tuple[tuple[str, ...], ...]:
     if not _texts(value):
         raise ClaimsError(f"{where} has runs {value!r}: give a list of names, two or more joined by slashes.")
-    places = tuple(tuple(text.split("/")) for text in value)
-    for place in places:
+    return tuple(tuple(text.split("/")) for text in value)
+
+
+def _check_runs(claim: Claim, known: Mapping[str, Any], where: str) -> None:
+    """Raise ClaimsError for runs that do not exist, are too many or few, or lack a method."""
+    how = claim.measure.how
+    for place in claim.runs:
         unknown = [name for name in place if name not in known]
         if unknown:
             raise ClaimsError(f"{where} needs the unknown run {unknown[0]!r}; known are {', '.join(known)}.")
-        wrong = len(place) < 2 if measure.how == "exponent" else len(place) > (2 if measure.how else 1)
+        wrong = len(place) < 2 if how == "exponent" else len(place) > (2 if how else 1)
         if wrong:
             raise ClaimsError(
                 f"{where} has {len(place)} runs in {'/'.join(place)!r}: an exponent takes two or more, over and minus "
                 "one or two, a plain value one."
             )
-        pairs = [(operand, name) for operand in (measure.value, measure.other) if operand for name in place]
-        if measure.how in ("over", "minus"):
-            pairs = [(measure.value, place[0]), (measure.other, place[-1])]
-        for operand, name in pairs:
-            if operand.method and operand.method not in known[name].get("method", ()):
-                raise ClaimsError(f"{where} needs {operand.method}, which the run {name!r} does not make.")
-    return places
+    for name, method in sorted(claim.asked()):
+        if method and method not in known[name].get("method", ()):
+            raise ClaimsError(f"{where} needs {method}, which the run {name!r} does not make.")
 
 
 def _rule(entry: Mapping[str, Any], where: str) -> Rule:
@@ -447,12 +558,42 @@ def judge_all(
                 found.append(Judged(claim, place, NOT_MEASURED, str(error)))
                 continue
             verdict, reason, *numbers = judge(values, claim.rule)
+            if verdict == UNDECIDED and claim.undecided:
+                reason = claim.undecided
             found.append(Judged(claim, place, verdict, reason, *numbers, count=len(values)))
     return found
 
 
+@dataclass(frozen=True)
+class Explained:
+    """A cause of a claim at one of its places, with what its experiment gave. verdict: HOLDS where its rule holds."""
+
+    cause: Cause
+    claim: str
+    place: tuple[str, ...]
+    verdict: str
+    test: Judged | None = None
+
+
+def explain_all(
+    claims: Claims,
+    rows_of: Callable[[str], RunRows],
+    problems: Mapping[str, str],
+    variants: Mapping[str, Variant],
+) -> list[Explained]:
+    """Every cause at every place that it explains, in the order of the claims; arguments as of `judge_all`."""
+    found = []
+    for cause in claims.causes:
+        for experiment in cause.experiments:
+            test = None if cause.untested else judge_all([experiment.claim], rows_of, problems, variants)[0]
+            verdict = OF_CAUSE.get(test.verdict, test.verdict) if test else UNTESTED
+            found += [Explained(cause, experiment.claim.id, place, verdict, test) for place in experiment.explains]
+    order = {(claim.id, place): n for n, (claim, place) in enumerate((c, p) for c in claims.claims for p in c.runs)}
+    return sorted(found, key=lambda each: order[each.claim, each.place])
+
+
 def chosen(claims: Claims, ids: Sequence[str]) -> Claims:
-    """Only the claims with these ids (all without any). Raises ClaimsError for an unknown one."""
+    """Only the claims with these ids (all without any), and their causes. Raises ClaimsError for an unknown one."""
     known = {claim.id: claim for claim in claims.claims}
     for name in ids:
         if name not in known:
@@ -461,4 +602,11 @@ def chosen(claims: Claims, ids: Sequence[str]) -> Claims:
             close = get_close_matches(name, known, n=1)
             guess = f" Did you mean {close[0]!r}?" if close else ""
             raise ClaimsError(f"There is no claim {name!r}.{guess} bench claims --dry-run lists them all.")
-    return replace(claims, claims=tuple(known[name] for name in ids)) if ids else claims
+    if not ids:
+        return claims
+    causes = [
+        replace(cause, experiments=tuple(each for each in cause.experiments if each.claim.id in ids))
+        for cause in claims.causes
+    ]
+    kept = tuple(cause for cause in causes if cause.experiments)
+    return replace(claims, claims=tuple(known[name] for name in ids), causes=kept)

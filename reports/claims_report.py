@@ -1,10 +1,11 @@
-"""The results of `bench claims`: claims.csv and claims.html, from the runs that its folder names.
+"""The results of `bench claims`: claims.csv, causes.csv and claims.html, from the runs that its folder names.
 
-`python -m reports.claims_report DIR` prints the table of CLAIMS.md.
+`python -m reports.claims_report DIR` prints the table of CLAIMS.md, with a method behind it the one of its README.
 """
 
 from __future__ import annotations
 
+import csv
 import json
 from collections import Counter
 from collections.abc import Sequence
@@ -20,22 +21,26 @@ from reports.claims import (
     NOT_CONFIRMED,
     NOT_MEASURABLE,
     NOT_MEASURED,
+    REFUTED,
     UNDECIDED,
     Claims,
     ClaimsError,
+    Explained,
     Judged,
     RunRows,
     chosen,
+    explain_all,
     judge_all,
     read_claims,
 )
-from reports.columns import CLAIM_COLUMNS, CLAIM_VERDICTS
+from reports.columns import CAUSE_COLUMNS, CLAIM_COLUMNS, CLAIM_VERDICTS
 from reports.csv_files import replace_file, write_csv
 from reports.html import caption, facts_list, section
 from reports.tables import NONE, number, table
 
 FILE = "claims.json"
 COPY = "claims.toml"
+CLAIMS_CSV, CAUSES_CSV = "claims.csv", "causes.csv"
 KINDS = {CONFIRMED: "yes", NOT_CONFIRMED: "no", UNDECIDED: "open", NOT_MEASURED: "none", NOT_MEASURABLE: "none"}
 STYLE = """
 .claims :is(td, th) { text-align: left; white-space: normal; }
@@ -62,8 +67,9 @@ def is_claims(folder: Path) -> bool:
     return (folder / FILE).is_file()
 
 
-def write_claims(folder: Path) -> list[Judged]:
-    """Write claims.csv and claims.html into `folder`, from its claims.toml, claims.json and the runs named there.
+def write_claims(folder: Path) -> tuple[list[Judged], list[Explained]]:
+    """Write claims.csv, causes.csv and claims.html into `folder`, from its claims.toml, claims.json and the runs named
+    there. Returns the claims and their causes, at every place.
 
     Raises ClaimsError or StoreError for what cannot be read.
     """
@@ -80,9 +86,11 @@ def write_claims(folder: Path) -> list[Judged]:
         return RunRows.read(folder / state["runs"][name]["folder"])
 
     results = judge_all(claims.claims, rows_of, problems, variants)
-    write_csv(folder / "claims.csv", CLAIM_COLUMNS, map(as_row, results))
-    replace_file(folder / "claims.html", _page(claims, results, state))
-    return results
+    causes = explain_all(claims, rows_of, problems, variants)
+    write_csv(folder / CLAIMS_CSV, CLAIM_COLUMNS, map(as_row, results))
+    write_csv(folder / CAUSES_CSV, CAUSE_COLUMNS, map(as_cause, causes))
+    replace_file(folder / "claims.html", _page(claims, results, causes, state))
+    return results, causes
 
 
 def as_row(result: Judged) -> dict[str, Any]:
@@ -108,12 +116,37 @@ def as_row(result: Judged) -> dict[str, Any]:
     }
 
 
+def as_cause(each: Explained) -> dict[str, Any]:
+    """The row of causes.csv."""
+    test = each.test
+    return {
+        "id": each.cause.id,
+        "claim": each.claim,
+        "run": "/".join(each.place),
+        "cause": each.cause.cause,
+        "test": each.cause.test,
+        "tested_in": "/".join(test.place) if test else "",
+        "methods": ", ".join(dict.fromkeys(op.method for op in test.claim.operands() if op.method)) if test else "",
+        "measured": test and test.measured,
+        "low": test and test.low,
+        "high": test and test.high,
+        "frames": (test and test.count) or None,
+        "rule": test.claim.rule.text if test else "",
+        "verdict": each.verdict,
+        "reason": test.reason if test else each.cause.untested,
+    }
+
+
 def measured_text(result: Judged) -> str:
     """The median with its interval, as `0.79 (0.77-0.81)`; empty where nothing was measured."""
-    if result.measured is None:
+    return interval_text(result.measured, result.low, result.high)
+
+
+def interval_text(middle: float | None, low: float | None, high: float | None) -> str:
+    """A median with its 95 % interval where it has one; empty without a median."""
+    if middle is None:
         return ""
-    ends = "" if result.low is None else f" ({short(result.low)}{NONE}{short(result.high)})"
-    return short(result.measured) + ends
+    return short(middle) + ("" if low is None else f" ({short(low)}{NONE}{short(high)})")
 
 
 def short(value: float) -> str:
@@ -140,7 +173,65 @@ def as_markdown(results: Sequence[Judged]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _page(claims: Claims, results: Sequence[Judged], state: dict[str, Any]) -> str:
+def why_not(folder: Path, method: str) -> list[str]:
+    """The lines of a method's table of claims that are not confirmed: what was measured, the causes that were tested
+    and by which command, and what came out. From claims.csv and causes.csv in `folder`; raises ClaimsError without
+    them.
+
+    Where there is no cause, or each is refuted, a line of its own says so.
+    """
+    rows = [row for row in _read(folder / CLAIMS_CSV) if method in row["methods"].split(", ")]
+    causes = _read(folder / CAUSES_CSV)
+    head = ("claim", "published", "measured", "cause", "tested how", "measured then", "verdict")
+    lines = [f"| {' | '.join(head)} |", "| --- " * len(head) + "|"]
+    for id_, group in groupby((row for row in rows if row["verdict"] == NOT_CONFIRMED), key=lambda row: row["id"]):
+        own = {row["run"]: row for row in group}
+        found = [row for row in causes if row["claim"] == id_ and row["run"] in own]
+        named = next(iter(own.values()))
+        lead = (f"{named['claim']} `{id_}`", named["published"])
+        for about in _why_lines(own, found):
+            lines.append("| " + " | ".join(cell.replace("|", "/") for cell in (*lead, *about)) + " |")
+            lead = ("", "")
+    return lines
+
+
+def _why_lines(own: dict[str, dict[str, str]], causes: list[dict[str, str]]) -> list[tuple[str, ...]]:
+    """For each cause of a claim, what was measured where it is one, and what its experiment gave; then the places
+    for which none is left. own: the claim's rows by place."""
+
+    def measured(places: Sequence[str]) -> str:
+        return "<br>".join(f"{place} {_interval(own[place])}, not {own[place]['rule']}" for place in places)
+
+    lines = []
+    for _, group in groupby(sorted(causes, key=lambda row: row["id"]), key=lambda row: row["id"]):
+        tests = list(group)
+        then = [f"{row['tested_in']} {_interval(row)}, must be {row['rule']}" for row in tests if row["tested_in"]]
+        verdicts = dict.fromkeys(row["verdict"] for row in tests)
+        if len(verdicts) > 1:
+            verdicts = dict.fromkeys(f"{row['run']} {row['verdict']}" for row in tests)
+        how = f"{tests[0]['test']}: `bench claims --id {tests[0]['claim']}`" if then else tests[0]["reason"]
+        cells = (tests[0]["cause"], how, "<br>".join(dict.fromkeys(then)), "<br>".join(verdicts))
+        lines.append((measured(list(dict.fromkeys(row["run"] for row in tests))), *cells))
+    open_to = {row["run"] for row in causes if row["verdict"] != REFUTED}
+    rest = [place for place in own if place not in open_to]
+    if rest:
+        lines.append((measured(rest), "no cause found", "", "", ""))
+    return lines
+
+
+def _interval(row: dict[str, str]) -> str:
+    return interval_text(*(float(row[name]) if row[name] else None for name in ("measured", "low", "high")))
+
+
+def _read(file: Path) -> list[dict[str, str]]:
+    try:
+        with open(file, newline="", encoding="utf-8") as stream:
+            return list(csv.DictReader(stream))
+    except OSError as error:
+        raise ClaimsError(f"{file} cannot be read: {error.strerror}.") from error
+
+
+def _page(claims: Claims, results: Sequence[Judged], causes: Sequence[Explained], state: dict[str, Any]) -> str:
     facts = {
         "Rows": f"{len(results)}: {counts_text(results)}",
         "Claims": str(len(claims.claims)),
@@ -151,7 +242,9 @@ def _page(claims: Claims, results: Sequence[Judged], state: dict[str, Any]) -> s
     papers = "".join(_paper(name, title, results) for name, title in claims.papers.items())
     style = files("reports").joinpath("page.css").read_text(encoding="utf-8")
     return PAGE.format(
-        style=style + STYLE, facts=facts_list(facts), body=papers + _out_of_reach(results) + _runs(state)
+        style=style + STYLE,
+        facts=facts_list(facts),
+        body=papers + _causes(results, causes) + _out_of_reach(results) + _runs(state),
     )
 
 
@@ -196,6 +289,27 @@ def _unclear(result: Judged) -> str:
     return result.reason if result.low is None else ""
 
 
+def _causes(results: Sequence[Judged], causes: Sequence[Explained]) -> str:
+    """What was tested as the cause of rows that are not confirmed."""
+    failed = {(result.claim.id, result.place) for result in results if result.verdict == NOT_CONFIRMED}
+    lines = []
+    for each in causes:
+        if (each.claim, each.place) in failed:
+            test, where = each.test, f"{each.claim}, {'/'.join(each.place)}"
+            then = each.cause.untested
+            if test:
+                then = f"{'/'.join(test.place)} {measured_text(test)}, must be {test.claim.rule.text}"
+            lines.append([where, f"{each.cause.cause} ({each.cause.id})", each.cause.test or NONE, then, each.verdict])
+    if not lines:
+        return ""
+    text = table(["claim and run", "cause", "tested how", "measured then", "verdict"], lines, texts=5)
+    about = caption(
+        "Each cause is removed by an experiment, and the claim measured again: its rule must then hold if that is the "
+        "cause. One that holds need not be the only one."
+    )
+    return section("causes", "Why not", about, text.replace('class="words', 'class="claims words'))
+
+
 def _out_of_reach(results: Sequence[Judged]) -> str:
     lines = [
         [r.claim.claim, f"{r.claim.paper}, {r.claim.source}", r.claim.published, r.reason]
@@ -222,4 +336,5 @@ def _runs(state: dict[str, Any]) -> str:
 if __name__ == "__main__":
     import sys
 
-    print(as_markdown(write_claims(Path(sys.argv[1]))), end="")
+    results, _ = write_claims(Path(sys.argv[1]))
+    print("\n".join(why_not(Path(sys.argv[1]), sys.argv[2])) if sys.argv[2:] else as_markdown(results), end="")

@@ -348,6 +348,23 @@ CLAIM_COLUMNS: tuple[Column, ...] = (
     Column("reason", "", "why this verdict", "status", str),
     Column("why", "", "why this run and this rule stand for the claim", "setting", str),
 )
+CAUSE_VERDICTS = ("holds", "refuted", "undecided", "not measured", "untested")
+CAUSE_COLUMNS: tuple[Column, ...] = (
+    Column("id", "", "the cause", "key", str),
+    Column("claim", "", "id of the claim for which it is the cause", "key", str),
+    Column("run", "", "the run of that claim's row", "key", str),
+    Column("cause", "", "why the claim may fail there", "setting", str),
+    Column("test", "", "how an experiment removes the cause; empty where none can", "setting", str),
+    Column("tested_in", "", "runs of the experiment: those compared joined by a slash", "setting", str),
+    Column("methods", "", "methods of the experiment", "setting", str),
+    Column("measured", "", "the claim's value there: median over the frames", "count", float),
+    Column("low", "", "lower end of its 95 % interval", "count", float),
+    Column("high", "", "upper end of its 95 % interval", "count", float),
+    Column("frames", "frames", "values that the median is over", "count", int),
+    Column("rule", "", "what the value must be if this is the cause", "setting", str),
+    Column("verdict", "", f"one of {', '.join(CAUSE_VERDICTS)}", "status", str),
+    Column("reason", "", "why this verdict", "status", str),
+)
 
 
 SKIP_COLUMNS: tuple[Column, ...] = (
@@ -493,6 +510,12 @@ def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "frame). Confirmed and not confirmed are intervals wholly inside and outside the rule; all others are "
             "undecided. Not measured says why a run has no value, not measurable why no run here can have one.",
             CLAIM_COLUMNS,
+        ),
+        (
+            "causes.csv",
+            "Of `bench claims`: one row per claim, place and cause for which the claim may fail there. An experiment "
+            "removes the cause, and its rule must then hold: if it does the cause holds, else it is refuted.",
+            CAUSE_COLUMNS,
         ),
     )
 

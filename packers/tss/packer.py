@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 STRATEGIES = {"lpacking": float("inf"), "oversampling": 0.0}  # threshold of slantedness that they amount to
 ORDERS = ("primitive", "arrival")
+PICTURES = ("density", "size")
 STEPS = 16  # of the scale per doubling
 LAST = 16 * STEPS  # the smallest scale: every primitive is a single texel
 UNPLACED = "the atlas is full with every primitive at one texel"
@@ -73,6 +74,14 @@ class TessellatedShadingStreaming(Packer):
             "",
             "TSS, section 6",
         ),
+        "picture": Parameter(
+            "density",
+            PICTURES,
+            "what the server's view, as wide as the cell's, has of the client's: pixels per angle in its centre, or "
+            "the number of pixels",
+            "",
+            "wide view: SnakeBinning, section 5.2; density: ours",
+        ),
     }
 
     skips = {  # noqa: RUF012
@@ -85,6 +94,8 @@ class TessellatedShadingStreaming(Packer):
             raise ValueError(f"The strategy {self.strategy!r} is not known: combined, {', '.join(STRATEGIES)}.")
         if self.order not in ORDERS:
             raise ValueError(f"The order {self.order!r} is not known: {', '.join(ORDERS)}.")
+        if self.picture not in PICTURES:
+            raise ValueError(f"The picture {self.picture!r} is not known: {', '.join(PICTURES)}.")
         self.threshold = STRATEGIES.get(self.strategy, float(self.slanted))
 
     def prepare(self, scene: ServerScene) -> None:
@@ -150,15 +161,18 @@ class TessellatedShadingStreaming(Packer):
 
         The search begins at the last frame's scale, which is mostly the same: then two layouts are enough.
         """
+        client = frame.predicted[0] if frame.predicted else frame.server
+        widest = 1.0 if self.picture == "density" else client.width / frame.server.width
         fitting: Arranged | None = None
         uncut: tuple[int, Primitives] | None = None  # a step without cut triangles, as are all larger ones
 
         def excess(step: int) -> float:
             nonlocal fitting, uncut
-            primitives = uncut[1] if uncut and step >= uncut[0] else self._list(frame, camera, step)
+            scale = widest * scale_at(step)
+            primitives = uncut[1] if uncut and step >= uncut[0] else self._list(frame, camera, scale)
             if primitives.count == primitives.rows and not (uncut and step >= uncut[0]):
                 uncut = (step, primitives)
-            arranged = self._arrange_at(frame, primitives, step)
+            arranged = self._arrange_at(frame, primitives, scale)
             over = float(log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
             if over <= 0 or step == LAST:
                 fitting = arranged
@@ -170,12 +184,12 @@ class TessellatedShadingStreaming(Packer):
             excess(LAST)
         return fitting
 
-    def _list(self, frame: Frame, camera: Array, step: int) -> Primitives:
-        listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale_at(step), self.threshold)
+    def _list(self, frame: Frame, camera: Array, scale: float) -> Primitives:
+        listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale, self.threshold)
         return list_primitives(frame.scene.device, *listed)
 
-    def _arrange_at(self, frame: Frame, primitives: Primitives, step: int) -> Arranged:
-        device, count, scale = frame.scene.device, primitives.count, scale_at(step)
+    def _arrange_at(self, frame: Frame, primitives: Primitives, scale: float) -> Arranged:
+        device, count = frame.scene.device, primitives.count
         turns = np.arange(count, dtype=np.int32)
         if self.order == "arrival":
             turns = draws.generator([frame.seed, frame.index]).permutation(turns)
@@ -228,7 +242,7 @@ class Arranged:
 
 
 def scale_at(step: int) -> float:
-    """Texels per pixel."""
+    """Share of the texels per pixel that there would be in a large enough atlas."""
     return float(power(2.0, -step / STEPS))
 
 

@@ -51,6 +51,13 @@ why = "It is a test."
 runs = ["tiny", "elsewhere"]
 measure = { value = "flip", method = "sas", crf = 25 }
 rule = { below = 0.0001 }
+[[causes]]
+id = "the-atlas"
+claims = ["no-error"]
+places = ["tiny"]
+cause = "It is the atlas."
+test = "a method without one"
+measure = { value = "flip", method = "ppll" }
 """
 
 
@@ -105,6 +112,16 @@ def test_runs_are_reused_and_a_run_that_cannot_be_made_is_a_row_with_its_reason(
     ]
     assert "no/such/scene.glb" in (folder / "claims.csv").read_text(encoding="utf-8")
     assert not (folder / "tiny").exists()
+    with open(folder / "causes.csv", newline="", encoding="utf-8") as file:
+        (cause,) = csv.DictReader(file)
+    assert [cause[name] for name in ("id", "claim", "run", "verdict")] == [
+        "the-atlas",
+        "no-error",
+        "tiny",
+        "refuted",
+    ]
+    assert "the-atlas? refuted" in done.stdout
+    assert "It is the atlas." in (folder / "claims.html").read_text(encoding="utf-8")
     state = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
     assert state["runs"]["tiny"]["reused"]
     of_claims = claims.parent / "of_claims"

@@ -34,6 +34,10 @@ def test_every_mode_is_in_both_tables(tables):
     for row in tables["table_a1"]:
         assert 0 < float(row["lz4_kib"]) < float(row["uncompressed_kib"]) < float(row["padded_kib"])
         assert row["ratio_published"] == ""  # not one of the thesis' sizes
+    for row in tables["frames"]:
+        header = float(row["raw_bytes"]) - float(row["list_bytes"])
+        assert float(row["padded_list_bytes"]) == float(row["padded_bytes"]) - header
+        assert 0 < float(row["padded_list_lz4_bytes"]) < float(row["padded_list_bytes"])
 
 
 def test_what_each_mode_promises(tables):
@@ -88,3 +92,22 @@ def test_a_dry_run_says_what_would_be_measured(tmp_path):
     assert "54 frames" in shown.output
     assert "1600x900" in shown.output
     assert not out.exists()
+
+
+def test_parameters_of_lists_hold_for_all_modes(tables, tmp_path, monkeypatch):
+    monkeypatch.setenv("BENCH_SCENES", str(tmp_path))
+    monkeypatch.setattr(ppll_2014, "MODELS", {"bunny": "bunny/bunny.ply"})
+    monkeypatch.setattr(ppll_2014, "MOST_LAYERS", 1)
+    wanted = experiment_of("ppll-2014", {"size": "160x120", "frames": 3, "method": ["ppll[tolerance=64]"]})
+    assert wanted.parameters == {"tolerance": 64}
+    run_experiment(wanted, tmp_path / "out")
+    rows = [*csv.DictReader((tmp_path / "out" / "frames.csv").read_text(encoding="utf-8").splitlines())]
+    sent, before = (
+        [int(row["fragments_sent"]) for row in found if row["mode"] == "difference"]
+        for found in (rows, tables["frames"])
+    )
+    assert sent[0] == before[0]
+    assert sum(sent[1:]) < sum(before[1:])
+    for method in (["ppll[mode=full]", "sas"], ["ppll[layers=2]"]):
+        with pytest.raises(InputError, match="takes one --method ppll"):
+            experiment_of("ppll-2014", {"method": method})

@@ -1,5 +1,6 @@
 """Tessellated Shading Streaming on a small room: valid, deterministic, honest about its bytes, and it looks right."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -189,3 +190,12 @@ def test_the_scale_does_not_depend_on_earlier_frames(scene):
     alone = [Stream(scene).send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
     assert scales == alone
     assert len(set(scales)) > 1
+
+
+def test_a_picture_of_the_clients_size_has_fewer_texels_per_pixel(scene):
+    frame = frame_of(scene, 1024, 1024)
+    server = frame.server
+    frame = replace(frame, predicted=(replace(server, width=server.width // 2, height=server.height // 2),))
+    dense, sized = Stream(scene).send(frame), Stream(scene, picture="size").send(frame)
+    assert (dense.statistics["scale"], sized.statistics["scale"]) == (1, 0.5)
+    assert sized.sample_count < dense.sample_count / 2

@@ -6,19 +6,24 @@ import pytest
 
 from reports.claims import (
     CONFIRMED,
+    HOLDS,
     NOT_CONFIRMED,
     NOT_MEASURABLE,
     NOT_MEASURED,
+    REFUTED,
     UNDECIDED,
+    UNTESTED,
     Claims,
     ClaimsError,
     RunRows,
     chosen,
+    explain_all,
     judge_all,
     read_claims,
 )
-from reports.claims_report import as_markdown, as_row
-from reports.columns import CLAIM_COLUMNS, CLAIM_KINDS, CLAIM_VERDICTS
+from reports.claims_report import CAUSES_CSV, CLAIMS_CSV, as_cause, as_markdown, as_row, why_not
+from reports.columns import CAUSE_COLUMNS, CAUSE_VERDICTS, CLAIM_COLUMNS, CLAIM_KINDS, CLAIM_VERDICTS
+from reports.csv_files import write_csv
 from tests.reports.synthetic import make_store
 
 HEAD = """
@@ -45,6 +50,14 @@ runs = ["one"]
 measure = { value = "flip", method = "sas", crf = 25, over = { method = "bins" } }
 rule = { below = 1 }
 """
+CAUSE = """
+[[causes]]
+id = "swapped"
+claims = ["a"]
+cause = "The two were swapped."
+test = "swapped back"
+instead = { sas = "bins", bins = "sas" }
+"""
 VARIANTS = {"grid": ("grid", "cell=8"), "sas": ("sas", "max_block=256,reuse=true,superblock=256"),
             "bins": ("bins", "alpha=0.5,levels=6")}  # fmt: skip
 
@@ -61,11 +74,12 @@ def test_the_claims_of_the_suite_cover_every_paper_method_and_kind():
     assert {claim.paper for claim in found.claims} == set(found.papers)
     assert {claim.kind for claim in found.claims} == set(CLAIM_KINDS)
     assert {m for claim in found.claims for m in claim.methods} == {"ppll", "sas", "snakebinning", "tss"}
-    used = {name for claim in found.claims for place in claim.runs for name in place}
-    assert used == set(found.runs), "every run serves a claim"
-    asked = {(n, op.method) for claim in found.claims for p in claim.runs for n in p for op in claim.operands()}
-    made = {(name, spec) for name, options in found.runs.items() for spec in options.get("method", ())}
-    assert made <= asked, "every method of a run serves a claim"
+    used = {name for claim in found.measured() for place in claim.runs for name in place}
+    assert used == set(found.runs), "every run serves a claim or a cause"
+    asked = {pair for claim in found.measured() for pair in claim.asked()}
+    plain = {name: options for name, options in found.runs.items() if "preset" not in options}
+    made = {(name, spec) for name, options in plain.items() for spec in options["method"]}
+    assert made <= asked, "every method of a run serves a claim or a cause"
     assert all(len(claim.published) <= 30 for claim in found.claims), "fits the table of the console"
 
 
@@ -102,6 +116,42 @@ def test_an_unusable_file_is_refused_with_a_sentence(tmp_path: Path, old: str, n
         read(tmp_path, text)
     assert sentence in str(caught.value)
     assert str(caught.value).endswith(".")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "sentence"),
+    [
+        ('id = "swapped"', "", "lacks id"),
+        ('cause = "The two were swapped."', "", "lacks cause"),
+        ('test = "swapped back"', "", "lacks test"),
+        ('claims = ["a"]', 'claims = ["b"]', "has claims ['b']"),
+        ('claims = ["a"]', "claims = []", "has claims []"),
+        ('sas = "bins", bins = "sas"', 'sas = "tss"', "needs tss, which the run 'one' does not make"),
+        ('sas = "bins", bins = "sas"', 'one = "four"', "unknown run 'four'"),
+        ('sas = "bins", bins = "sas"', 'two = "one"', "changes nothing of the claim 'a' at one"),
+        ('sas = "bins", bins = "sas"', "one = 2", "has instead {'one': 2}"),
+        ('test = "swapped back"', 'test = "swapped back"\nplaces = ["two"]', "has no place of the claim 'a'"),
+        ('test = "swapped back"', 'test = "swapped back"\nplaces = ["one", "two"]', "has the place 'two'"),
+        ('test = "swapped back"', 'test = "swapped back"\nrule = { near = 1 }', "unknown entry 'near'"),
+        ('test = "swapped back"', 'untested = "It takes a GPU."', "has untested, and so no instead"),
+        ('test = "swapped back"', 'test = "swapped back"\nmethod = "sas"', "unknown entry 'method'"),
+    ],
+)
+def test_an_unusable_cause_is_refused_with_a_sentence_that_names_it(tmp_path: Path, old: str, new: str, sentence: str):
+    (cause,) = read(tmp_path, HEAD + CLAIM + CAUSE).causes
+    assert [experiment.explains for experiment in cause.experiments] == [(("one",),)]
+    text = CAUSE.replace(old, new, 1)
+    assert text != CAUSE
+    with pytest.raises(ClaimsError) as caught:
+        read(tmp_path, HEAD + CLAIM + text)
+    assert sentence in str(caught.value)
+    assert str(caught.value).startswith("The cause '" + ("?" if "lacks id" in sentence else "swapped"))
+    assert str(caught.value).endswith(".")
+
+
+def test_two_causes_of_one_id_are_refused(tmp_path: Path):
+    with pytest.raises(ClaimsError, match="two causes have the id 'swapped'"):
+        read(tmp_path, HEAD + CLAIM + CAUSE + CAUSE)
 
 
 def test_two_claims_of_one_id_and_unknown_ids_are_refused(tmp_path: Path):
@@ -211,3 +261,100 @@ def test_runs_that_are_missing_and_claims_out_of_reach_are_rows_with_a_reason(tm
     (judged,) = judge_all(read(tmp_path, HEAD + text).claims, dict().__getitem__, {}, {})
     assert (judged.verdict, judged.reason) == (NOT_MEASURABLE, "It takes a GPU.")
     assert as_row(judged)["measured"] is None
+
+
+FAILING = CLAIM.replace("{ below = 1 }", "{ above = 1 }").replace('runs = ["one"]', 'runs = ["one", "two"]')
+OTHERS = """
+[[causes]]
+id = "slow"
+claims = ["a"]
+places = ["one"]
+cause = "The machine was slow."
+test = "a slower one"
+instead = { one = "two" }
+[[causes]]
+id = "driver"
+claims = ["a"]
+places = ["two"]
+cause = "The driver is old."
+untested = "It takes another driver."
+[[causes]]
+id = "other"
+claims = ["a"]
+places = ["two"]
+cause = "Another measure is meant."
+test = "that measure"
+runs = ["one"]
+measure = { value = "samples", method = "sas", over = { method = "bins" } }
+rule = { above = 0 }
+"""
+
+
+def explained(tmp_path: Path, runs, text: str, name: str = "explained"):
+    """The folder of planted claims with causes, as the table of a README is made from."""
+    found, folder = read(tmp_path, HEAD + text), tmp_path / name
+    folder.mkdir()
+    causes = explain_all(found, runs.__getitem__, {}, VARIANTS)
+    judged = judge_all(found.claims, runs.__getitem__, {}, VARIANTS)
+    write_csv(folder / CLAIMS_CSV, CLAIM_COLUMNS, map(as_row, judged))
+    write_csv(folder / CAUSES_CSV, CAUSE_COLUMNS, map(as_cause, causes))
+    return folder, causes
+
+
+def test_a_cause_holds_or_is_refuted_by_its_own_experiment(tmp_path: Path, runs):
+    swapped = CAUSE.replace("test =", 'places = ["one"]\ntest =')
+    folder, causes = explained(tmp_path, runs, FAILING + swapped + OTHERS)
+    verdicts = [(each.cause.id, each.place, each.verdict) for each in causes]
+    assert verdicts == [
+        ("swapped", ("one",), HOLDS),
+        ("slow", ("one",), REFUTED),
+        ("driver", ("two",), UNTESTED),
+        ("other", ("two",), HOLDS),
+    ]
+    assert {each.verdict for each in causes} <= set(CAUSE_VERDICTS)
+    assert causes[0].test.measured == pytest.approx(0.082 / 0.061)
+    assert causes[1].test.place == ("two",)
+    assert causes[2].test is None
+    lines = why_not(folder, "sas")
+    assert [line.split(" | ")[-1] for line in lines[2:]] == ["untested |", "holds |", "refuted |", "holds |"]
+    assert "A is less than B. `a`" in lines[2]
+    assert all("A is less" not in line for line in lines[3:]), "said once"
+    assert "It takes another driver." in lines[2]
+    assert "swapped back: `bench claims --id a` | one 1.34" in lines[5]
+    assert why_not(folder, "tss") == lines[:2]
+
+
+def test_a_claim_without_a_cause_that_holds_says_so(tmp_path: Path, runs):
+    slow = OTHERS[: OTHERS.index('[[causes]]\nid = "driver"')]
+    folder, _ = explained(tmp_path, runs, FAILING + slow)
+    lines = why_not(folder, "sas")
+    assert "refuted" in lines[2]
+    assert "one 0.744" in lines[3]
+    assert "two 0.744" in lines[3]
+    assert "no cause found" in lines[3]
+    folder, _ = explained(tmp_path, runs, CLAIM + CAUSE, "confirmed")
+    assert len(why_not(folder, "sas")) == 2, "a confirmed claim is not in the table"
+    with pytest.raises(ClaimsError, match="cannot be read"):
+        why_not(tmp_path / "absent", "sas")
+
+
+def test_causes_follow_their_claims(tmp_path: Path, runs):
+    found = read(tmp_path, HEAD + FAILING + CLAIM.replace('id = "a"', 'id = "b"') + CAUSE + OTHERS)
+    assert chosen(found, ["b"]).causes == ()
+    assert len(chosen(found, ["a"]).causes) == 4
+    assert len(found.measured()) == 2 + 2 + 1 + 1, "swapped at two places, slow and other at one, driver not at all"
+    (judged,) = judge_all([found.causes[0].experiments[1].claim], runs.__getitem__, {"two": "no such scene."}, VARIANTS)
+    assert judged.verdict == NOT_MEASURED
+
+
+def test_an_undecided_claim_says_what_it_would_take(tmp_path: Path, runs):
+    text = CLAIM.replace("runs = [", 'undecided = "It takes more frames."\nruns = [').replace(
+        'crf = 25, over = { method = "bins" }', ""
+    )
+    (judged,) = judge_all(
+        read(tmp_path, HEAD + text.replace('"sas", ', '"sas"').replace("below = 1", "below = 0.055")).claims,
+        runs.__getitem__,
+        {},
+        VARIANTS,
+    )
+    assert (judged.verdict, judged.reason) == (UNDECIDED, "It takes more frames.")
