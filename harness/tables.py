@@ -1,0 +1,209 @@
+"""`bench tables`: the commands behind the documents' tables, run anew; the data is kept, or compared with the print."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shlex
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from datetime import date, datetime
+from pathlib import Path
+from typing import Any
+
+from rich.markup import escape
+
+from harness.claims import scene_file
+from harness.console import InputError, make_console, make_table
+from harness.machine import commit
+from harness.plan import duration
+from harness.plugins import nearest
+from kernels.device import Device, kernels_digest
+from reports.documents.catalogue import SOURCES
+from reports.documents.kept import Kept, Source, checked, read_kept, write_kept
+from reports.documents.markdown import Book, write_documents, wrong_places
+from reports.store import FILE as RESULTS
+from reports.store import Store
+from reports.sweep import FILE as SWEEP_FILE
+from scenes.model import SceneError
+
+RUNS = Path("runs")
+RUN_FILE = "run.json"
+
+
+def chosen(names: Sequence[str], quick: bool) -> list[Source]:
+    """The tables of these names, all without any; with `quick` only the quick ones. Raises InputError."""
+    for name in names:
+        if name not in SOURCES:
+            raise InputError(f"There is no table {name!r}.{nearest(name, list(SOURCES))}")
+    return [SOURCES[name] for name in names or SOURCES if SOURCES[name].quick or not quick]
+
+
+def show_tables() -> None:
+    """Print every table: when and how long it was measured, whether it is quick, and by which commands."""
+    table = make_table("tables", "table", "measured", "took", "quick", "commands")
+    for source in SOURCES.values():
+        kept = read_kept(source.name)
+        measured, took = (kept.about["date"], duration(kept.about["seconds"])) if kept else ("not yet", "")
+        more = f" and {len(source.commands) - 1} more" if len(source.commands) > 1 else ""
+        command = source.commands[0] if len(source.commands[0]) < 70 else source.commands[0][:69] + "…"
+        table.add_row(source.name, measured, took, "quick" if source.quick else "", escape(command) + more)
+    make_console().print(table)
+
+
+def write_tables(names: Sequence[str], folder: Path | None, run: bool = True) -> None:
+    """Measure tables anew and write their data and all documents; those whose scenes are missing are named and stay.
+
+    folder: results that are there already, in place of running the commands of the one table named.
+    run: False only writes the documents from the data that is kept.
+
+    Raises InputError, DocumentError or what the results are refused with.
+    """
+    if folder and len(names) != 1:
+        raise InputError("--from takes the results of one table: name it.")
+    console = make_console()
+    for source in chosen(names, False) if run else ():
+        lacking = missing_scene(source)
+        if lacking and not folder:
+            console.print(f"[yellow]not measured[/] {source.name}: {escape(lacking)}")
+            continue
+        kept = _taken(source, folder) if folder else _measured(source)
+        write_kept(source.name, kept)
+        console.print(f"[bold]{source.name}[/]  {duration(kept.about['seconds'])}")
+        _tell_changed(write_documents(Book(SOURCES)))
+    _tell_changed(write_documents(Book(SOURCES)))
+
+
+def _tell_changed(names: list[str]) -> None:
+    for name in names:
+        make_console().print(f"written  {name}", soft_wrap=True)
+
+
+def check_tables(names: Sequence[str], quick: bool) -> bool:
+    """Measure tables anew, and say where a printed digit that no machine may change is another now; whether none is.
+
+    Tables whose scenes are missing, or that were never measured, are named, and are not said to hold.
+    """
+    console, sound, unchecked = make_console(), True, 0
+    for sentence in wrong_places(Book(SOURCES)):
+        console.print(f"[red]not from the data[/] {escape(sentence)}", soft_wrap=True)
+        sound = False
+    sources = chosen(names, quick)
+    for source in sources:
+        kept = read_kept(source.name)
+        why = missing_scene(source) if kept else "no data of it is kept: bench tables measures it."
+        if kept is None or why:
+            console.print(f"[yellow]not checked[/] {source.name}: {escape(why)}", soft_wrap=True)
+            unchecked += 1
+            continue
+        fresh = checked(kept, _measured(source).parts, source.parts)
+        wrong = wrong_places(Book(SOURCES, replaced={source.name: fresh}), source.name)
+        for sentence in wrong:
+            console.print(f"[red]{source.name}[/] {escape(sentence)}", soft_wrap=True)
+        console.print(f"{source.name}: {'[red]differs[/]' if wrong else '[green]holds[/]'}")
+        sound = sound and not wrong
+    console.print(f"{len(sources) - unchecked} of {len(sources)} tables checked.")
+    return sound
+
+
+def missing_scene(source: Source) -> str:
+    """A sentence about the first scene that a table needs and that is not there; empty if all are."""
+    named = [match[1] for command in source.commands for match in re.finditer(r"--scene (\S+)", command)]
+    for scene in [*named, *source.scenes]:
+        try:
+            scene_file(scene)
+        except SceneError as error:
+            return str(error)
+    return ""
+
+
+def _measured(source: Source) -> Kept:
+    """Run the commands of a table into a new folder below runs/, and digest what they wrote."""
+    top = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-tables-{source.name}"
+    folders, start = [], time.monotonic()
+    for number, command in enumerate(source.commands):
+        folders.append(top / f"{number:02d}")
+        make_console(stderr=True).print(f"[dim]{escape(command)}[/]", soft_wrap=True)
+        _run(command, folders[-1])
+    seconds = round(time.monotonic() - start, 1)
+    found = {"commit": commit(), "date": date.today().isoformat(), "seconds": seconds}
+    return Kept(_about(source, folders, found), source.digest(folders))
+
+
+def _run(command: str, folder: Path) -> None:
+    """Run a command line of `bench` in a process of its own, which watches itself.
+
+    Raises InputError if it cannot start. Rows that are not ok have no numbers, so their cells will be empty; that is
+    said, and is no error here.
+    """
+    words = shlex.split(command)[1:]
+    for place, word in enumerate(words[:-1]):
+        if word == "--scene":
+            words[place + 1] = scene_file(words[place + 1])
+    done = subprocess.run(
+        [sys.executable, "-m", "harness", *words, "--out", str(folder)],
+        check=False, stdout=subprocess.DEVNULL, env=os.environ | {"COLUMNS": "80"},
+    )  # fmt: skip
+    if done.returncode not in (0, 1) or not folder.is_dir():
+        raise InputError(f"`{command}` ended with exit code {done.returncode}: its table stays as it was.")
+    if done.returncode:
+        make_console(stderr=True).print(f"[yellow]warning[/] Not all is ok in {folder}.", soft_wrap=True)
+
+
+def _taken(source: Source, folder: Path) -> Kept:
+    """Digest results that are there: of one command in `folder` itself, of several in its sub-folders, by name.
+
+    Raises InputError for results of other kernels, or that do not say where they come from.
+    """
+    several = len(source.commands) > 1
+    folders = sorted(path for path in folder.glob("*") if path.is_dir()) if several else [folder]
+    if len(folders) != len(source.commands):
+        raise InputError(f"{folder} has {len(folders)} folders, and {source.name} takes {len(source.commands)} runs.")
+    store = _store_below(folders[0])
+    if store is None:
+        raise InputError(f"{folder} does not say which device its results are of: run bench tables {source.name}.")
+    with Store(store) as results:
+        plan, notes = results.plan() or {}, results.notes.under("environment")
+    if plan.get("kernels") != kernels_digest():
+        raise InputError(f"The results in {folder} were made by other kernels: run bench tables {source.name}.")
+    found = {"commit": notes.get("commit", ""), "date": notes["date"][:10], "seconds": 0.0}
+    return Kept(_about(source, folders, found), source.digest(folders))
+
+
+def _about(source: Source, folders: Sequence[Path], found: dict[str, Any]) -> dict[str, Any]:
+    """Where results come from: commands, the facts given, device and driver, and all settings of each run."""
+    store = _store_below(folders[0])
+    if store is None:  # experiments without a store: the commands have just used the default device
+        device = Device.open(None).description
+    else:
+        with Store(store) as results:
+            device = results.notes.under("device")
+    settings = [_settings(*pair) for pair in zip(source.commands, folders, strict=True)]
+    return {
+        "commands": list(source.commands),
+        **found,
+        "device": device.get("name", ""),
+        "driver": f"{device.get('platform', '')} {device.get('driver', '')}".strip(),
+        "settings": list(filter(None, settings)),
+    }
+
+
+def _settings(command: str, folder: Path) -> dict[str, Any] | None:
+    """All settings of a run or sweep, the scene as its command names it; None for what has none of its own."""
+    for name in (RUN_FILE, SWEEP_FILE):
+        if (folder / name).is_file():
+            content = json.loads((folder / name).read_text(encoding="utf-8"))
+            settings = content["settings"]
+            named = re.search(r"--scene (\S+)", command)
+            return settings | ({"scene": named[1]} if named else {})
+    return None
+
+
+def _store_below(folder: Path) -> Path | None:
+    """The first folder with a results store, `folder` itself before those below it."""
+    return next(
+        (file.parent for file in [folder / RESULTS, *sorted(folder.glob(f"*/{RESULTS}"))] if file.is_file()), None
+    )
