@@ -9,7 +9,7 @@ import shlex
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -23,7 +23,7 @@ from harness.plan import duration
 from harness.plugins import nearest
 from kernels.device import Device, kernels_digest
 from reports.documents.catalogue import SOURCES
-from reports.documents.kept import Kept, Source, checked, read_kept, write_kept
+from reports.documents.kept import ROOT, Kept, Source, checked, read_kept, write_kept
 from reports.documents.markdown import Book, write_documents, wrong_places
 from reports.store import FILE as RESULTS
 from reports.store import Store
@@ -34,12 +34,12 @@ RUNS = Path("runs")
 RUN_FILE = "run.json"
 
 
-def chosen(names: Sequence[str], quick: bool) -> list[Source]:
+def chosen(sources: Mapping[str, Source], names: Sequence[str], quick: bool) -> list[Source]:
     """The tables of these names, all without any; with `quick` only the quick ones. Raises InputError."""
     for name in names:
-        if name not in SOURCES:
-            raise InputError(f"There is no table {name!r}.{nearest(name, list(SOURCES))}")
-    return [SOURCES[name] for name in names or SOURCES if SOURCES[name].quick or not quick]
+        if name not in sources:
+            raise InputError(f"There is no table {name!r}.{nearest(name, list(sources))}")
+    return [sources[name] for name in names or sources if sources[name].quick or not quick]
 
 
 def show_tables() -> None:
@@ -54,27 +54,34 @@ def show_tables() -> None:
     make_console().print(table)
 
 
-def write_tables(names: Sequence[str], folder: Path | None, run: bool = True) -> None:
+def write_tables(
+    names: Sequence[str],
+    folder: Path | None = None,
+    run: bool = True,
+    *,
+    sources: Mapping[str, Source] = SOURCES,
+    root: Path = ROOT,
+) -> None:
     """Measure tables anew and write their data and all documents; those whose scenes are missing are named and stay.
 
     folder: results that are there already, in place of running the commands of the one table named.
-    run: False only writes the documents from the data that is kept.
+    run: False only writes the documents from the data that is kept. root: of the repository.
 
     Raises InputError, DocumentError or what the results are refused with.
     """
     if folder and len(names) != 1:
         raise InputError("--from takes the results of one table: name it.")
     console = make_console()
-    for source in chosen(names, False) if run else ():
+    for source in chosen(sources, names, False) if run else ():
         lacking = missing_scene(source)
         if lacking and not folder:
             console.print(f"[yellow]not measured[/] {source.name}: {escape(lacking)}")
             continue
         kept = _taken(source, folder) if folder else _measured(source)
-        write_kept(source.name, kept)
+        write_kept(source.name, kept, root)
         console.print(f"[bold]{source.name}[/]  {duration(kept.about['seconds'])}")
-        _tell_changed(write_documents(Book(SOURCES)))
-    _tell_changed(write_documents(Book(SOURCES)))
+        _tell_changed(write_documents(Book(sources, root)))
+    _tell_changed(write_documents(Book(sources, root)))
 
 
 def _tell_changed(names: list[str]) -> None:
@@ -82,30 +89,32 @@ def _tell_changed(names: list[str]) -> None:
         make_console().print(f"written  {name}", soft_wrap=True)
 
 
-def check_tables(names: Sequence[str], quick: bool) -> bool:
+def check_tables(
+    names: Sequence[str], quick: bool, *, sources: Mapping[str, Source] = SOURCES, root: Path = ROOT
+) -> bool:
     """Measure tables anew, and say where a printed digit that no machine may change is another now; whether none is.
 
     Tables whose scenes are missing, or that were never measured, are named, and are not said to hold.
     """
     console, sound, unchecked = make_console(), True, 0
-    for sentence in wrong_places(Book(SOURCES)):
+    for sentence in wrong_places(Book(sources, root)):
         console.print(f"[red]not from the data[/] {escape(sentence)}", soft_wrap=True)
         sound = False
-    sources = chosen(names, quick)
-    for source in sources:
-        kept = read_kept(source.name)
+    found = chosen(sources, names, quick)
+    for source in found:
+        kept = read_kept(source.name, root)
         why = missing_scene(source) if kept else "no data of it is kept: bench tables measures it."
         if kept is None or why:
             console.print(f"[yellow]not checked[/] {source.name}: {escape(why)}", soft_wrap=True)
             unchecked += 1
             continue
         fresh = checked(kept, _measured(source).parts, source.parts)
-        wrong = wrong_places(Book(SOURCES, replaced={source.name: fresh}), source.name)
+        wrong = wrong_places(Book(sources, root, {source.name: fresh}), source.name)
         for sentence in wrong:
             console.print(f"[red]{source.name}[/] {escape(sentence)}", soft_wrap=True)
         console.print(f"{source.name}: {'[red]differs[/]' if wrong else '[green]holds[/]'}")
         sound = sound and not wrong
-    console.print(f"{len(sources) - unchecked} of {len(sources)} tables checked.")
+    console.print(f"{len(found) - unchecked} of {len(found)} tables checked.")
     return sound
 
 
