@@ -1,7 +1,4 @@
-"""The results of `bench claims`: claims.csv and claims.html, from the runs that its folder names.
-
-`python -m reports.claims_report DIR` prints the table of CLAIMS.md.
-"""
+"""The results of `bench claims`: claims.csv and claims.html, from the runs that its folder names."""
 
 from __future__ import annotations
 
@@ -127,19 +124,6 @@ def counts_text(results: Sequence[Judged]) -> str:
     return ", ".join(f"{counts[verdict]} {verdict}" for verdict in CLAIM_VERDICTS if counts[verdict])
 
 
-def as_markdown(results: Sequence[Judged]) -> str:
-    """The table of reports/CLAIMS.md: one line per claim, with all places where it was measured."""
-    lines = ["| claim | source | published | must be | measured here |", "| --- " * 5 + "|"]
-    for _, group in groupby(results, key=lambda result: result.claim.id):
-        own = list(group)
-        claim = own[0].claim
-        places = [f"{' / '.join(r.place)} {measured_text(r)} **{r.verdict}**" for r in own if r.place]
-        cells = [f"{claim.claim} `{claim.id}`", f"{claim.paper}, {claim.source}", claim.published]
-        cells += [claim.rule.text if claim.rule else "", "<br>".join(places) or f"{own[0].verdict}: {own[0].reason}"]
-        lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
-
-
 def _page(claims: Claims, results: Sequence[Judged], state: dict[str, Any]) -> str:
     facts = {
         "Rows": f"{len(results)}: {counts_text(results)}",
@@ -217,9 +201,3 @@ def _runs(state: dict[str, Any]) -> str:
         lines.append([name, run["command"], run["problem"] or made])
     text = table(["run", "command", "how"], lines, texts=3).replace('class="words', 'class="commands words')
     return section("runs", "Runs", caption("The commands that measure the claims."), text)
-
-
-if __name__ == "__main__":
-    import sys
-
-    print(as_markdown(write_claims(Path(sys.argv[1]))), end="")

@@ -266,7 +266,7 @@ def claim_parts(folders: Sequence[Path]) -> Parts:
         claim = own[0].claim
         row = {"id": claim.id, "claim": claim.claim, "source": f"{claim.paper}, {claim.source}"}
         row |= {"published": claim.published, "rule": claim.rule.text if claim.rule else ""}
-        claims.append(row | {"measured": _places(own), "machine": _of_machine(claim)})
+        claims.append(row | {"measured": places_text(own), "machine": _of_machine(claim)})
     verdicts = (CONFIRMED, NOT_CONFIRMED, UNDECIDED, NOT_MEASURABLE, NOT_MEASURED)
     counts = {
         (verdict, timed): sum(row["verdict"] == verdict and row["machine"] == timed for row in values)
@@ -278,7 +278,7 @@ def claim_parts(folders: Sequence[Path]) -> Parts:
     return {ROWS: claims, "values": values, "counts": counted}
 
 
-def _places(results: Sequence[Judged]) -> str:
+def places_text(results: Sequence[Judged]) -> str:
     """All places of a claim with value, interval and verdict."""
     texts = []
     for r in results:

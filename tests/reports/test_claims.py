@@ -17,8 +17,9 @@ from reports.claims import (
     judge_all,
     read_claims,
 )
-from reports.claims_report import as_markdown, as_row
+from reports.claims_report import as_row
 from reports.columns import CLAIM_COLUMNS, CLAIM_KINDS, CLAIM_VERDICTS
+from reports.documents.digests import places_text
 from tests.reports.synthetic import make_store
 
 HEAD = """
@@ -132,7 +133,7 @@ def verdict(tmp_path: Path, runs: dict[str, RunRows], measure: str, rule: str, p
     (judged,) = judge_all(read(tmp_path, head + text).claims, runs.__getitem__, {}, VARIANTS)
     assert judged.verdict in CLAIM_VERDICTS
     assert set(as_row(judged)) == {column.name for column in CLAIM_COLUMNS}
-    assert judged.verdict in as_markdown([judged])
+    assert judged.verdict in places_text([judged])
     return judged
 
 
