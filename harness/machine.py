@@ -36,6 +36,8 @@ def commit() -> str:
     Empty where it is no clone, or git is not there.
     """
     try:
+        if Path(_git("rev-parse", "--show-toplevel")).resolve() != ROOT.resolve():
+            return ""  # an installed copy, in an environment inside somebody's own repository
         revision = _git("rev-parse", "--short=10", "HEAD")
         changed = _git("status", "--porcelain", "--untracked-files=no", "--", "*.py", "*.cl", "*.toml")
     except (OSError, subprocess.CalledProcessError):

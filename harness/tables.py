@@ -21,7 +21,7 @@ from harness.console import InputError, make_console, make_table
 from harness.machine import commit
 from harness.plan import duration
 from harness.plugins import nearest
-from kernels.device import Device, kernels_digest
+from kernels.device import Device
 from reports.documents.catalogue import SOURCES
 from reports.documents.kept import ROOT, Kept, Source, checked, read_kept, write_kept
 from reports.documents.markdown import Book, write_documents, wrong_places
@@ -47,7 +47,8 @@ def show_tables() -> None:
     table = make_table("tables", "table", "measured", "took", "quick", "commands")
     for source in SOURCES.values():
         kept = read_kept(source.name)
-        measured, took = (kept.about["date"], duration(kept.about["seconds"])) if kept else ("not yet", "")
+        measured = kept.about["date"] if kept else "not yet"
+        took = duration(kept.about["seconds"]) if kept and kept.about["seconds"] else ""
         more = f" and {len(source.commands) - 1} more" if len(source.commands) > 1 else ""
         command = source.commands[0] if len(source.commands[0]) < 70 else source.commands[0][:69] + "…"
         table.add_row(source.name, measured, took, "quick" if source.quick else "", escape(command) + more)
@@ -79,7 +80,8 @@ def write_tables(
             continue
         kept = _taken(source, folder) if folder else _measured(source)
         write_kept(source.name, kept, root)
-        console.print(f"[bold]{source.name}[/]  {duration(kept.about['seconds'])}")
+        took = duration(kept.about["seconds"]) if kept.about["seconds"] else "taken"
+        console.print(f"[bold]{source.name}[/]  {took}")
         _tell_changed(write_documents(Book(sources, root)))
     _tell_changed(write_documents(Book(sources, root)))
 
@@ -131,15 +133,11 @@ def missing_scene(source: Source) -> str:
 
 def _measured(source: Source) -> Kept:
     """Run the commands of a table into a new folder below runs/, and digest what they wrote."""
-    top = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-tables-{source.name}"
-    folders, start = [], time.monotonic()
-    for number, command in enumerate(source.commands):
-        folders.append(top / f"{number:02d}")
-        make_console(stderr=True).print(f"[dim]{escape(command)}[/]", soft_wrap=True)
-        _run(command, folders[-1])
-    seconds = round(time.monotonic() - start, 1)
-    found = {"commit": commit(), "date": date.today().isoformat(), "seconds": seconds}
-    return Kept(_about(source, folders, found), source.digest(folders))
+    top, start = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-tables-{source.name}", time.monotonic()
+    folders = [top / f"{number:02d}" for number in range(len(source.commands))]
+    for command, folder in zip(source.commands, folders, strict=True):
+        _run(command, folder)
+    return _digested(source, folders, round(time.monotonic() - start, 1))
 
 
 def _run(command: str, folder: Path) -> None:
@@ -148,6 +146,7 @@ def _run(command: str, folder: Path) -> None:
     Raises InputError if it cannot start. Rows that are not ok have no numbers, so their cells will be empty; that is
     said, and is no error here.
     """
+    make_console(stderr=True).print(f"[dim]{escape(command)}[/]", soft_wrap=True)
     words = shlex.split(command)[1:]
     for place, word in enumerate(words[:-1]):
         if word == "--scene":
@@ -163,41 +162,46 @@ def _run(command: str, folder: Path) -> None:
 
 
 def _taken(source: Source, folder: Path) -> Kept:
-    """Digest results that are there: of one command in `folder` itself, of several in its sub-folders, by name.
+    """Results that are there: of one command in `folder` itself, of several in its sub-folders, by name.
 
-    Raises InputError for results of other kernels, or that do not say where they come from.
+    The commands go on in these folders: they have nothing left to do, or refuse what is of other settings or kernels.
+
+    Raises InputError for folders of anything else, or that do not say where their results come from.
     """
     several = len(source.commands) > 1
     folders = sorted(path for path in folder.glob("*") if path.is_dir()) if several else [folder]
     if len(folders) != len(source.commands):
         raise InputError(f"{folder} has {len(folders)} folders, and {source.name} takes {len(source.commands)} runs.")
-    store = _store_below(folders[0])
-    if store is None:
+    if not all(map(_stores, folders)):
         raise InputError(f"{folder} does not say which device its results are of: run bench tables {source.name}.")
-    with Store(store) as results:
-        plan, notes = results.plan() or {}, results.notes.under("environment")
-    if plan.get("kernels") != kernels_digest():
-        raise InputError(f"The results in {folder} were made by other kernels: run bench tables {source.name}.")
-    found = {"commit": notes.get("commit", ""), "date": notes["date"][:10], "seconds": 0.0}
-    return Kept(_about(source, folders, found), source.digest(folders))
+    for command, place in zip(source.commands, folders, strict=True):
+        _run(command, place)
+    return _digested(source, folders, None)
 
 
-def _about(source: Source, folders: Sequence[Path], found: dict[str, Any]) -> dict[str, Any]:
-    """Where results come from: commands, the facts given, device and driver, and all settings of each run."""
-    store = _store_below(folders[0])
-    if store is None:  # experiments without a store: the commands have just used the default device
-        device = Device.open(None).description
-    else:
+def _digested(source: Source, folders: Sequence[Path], seconds: float | None) -> Kept:
+    """The rows of results, and where they come from: commands, commits, dates, device, driver, settings of each run."""
+    device: dict[str, str] = {}
+    commits, dates = set(), set()
+    for store in (store for folder in folders for store in _stores(folder)):
         with Store(store) as results:
-            device = results.notes.under("device")
+            notes = results.notes.under("environment")
+            device = device or results.notes.under("device")
+            commits.add(notes.get("commit", ""))
+            dates.update([notes["date"][:10]] if "date" in notes else [])
     settings = [_settings(*pair) for pair in zip(source.commands, folders, strict=True)]
-    return {
+    # Experiments without a store have just used the default device.
+    device = device or Device.open(None).description
+    about = {
         "commands": list(source.commands),
-        **found,
-        "device": device.get("name", ""),
-        "driver": f"{device.get('platform', '')} {device.get('driver', '')}".strip(),
+        "commit": ", ".join(sorted(filter(None, commits))) or commit(),
+        "date": " to ".join(sorted({min(dates), max(dates)})) if dates else date.today().isoformat(),
+        "device": device["name"],
+        "driver": f"{device['platform']} {device['driver']}",
+        "seconds": seconds,
         "settings": list(filter(None, settings)),
     }
+    return Kept(about, source.digest(folders))
 
 
 def _settings(command: str, folder: Path) -> dict[str, Any] | None:
@@ -211,8 +215,8 @@ def _settings(command: str, folder: Path) -> dict[str, Any] | None:
     return None
 
 
-def _store_below(folder: Path) -> Path | None:
-    """The first folder with a results store, `folder` itself before those below it."""
-    return next(
-        (file.parent for file in [folder / RESULTS, *sorted(folder.glob(f"*/{RESULTS}"))] if file.is_file()), None
-    )
+def _stores(folder: Path) -> list[Path]:
+    """The folders with a results store and notes of its own: `folder` itself, or those right below it."""
+    if (folder / RESULTS).is_file():
+        return [folder]
+    return [file.parent for file in sorted(folder.glob(f"*/{RESULTS}"))]

@@ -105,6 +105,22 @@ def test_a_planted_digit_is_found_by_measuring_again(
     assert "small: differs" in said
 
 
+def test_results_that_are_there_are_taken_and_those_of_other_settings_refused(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(root)
+    folder = min(root.glob("runs/*-tables-times/00"))  # the first is the one that was kept
+    before = read_kept("times", root)
+    tables.write_tables(("times",), folder, sources=SOURCES, root=root)
+    taken = read_kept("times", root)
+    assert taken.parts == before.parts
+    assert taken.about == before.about | {"seconds": None}
+    other = replace(TIMES, commands=(COMMAND.replace("128x128", "256x256"),))
+    with pytest.raises(InputError, match="ended with exit code 2"):
+        tables.write_tables(("times",), folder, sources=SOURCES | {"times": other}, root=root)
+    assert read_kept("times", root).about == taken.about
+
+
 def test_unusable_arguments_are_refused_in_a_sentence(root: Path):
     with pytest.raises(InputError, match=r"There is no table 'smal'.*Did you mean 'small'"):
         tables.check_tables(("smal",), False, sources=SOURCES, root=root)
