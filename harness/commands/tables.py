@@ -22,8 +22,8 @@ def tables(
         typer.Option(
             "--from",
             metavar="DIR",
-            help="Results of the table's command that are there, of the same settings and kernels; of several commands, "
-            "a folder for each. What is not finished goes on",
+            help="Results of the table's command that are there, of the same settings and kernels; of several "
+            "commands, a folder for each. What is not finished goes on",
         ),
     ] = None,
     listed: Annotated[bool, typer.Option("--list", help="Only show the tables, and how long each took")] = False,

@@ -86,6 +86,7 @@ class Kept:
 
 def write_kept(name: str, kept: Kept, root: Path = ROOT) -> None:
     """Write the data of a source. Raises StoreError where that fails."""
+    (root / FOLDER).mkdir(parents=True, exist_ok=True)
     replace_file(root / FOLDER / f"{name}.json", kept.as_json())
 
 
