@@ -23,7 +23,7 @@ from harness.plan import duration
 from harness.plugins import nearest
 from kernels.device import Device
 from reports.documents.catalogue import SOURCES
-from reports.documents.kept import ROOT, Kept, Source, checked, read_kept, write_kept
+from reports.documents.kept import ROOT, DocumentError, Kept, Source, checked, read_kept, write_kept
 from reports.documents.markdown import Book, write_documents, wrong_places
 from reports.store import FILE as RESULTS
 from reports.store import Store
@@ -62,8 +62,10 @@ def write_tables(
     *,
     sources: Mapping[str, Source] = SOURCES,
     root: Path = ROOT,
-) -> None:
+) -> bool:
     """Measure tables anew and write their data and all documents; those whose scenes are missing are named and stay.
+
+    Returns whether every command ran; one that does not is said, and the tables after it are measured all the same.
 
     folder: results that are there already, in place of running the commands of the one table named.
     run: False only writes the documents from the data that is kept. root: of the repository.
@@ -72,23 +74,30 @@ def write_tables(
     """
     if folder and len(names) != 1:
         raise InputError("--from takes the results of one table: name it.")
-    console = make_console()
-    for source in chosen(sources, names, False) if run else ():
-        lacking = missing_scene(source)
-        if lacking and not folder:
-            console.print(f"[yellow]not measured[/] {source.name}: {escape(lacking)}")
-            continue
-        kept = _taken(source, folder) if folder else _measured(source)
-        write_kept(source.name, kept, root)
-        took = duration(kept.about["seconds"]) if kept.about["seconds"] else "taken"
-        console.print(f"[bold]{source.name}[/]  {took}")
-        _tell_changed(write_documents(Book(sources, root)))
-    _tell_changed(write_documents(Book(sources, root)))
+    console, well = make_console(), True
+    try:
+        for source in chosen(sources, names, False) if run else ():
+            if not folder and (lacking := missing_scene(source)):
+                console.print(f"[yellow]not measured[/] {source.name}: {escape(lacking)}", soft_wrap=True)
+                continue
+            kept = _taken(source, folder) if folder else _tried(source)
+            well = well and kept is not None
+            if kept is not None:
+                write_kept(source.name, kept, root)
+                console.print(f"[bold]{source.name}[/]  {duration(kept.about['seconds'] or 0)}")
+    finally:  # also of those that were measured before somebody stops it
+        for name in write_documents(Book(sources, root)):
+            console.print(f"written  {name}", soft_wrap=True)
+    return well
 
 
-def _tell_changed(names: list[str]) -> None:
-    for name in names:
-        make_console().print(f"written  {name}", soft_wrap=True)
+def _tried(source: Source) -> Kept | None:
+    """A table measured anew; None, with a sentence, where a command of it could not run."""
+    try:
+        return _measured(source)
+    except InputError as error:
+        make_console().print(f"[red]not measured[/] {source.name}: {escape(str(error))}", soft_wrap=True)
+        return None
 
 
 def check_tables(
@@ -110,8 +119,15 @@ def check_tables(
             console.print(f"[yellow]not checked[/] {source.name}: {escape(why)}", soft_wrap=True)
             unchecked += 1
             continue
-        fresh = checked(kept, _measured(source).parts, source.parts)
-        wrong = wrong_places(Book(sources, root, {source.name: fresh}), source.name)
+        measured = _tried(source)
+        if measured is None:
+            sound, unchecked = False, unchecked + 1
+            continue
+        fresh = checked(kept, measured.parts, source.parts)
+        try:
+            wrong = wrong_places(Book(sources, root, {source.name: fresh}), source.name)
+        except DocumentError as error:  # a row that a sentence names is not there any more
+            wrong = [str(error)]
         for sentence in wrong:
             console.print(f"[red]{source.name}[/] {escape(sentence)}", soft_wrap=True)
         console.print(f"{source.name}: {'[red]differs[/]' if wrong else '[green]holds[/]'}")

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-SOME_DIFFER = 1
+SOME_WRONG = 1
 
 
 def tables(
@@ -31,7 +31,7 @@ def tables(
     """Measure the documents' tables anew, and write data, tables and numbers in sentences.
 
     Times are kept with the device they are of. With --check all else has to be the same, to the printed digit.
-    Exit codes: 0 written, or nothing differs, 1 something differs, 2 unusable arguments.
+    Exit codes: 0 written, or nothing differs, 1 something differs or could not be measured, 2 unusable arguments.
     """
     from harness.console import InputError, guarded
 
@@ -42,7 +42,7 @@ def tables(
             raise InputError("Give one of --check, --write, --from and --list; --quick goes with --check.")
         if listed:
             show_tables()
-        elif not check:
-            write_tables(tuple(names or ()), folder, run=not write)
-        elif not check_tables(tuple(names or ()), quick):
-            raise typer.Exit(SOME_DIFFER)
+            return
+        chosen = tuple(names or ())
+        if not (check_tables(chosen, quick) if check else write_tables(chosen, folder, run=not write)):
+            raise typer.Exit(SOME_WRONG)

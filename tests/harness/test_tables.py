@@ -141,3 +141,15 @@ def test_the_command_line(arguments: list[str], code: int, said: str):
     )  # fmt: skip
     assert done.returncode == code, done.stderr
     assert said in done.stdout + done.stderr
+
+
+def test_a_command_that_cannot_run_is_said_and_the_others_are_measured(
+    root: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+):
+    monkeypatch.chdir(root)
+    broken = replace(TIMES, name="broken", commands=("bench run --size nonsense",))
+    assert not tables.write_tables(("broken", "times"), sources=SOURCES | {"broken": broken}, root=root)
+    said = capsys.readouterr().out
+    assert "not measured broken: `bench run --size nonsense` ended with exit code 2" in said
+    assert read_kept("broken", root) is None
+    assert read_kept("times", root).about["seconds"] > 0
