@@ -198,7 +198,7 @@ def stress_parts(folders: Sequence[Path]) -> Parts:
     """How far each method came in each test, with the error at the first and at the hardest magnitude."""
     (folder,) = folders
     rows = _typed(folder / "stress.csv", STRESS_COLUMNS)
-    rows = [row | {"reason": row["reason"] or "", "passed": bool(row["passed"])} for row in rows]
+    rows = [row | {"label": row["method"]} for row in rows]
     ordered = {(r["test"], r["label"]): [] for r in rows}
     for row in sorted(rows, key=lambda row: row["step"]):
         ordered[row["test"], row["label"]].append(row)

@@ -81,7 +81,8 @@ class Kept:
         for name, rows in self.parts.items():
             lines = ",\n".join(f"   {json.dumps(row, ensure_ascii=False)}" for row in rows)
             parts.append(f"  {json.dumps(name)}: [\n{lines}\n  ]")
-        return f'{{\n "about": {{\n{about}\n }},\n "parts": {{\n{",".join(parts)}\n }}\n}}\n'
+        whole = ",\n".join(parts)
+        return f'{{\n "about": {{\n{about}\n }},\n "parts": {{\n{whole}\n }}\n}}\n'
 
 
 def write_kept(name: str, kept: Kept, root: Path = ROOT) -> None:
