@@ -205,9 +205,8 @@ def stress_parts(folders: Sequence[Path]) -> Parts:
     tests, errors = [], []
     for test, cells in matrix(rows).items():
         first, last = (ordered[test, next(iter(cells))][k] for k in (0, -1))
-        same = any(row["growth"] is not None for label in cells for row in ordered[test, label])
-        span = f"{magnitude(first['magnitude'])} .. {magnitude(last['magnitude'])} {first['unit']}"
-        line: Row = {"test": test + " (*same*)" * same, "span": span}
+        span = f"{magnitude(first['magnitude'])} .. {magnitude(last['magnitude'])} {first['unit'] or ''}".strip()
+        line: Row = {"test": test, "span": span}
         for label, reach in cells.items():
             of = [row["error"] for row in ordered[test, label]]
             errors.append({"test": test, "label": label, "first": of[0], "last": of[-1], "passed": not reach.broken})
