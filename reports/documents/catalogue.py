@@ -234,7 +234,6 @@ KERNELS = Source(
             ("relaxed",),
         ),
         "errors": Part(("case", "input")),
-        "speed": Part(("kernel",), machine=("copy_share", "arithmetic_share")),
         "facts": Part(("name",)),
     },
 )

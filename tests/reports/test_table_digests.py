@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+from kernels.case import find_cases
 from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
 from reports.csv_files import write_csv
 from reports.documents.catalogue import SOURCES
-from reports.documents.digests import kernel_parts, stress_parts
+from reports.documents.digests import BROKEN_STAGES, kernel_parts, stress_parts
 from reports.documents.markdown import table_text
 
 
@@ -50,3 +51,7 @@ def test_the_kernels_tables_count_kernels_and_compare_variants(tmp_path: Path):
     line = "| `atlas/lookup` | 0.005 of the values wrong | 0.75 of the values wrong |"
     assert table_text(columns["broken"], parts["broken"]).splitlines()[-1] == line
     assert [row["misassigned"] for row in parts["errors"]] == [1]
+
+
+def test_the_stages_that_relaxed_arithmetic_breaks_are_cases():
+    assert set(BROKEN_STAGES) <= {case.name for case in find_cases()}
