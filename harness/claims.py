@@ -84,11 +84,12 @@ class NamedRun:
     def settings(self) -> Settings:
         """Its options as settings, the scene's file where it is found. Raises SettingsError or SceneError."""
         settings = settings_of(self.options, source=f"The run {self.name} of the claims")
-        return replace(settings, scene=_scene(settings.scene))
+        return replace(settings, scene=scene_file(settings.scene))
 
 
-def _scene(name: str) -> str:
-    """A built-in scene or a file as it is; else the file of that name in the folder of real scenes."""
+def scene_file(name: str) -> str:
+    """A built-in scene or a file as it is; else the file of that name in the folder of real scenes, which BENCH_SCENES
+    names. Raises SceneError where there is none."""
     if name in list_scenes() or Path(name).is_file():
         return name
     folder = Path(os.environ.get("BENCH_SCENES", "../shared/scenes"))

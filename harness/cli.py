@@ -13,6 +13,7 @@ from harness.commands.check import check
 from harness.commands.claims import claims
 from harness.commands.kernels import kernels
 from harness.commands.stress import stress
+from harness.commands.tables import tables
 from harness.supervisor import end_with_supervisor
 
 if TYPE_CHECKING:
@@ -302,7 +303,7 @@ def doctor(
             raise typer.Exit(SOME_FAILED)
 
 
-for command in (check, stress, kernels, claims):
+for command in (check, stress, kernels, claims, tables):
     app.command()(command)
 
 

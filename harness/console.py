@@ -40,11 +40,13 @@ def guarded() -> Iterator[None]:
     from kernels.cache import CacheError
     from kernels.device import DeviceError
     from reports.claims import ClaimsError
+    from reports.documents.kept import DocumentError
     from reports.store import StoreError
     from scenes.model import SceneError
     from scenes.paths import PathError
 
     known = (InputError, SettingsError, CacheError, DeviceError, StoreError, SceneError, PathError, ClaimsError)
+    known += (DocumentError,)
     try:
         yield
     except known as error:

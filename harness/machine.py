@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import re
+import subprocess
 import sys
 from pathlib import Path
 
 import psutil
 
+ROOT = Path(__file__).parents[1]
 STATUS = Path("/proc/self/status")
 
 
@@ -26,3 +28,23 @@ def peak_memory() -> int:
 def load() -> float:
     """Processes that ran or waited for a core in the last minute, on average; 0 on Windows for the first seconds."""
     return psutil.getloadavg()[0]
+
+
+def commit() -> str:
+    """The commit of the repository that this program runs from, marked where its sources were changed since.
+
+    Empty where it is no clone, or git is not there.
+    """
+    try:
+        if Path(_git("rev-parse", "--show-toplevel")).resolve() != ROOT.resolve():
+            return ""  # an installed copy, in an environment inside somebody's own repository
+        revision = _git("rev-parse", "--short=10", "HEAD")
+        changed = _git("status", "--porcelain", "--untracked-files=no", "--", "*.py", "*.cl", "*.toml")
+    except (OSError, subprocess.CalledProcessError):
+        return ""
+    return f"{revision} with changes" if changed else revision
+
+
+def _git(*arguments: str) -> str:
+    command = ["git", "-C", str(ROOT), *arguments]
+    return subprocess.run(command, check=True, capture_output=True, text=True, encoding="utf-8").stdout.strip()

@@ -29,6 +29,7 @@ from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
 from harness.lane import Drawn, Filled, Lane, Measured, Packed, stopped_rows
+from harness.machine import commit
 from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
@@ -383,6 +384,7 @@ def write_notes(store: Store, session: Session) -> None:
     """What a result must say about where it came from; warnings; what was skipped and why."""
     notes, scene = store.notes, session.scene.host
     notes.setdefault("environment/date", datetime.now().astimezone().isoformat(timespec="seconds"))
+    notes.setdefault("environment/commit", commit())
     notes["environment/machine"] = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
     notes["environment/triangles"] = f"{scene.triangle_count:,}"
     notes["environment/system"] = platform.platform()

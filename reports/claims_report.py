@@ -1,7 +1,4 @@
-"""The results of `bench claims`: claims.csv, causes.csv and claims.html, from the runs that its folder names.
-
-`python -m reports.claims_report DIR` prints the table of CLAIMS.md, with a method behind it the one of its README.
-"""
+"""The results of `bench claims`: claims.csv, causes.csv and claims.html, from the runs that its folder names."""
 
 from __future__ import annotations
 
@@ -41,6 +38,7 @@ from reports.tables import NONE, number, table
 FILE = "claims.json"
 COPY = "claims.toml"
 CLAIMS_CSV, CAUSES_CSV = "claims.csv", "causes.csv"
+WHY = ("measured", "cause", "how", "then", "verdict")  # fields of a line of `why_not`, after those of its claim
 KINDS = {CONFIRMED: "yes", NOT_CONFIRMED: "no", UNDECIDED: "open", NOT_MEASURED: "none", NOT_MEASURABLE: "none"}
 STYLE = """
 .claims :is(td, th) { text-align: left; white-space: normal; }
@@ -160,38 +158,23 @@ def counts_text(results: Sequence[Judged]) -> str:
     return ", ".join(f"{counts[verdict]} {verdict}" for verdict in CLAIM_VERDICTS if counts[verdict])
 
 
-def as_markdown(results: Sequence[Judged]) -> str:
-    """The table of reports/CLAIMS.md: one line per claim, with all places where it was measured."""
-    lines = ["| claim | source | published | must be | measured here |", "| --- " * 5 + "|"]
-    for _, group in groupby(results, key=lambda result: result.claim.id):
-        own = list(group)
-        claim = own[0].claim
-        places = [f"{' / '.join(r.place)} {measured_text(r)} **{r.verdict}**" for r in own if r.place]
-        cells = [f"{claim.claim} `{claim.id}`", f"{claim.paper}, {claim.source}", claim.published]
-        cells += [claim.rule.text if claim.rule else "", "<br>".join(places) or f"{own[0].verdict}: {own[0].reason}"]
-        lines.append("| " + " | ".join(cell.replace("|", "/") for cell in cells) + " |")
-    return "\n".join(lines) + "\n"
+def why_not(folder: Path, method: str) -> list[dict[str, str]]:
+    """A method's claims that are not confirmed: what was measured, the causes that were tested and by which command,
+    and what came out. From claims.csv and causes.csv in `folder`; raises ClaimsError without them.
 
-
-def why_not(folder: Path, method: str) -> list[str]:
-    """The lines of a method's table of claims that are not confirmed: what was measured, the causes that were tested
-    and by which command, and what came out. From claims.csv and causes.csv in `folder`; raises ClaimsError without
-    them.
-
-    Where there is no cause, or each is refuted, a line of its own says so.
+    The first line of a claim names it. Where there is no cause, or each is refuted, a line of its own says so.
     """
     rows = [row for row in _read(folder / CLAIMS_CSV) if method in row["methods"].split(", ")]
     causes = _read(folder / CAUSES_CSV)
-    head = ("claim", "published", "measured", "cause", "tested how", "measured then", "verdict")
-    lines = [f"| {' | '.join(head)} |", "| --- " * len(head) + "|"]
+    lines = []
     for id_, group in groupby((row for row in rows if row["verdict"] == NOT_CONFIRMED), key=lambda row: row["id"]):
         own = {row["run"]: row for row in group}
         found = [row for row in causes if row["claim"] == id_ and row["run"] in own]
         named = next(iter(own.values()))
-        lead = (f"{named['claim']} `{id_}`", named["published"])
-        for about in _why_lines(own, found):
-            lines.append("| " + " | ".join(cell.replace("|", "/") for cell in (*lead, *about)) + " |")
-            lead = ("", "")
+        lead = {"claim": f"{named['claim']} `{id_}`", "published": named["published"]}
+        for line, about in enumerate(_why_lines(own, found)):
+            lines.append({"id": id_, "line": str(line), **lead, **dict(zip(WHY, about, strict=True))})
+            lead = dict.fromkeys(lead, "")
     return lines
 
 
@@ -331,10 +314,3 @@ def _runs(state: dict[str, Any]) -> str:
         lines.append([name, run["command"], run["problem"] or made])
     text = table(["run", "command", "how"], lines, texts=3).replace('class="words', 'class="commands words')
     return section("runs", "Runs", caption("The commands that measure the claims."), text)
-
-
-if __name__ == "__main__":
-    import sys
-
-    results, _ = write_claims(Path(sys.argv[1]))
-    print("\n".join(why_not(Path(sys.argv[1]), sys.argv[2])) if sys.argv[2:] else as_markdown(results), end="")

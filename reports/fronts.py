@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from reports.csv_files import median_interval
 
@@ -57,9 +57,12 @@ def ranges_won(candidates: Sequence[Candidate]) -> list[Range]:
     that candidate has a lower error than every candidate of every other method whose interval begins within the budget:
     the 95 % interval of the median difference, frame by frame, lies above zero. Where no other method has a candidate
     that begins within the budget, it is alone.
+
+    Of a candidate without an interval nobody knows where it begins and ends: it may be within every budget, so it has
+    to be beaten at all of them, and it is within none for sure, so it wins nothing.
     """
-    known = [candidate for candidate in candidates if candidate.low is not None and candidate.high is not None]
-    steps = sorted({end for candidate in known for end in (candidate.low, candidate.high)})
+    known = [_bounded(candidate) for candidate in candidates]
+    steps = sorted({end for each in known for end in (each.low, each.high) if math.isfinite(end)})
     seen: dict[tuple[int, int], bool] = {}
     found: list[Range] = []
     for step, following in zip(steps, [*steps[1:], None], strict=True):
@@ -69,6 +72,13 @@ def ranges_won(candidates: Sequence[Candidate]) -> list[Range]:
         else:
             found.append(Range(step, following, method, alone))
     return found
+
+
+def _bounded(candidate: Candidate) -> Candidate:
+    """The candidate, with an interval of all costs where it has none."""
+    if candidate.low is None or candidate.high is None:
+        return replace(candidate, low=-math.inf, high=math.inf)
+    return candidate
 
 
 def _winner(known: list[Candidate], budget: float, seen: dict[tuple[int, int], bool]) -> tuple[str | None, bool]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 
 from reports.fronts import Candidate, Range, ranges_won
@@ -22,8 +23,9 @@ COST_NAMES = {
 RULE = (
     "With a budget on the horizontal axis, a method is judged by its best cell whose whole interval of repetitions is "
     "within the budget. It wins where that cell has a lower error than every cell of the others whose interval begins "
-    "within the budget: the 95 % interval of the median difference, frame by frame, excludes zero. Cells that are not "
-    "ok are on no front and win nothing."
+    "within the budget: the 95 % interval of the median difference, frame by frame, excludes zero. A cell timed too "
+    "rarely for an interval may be within every budget: it has to be beaten everywhere, and wins nothing. Cells that "
+    "are not ok are on no front and win nothing."
 )
 
 
@@ -38,12 +40,21 @@ def verdict(candidates: Sequence[Candidate], cost: str, error: str) -> str:
         return f"No clear winner: an interval needs {FEWEST} frames, and the sweep has {frames} (--frames {FEWEST})."
     if all(candidate.low is None for candidate in candidates):
         return f"No clear winner: the interval of a time needs {FEWEST} repetitions, and no cell has as many."
-    ranges = ranges_won(candidates)
+    ranges, open_ended = ranges_won(candidates), _without_interval(candidates)
     if all(each.method is None for each in ranges):
-        return "No clear winner: nowhere do the intervals separate."
+        return f"No clear winner: nowhere do the intervals separate.{open_ended}"
     name, unit, scale = COST_NAMES[cost]
     phrases = ", ".join(_phrase(each, scale) for each in ranges)
-    return f"{BEST.get(error, 'Lowest')} {NAMES[error]} by {name} ({unit}): {phrases}."
+    return f"{BEST.get(error, 'Lowest')} {NAMES[error]} by {name} ({unit}): {phrases}.{open_ended}"
+
+
+def _without_interval(candidates: Sequence[Candidate]) -> str:
+    """A sentence about the cells that have no interval of their cost; nothing where all have one."""
+    counts = Counter(candidate.method for candidate in candidates if candidate.low is None)
+    if not counts:
+        return ""
+    which = ", ".join(f"{count} of {method}" for method, count in counts.items())
+    return f" Cells without an interval count as within every budget: {which}."
 
 
 def _phrase(each: Range, scale: float) -> str:

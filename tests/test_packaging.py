@@ -13,7 +13,7 @@ import pytest
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("arithmetic", "kernels", "scenes", "packers", "harness", "reports")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md")
-PICTURES = (".jpg", ".png")  # of the documentation
+PICTURES = (".jpg", ".png", ".svg")  # of the documentation
 HEAVY = ("pyopencl", "trimesh", "pymeshlab", "OpenImageIO", "colour", "av", "plotly", "scipy", "lz4", "sqlite3")
 
 

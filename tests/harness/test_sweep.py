@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 
 from reports.columns import SWEEP_COLUMNS
+from reports.documents.digests import sweep_parts
 from tests.harness.test_run import BAD, ROOT, bench
 
 GRID = [
@@ -44,6 +45,20 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     assert max(map(len, done.stdout.splitlines())) <= 80
     assert "No clear winner" in done.stdout
     return folder
+
+
+def test_the_documents_print_what_sweep_csv_says(whole: Path):
+    rows = {(row["method"], row["varied"], row["coding"]): row for row in rows_of(whole)}
+    parts = sweep_parts([whole])
+    assert len(parts["cells"]) == len(rows) / 2
+    for cell in parts["cells"]:
+        displayed, lossless = (rows[cell["method"], cell["varied"], coding] for coding in ("displayed", "lossless"))
+        assert cell["flip"] == float(displayed["flip_median"])
+        assert cell["flip_lossless"] == float(lossless["flip_median"])
+        assert cell["samples"] == float(displayed["samples_median"])
+        assert cell["kbytes"] == float(displayed["bytes_total_median"]) / 1000
+    assert [(row["coding"], row["machine"]) for row in parts["winners"]].count(("as displayed", True)) == 1
+    assert len(parts["winners"]) == 6
 
 
 def test_every_cell_is_a_row_with_its_times_and_errors(whole: Path):

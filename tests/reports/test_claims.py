@@ -21,9 +21,10 @@ from reports.claims import (
     judge_all,
     read_claims,
 )
-from reports.claims_report import CAUSES_CSV, CLAIMS_CSV, as_cause, as_markdown, as_row, why_not
+from reports.claims_report import CAUSES_CSV, CLAIMS_CSV, as_cause, as_row, why_not
 from reports.columns import CAUSE_COLUMNS, CAUSE_VERDICTS, CLAIM_COLUMNS, CLAIM_KINDS, CLAIM_VERDICTS
 from reports.csv_files import write_csv
+from reports.documents.digests import places_text
 from tests.reports.synthetic import make_store
 
 HEAD = """
@@ -182,7 +183,7 @@ def verdict(tmp_path: Path, runs: dict[str, RunRows], measure: str, rule: str, p
     (judged,) = judge_all(read(tmp_path, head + text).claims, runs.__getitem__, {}, VARIANTS)
     assert judged.verdict in CLAIM_VERDICTS
     assert set(as_row(judged)) == {column.name for column in CLAIM_COLUMNS}
-    assert judged.verdict in as_markdown([judged])
+    assert judged.verdict in places_text([judged])
     return judged
 
 
@@ -316,24 +317,22 @@ def test_a_cause_holds_or_is_refuted_by_its_own_experiment(tmp_path: Path, runs)
     assert causes[1].test.place == ("two",)
     assert causes[2].test is None
     lines = why_not(folder, "sas")
-    assert [line.split(" | ")[-1] for line in lines[2:]] == ["untested |", "holds |", "refuted |", "holds |"]
-    assert "A is less than B. `a`" in lines[2]
-    assert all("A is less" not in line for line in lines[3:]), "said once"
-    assert "It takes another driver." in lines[2]
-    assert "swapped back: `bench claims --id a` | one 1.34" in lines[5]
-    assert why_not(folder, "tss") == lines[:2]
+    assert [line["verdict"] for line in lines] == ["untested", "holds", "refuted", "holds"]
+    assert [line["claim"] for line in lines] == ["A is less than B. `a`", "", "", ""], "said once"
+    assert "It takes another driver." in lines[0]["how"]
+    assert (lines[3]["how"], lines[3]["then"][:8]) == ("swapped back: `bench claims --id a`", "one 1.34")
+    assert why_not(folder, "tss") == []
 
 
 def test_a_claim_without_a_cause_that_holds_says_so(tmp_path: Path, runs):
     slow = OTHERS[: OTHERS.index('[[causes]]\nid = "driver"')]
     folder, _ = explained(tmp_path, runs, FAILING + slow)
     lines = why_not(folder, "sas")
-    assert "refuted" in lines[2]
-    assert "one 0.744" in lines[3]
-    assert "two 0.744" in lines[3]
-    assert "no cause found" in lines[3]
+    assert [line["verdict"] for line in lines] == ["refuted", ""]
+    assert all(text in lines[1]["measured"] for text in ("one 0.744", "two 0.744"))
+    assert lines[1]["cause"] == "no cause found"
     folder, _ = explained(tmp_path, runs, CLAIM + CAUSE, "confirmed")
-    assert len(why_not(folder, "sas")) == 2, "a confirmed claim is not in the table"
+    assert why_not(folder, "sas") == [], "a confirmed claim is not in the table"
     with pytest.raises(ClaimsError, match="cannot be read"):
         why_not(tmp_path / "absent", "sas")
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -90,3 +92,22 @@ def test_the_sentence(cells: list[Candidate], says: str) -> None:
 def test_a_higher_psnr_wins_in_words() -> None:
     cells = [cell("a", 1e4, -20, width=0), cell("b", 1e4, -30, width=0)]
     assert verdict(cells, "samples", "psnr") == "Highest PSNR by samples (thousand): b from 10 on."
+
+
+def test_a_rival_without_an_interval_has_to_be_beaten_at_every_budget() -> None:
+    """Better than all by its error, at a cost that is not known well: nobody can be called the winner beside it."""
+    cells = [cell("a", 10, 0.3), cell("b", 20, 0.2)]
+    better, worse = (replace(cell("c", 15, error), low=None, high=None) for error in (0.1, 0.4))
+    assert all(each.method is None for each in ranges_won([*cells, better]))
+    assert "1 of c" in verdict([*cells, better], "server_ms", "flip")
+    # One that loses to both changes nothing, but that nobody is alone any more.
+    assert [(each.start, each.method) for each in ranges_won([*cells, worse])] == [
+        (9.0, None), (11.0, "a"), (18.0, None), (22.0, "b"),
+    ]  # fmt: skip
+    assert not any(each.alone for each in ranges_won([*cells, worse]))
+
+
+def test_a_cell_without_an_interval_wins_nothing() -> None:
+    best = replace(cell("a", 10, 0.1), low=None, high=None)
+    ranges = ranges_won([best, cell("a", 12, 0.4), cell("b", 20, 0.2)])
+    assert [(each.method, each.alone) for each in ranges] == [(None, False), ("a", True), (None, False)]

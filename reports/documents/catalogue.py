@@ -1,0 +1,294 @@
+"""The tables and figures of the documents: what each is measured by, and which columns it prints.
+
+Sizes, frames and repetitions are such that all of them together, but for the claims, take an hour on two cores.
+"""
+
+from __future__ import annotations
+
+from reports.claims import DEFAULT_FILE, read_claims
+from reports.documents import digests
+from reports.documents.figure import draw_sweep
+from reports.documents.kept import ROWS, Column, Part, Source
+
+METHODS = ("ppll", "sas", "snakebinning", "tss")
+ATLAS_METHODS = " ".join(f"--method {name}" for name in METHODS[1:])
+SPONZA, CLASSROOM, VIKING = "sponza_crytek/scene.glb", "classroom/scene.glb", "viking_village/scene.glb"
+
+
+def _words(heading: str, form: str) -> Column:
+    return Column(heading, (form,), left=True)
+
+
+def _numbers(**headings_of_forms: str) -> tuple[Column, ...]:
+    """Columns by the name of their field; each value is `HEADING: FORMAT`."""
+    found = []
+    for name, text in headings_of_forms.items():
+        heading, _, form = text.rpartition(": ")
+        found.append(Column(heading, (f"{{{name}:{form}}}",)))
+    return tuple(found)
+
+
+SWEEP_TIMES = ("server_ms_median", "server_ms_low", "server_ms_high", "repetitions")
+SWEEP = {
+    "cells": Part(
+        ("method", "varied"),
+        (
+            _words("method", "{method}"),
+            _words("varied", "{varied}"),
+            Column(
+                "server ms",
+                ("{server_ms_median:.0f} ({server_ms_low:.0f} to {server_ms_high:.0f})", "{server_ms_median:.0f}"),
+            ),
+            *_numbers(samples="samples: ,.0f", kbytes="kB: ,.0f", atlas_mb="MB: .1f"),
+            *_numbers(flip="FLIP, CRF 25: .4f", flip_lossless="FLIP, lossless: .4f", coherence="coherence: .3f"),
+        ),
+        SWEEP_TIMES,
+        draw_sweep,
+    ),
+    "winners": Part(
+        ("coding", "cost"),
+        (_words("pictures", "{coding}"), _words("over", "{cost}"), _words("lowest FLIP error", "{says}")),
+    ),
+}
+
+
+def _sweep(name: str, scene: str, vary: str) -> Source:
+    command = f"bench sweep --scene {scene} --size 480x270 --frames 6 {vary} --repetitions 8 --budget 8"
+    return Source(f"sweep-{name}", (command,), digests.sweep_parts, SWEEP)
+
+
+def _commands(pattern: str, scenes: tuple[str, ...]) -> tuple[str, ...]:
+    return tuple(pattern.format(scene=scene) for scene in scenes)
+
+
+FINE = "--vary atlas=512,1024,2048 --vary shading_rate=0.35,0.5,0.7,1.0"
+COARSE = "--vary atlas=1024,2048 --vary shading_rate=0.5,1.0"
+SEE_THROUGH = (
+    "shells", "gltf_AlphaBlendModeTest/AlphaBlendModeTest.glb", "gltf_GlassVaseFlowers/GlassVaseFlowers.glb",
+    "glass_of_water/scene.glb", "living_room/scene.glb", "staircase/scene.glb", SPONZA, "village",
+)  # fmt: skip
+TRANSPARENCY = Source(
+    "transparency",
+    tuple(
+        f"bench run {ATLAS_METHODS} --scene {scene}{opaque} --size 480x270 --frames 2 --crf 25 --metrics flip"
+        for scene in SEE_THROUGH
+        for opaque in ("", " --opaque")
+    ),
+    digests.transparency_parts,
+    {
+        ROWS: Part(
+            ("scene", "method"),
+            (
+                _words("scene", "{scene}"),
+                _words("method", "{method}"),
+                *_numbers(flip="FLIP: .4f", opaque="opaque: .4f", ratio="ratio: .2f"),
+                *_numbers(flip_coded="FLIP, CRF 25: .4f", opaque_coded="opaque: .4f", ratio_coded="ratio: .2f"),
+                *_numbers(samples="samples: .2f", bytes_alpha="alpha bytes: ,.0f"),
+            ),
+        )
+    },
+)
+SWITCHED = " ".join(
+    ["--metrics flip,dssim --method snakebinning"]
+    + [f"--method 'snakebinning[{value}]'" for value in digests.SWITCHES.values()]
+    + ["--method sas --method tss"]
+)
+SWITCHES = {
+    ROWS: Part(
+        ("variant",),
+        (
+            _words("", "{variant}"),
+            *_numbers(samples="samples: ,.0f", fill="fill: .2f", coherence="coherence: .3f"),
+            *_numbers(bytes_video="video bytes: ,.0f", bytes_metadata="metadata bytes: ,.0f"),
+            *_numbers(flip="FLIP: .4f", dssim="DSSIM: .4f"),
+        ),
+    )
+}
+
+
+def _switches(name: str, scene: str, quick: bool) -> Source:
+    command = f"bench run --scene {scene} --frames 6 --size 480x270 --atlas 2048x1024 --crf 25 {SWITCHED}"
+    return Source(f"switches-{name}", (command,), digests.switch_parts, SWITCHES, quick)
+
+
+STRATEGY_COLUMNS = (
+    *_numbers(samples="samples: ,.0f", oversampling_share="slanted: .0%", oversampling_outside_share="outside: .0%"),
+    *_numbers(gather_over_shading="sample / pixel: .2f", dssim="DSSIM: .4f", flip="FLIP: .4f"),
+    *_numbers(bytes_total="bytes: ,.0f"),
+)
+STRATEGIES = Source(
+    "tss-strategies",
+    _commands(
+        "bench run --scene {scene} --frames 4 --size 480x270 --atlas 4096x2048 --crf 25 --metrics flip,dssim "
+        "--method 'tss[strategy=lpacking]' --method 'tss[strategy=oversampling]' --method tss",
+        ("hall", "village"),
+    ),
+    digests.strategy_parts,
+    {
+        ROWS: Part(
+            ("scene", "strategy"),
+            (_words("scene", "{scene}"), _words("strategy", "{strategy}"), *STRATEGY_COLUMNS),
+            ("gather_over_shading",),
+        )
+    },
+    quick=True,
+)
+SLANTED = Source(
+    "tss-slanted",
+    _commands(
+        "bench run --scene {scene} --frames 2 --size 480x270 --atlas 4096x2048 --crf 25 --metrics flip "
+        "--method tss --method 'tss[slanted=5.0]' --method 'tss[slanted=10.0]'",
+        ("hall", "village", SPONZA, VIKING),
+    ),
+    digests.strategy_parts,
+    {
+        ROWS: Part(
+            ("scene", "slanted"),
+            (
+                _words("scene", "{scene}"),
+                _words("`slanted`", "{slanted}"),
+                *_numbers(scale="scale: .2f", oversampling_share="slanted: .0%"),
+                *_numbers(lpacking_samples="L-packing samples: ,.0f", oversampling_inside="Oversampling inside: ,.0f"),
+                *_numbers(oversampling_outside="outside: ,.0f", flip_lossless="FLIP, lossless: .4f"),
+                *_numbers(bytes_total="bytes at CRF 25: ,.0f"),
+            ),
+            ("gather_over_shading",),
+        )
+    },
+)
+SPEED = Source(
+    "speed",
+    _commands(
+        f"bench run --scene {{scene}} --frames 12 --size 480x270 --crf 25 --metrics flip {ATLAS_METHODS}",
+        ("hall", "village", SPONZA, CLASSROOM, "staircase/scene.glb"),
+    ),
+    digests.speed_parts,
+    {
+        ROWS: Part(
+            ("scene", "method"),
+            (
+                _words("scene", "{scene}"),
+                _words("method", "{method}"),
+                *_numbers(structs_share="structures: .1%", gather_over_shading="sample / pixel: .2f"),
+            ),
+            ("structs_share", "gather_over_shading"),
+        )
+    },
+)
+THESIS = Source(
+    "ppll-2014",
+    ("bench run --preset ppll-2014 --frames 6 --size 1024x768",),
+    digests.thesis_parts,
+    {
+        ROWS: Part(
+            ("mode", "model"),
+            (
+                _words("mode", "{mode}"),
+                _words("model", "{model}"),
+                *_numbers(ratio="LZ4 leaves: .1%", ratio_published="published: .1%", ratio_shuffled="shuffled: .1%"),
+                *_numbers(sent_of_built="fragments sent: .1%", bad_pixels="bad pixels: .2%"),
+                *_numbers(
+                    building_over_opaque="building / opaque: .2f", encoding_over_building="encoding / building: .2f"
+                ),
+            ),
+            ("building_over_opaque", "encoding_over_building"),
+        ),
+        "layers": Part(("model", "layers")),
+    },
+    scenes=("stanford_bunny/bunny.ply", "stanford_dragon/dragon_100k.obj", "stanford_buddha/buddha_54k.obj"),
+)
+STRESS = Source(
+    "stress",
+    ("bench stress --quick",),
+    digests.stress_parts,
+    {
+        ROWS: Part(
+            ("test",),
+            (
+                _words("test", "{test}"),
+                _words("from .. to", "{span}"),
+                *(_words(name, f"{{{name}}}") for name in ("raster", *METHODS)),
+            ),
+        ),
+        "errors": Part(("test", "label")),
+        "facts": Part(("name",)),
+    },
+)
+KERNELS = Source(
+    "kernels",
+    ("bench kernels --repeat 3",),
+    digests.kernel_parts,
+    {
+        "variants": Part(
+            ("variant",),
+            (
+                _words("variant", "`{variant}`"),
+                *_numbers(time="time over the default's: .2f", stages="stages and inputs: d"),
+                *_numbers(worse="errs clearly more in: d", better="clearly less in: d"),
+            ),
+            ("time", "worse", "better"),  # other compilers contract and relax other expressions
+        ),
+        "broken": Part(
+            ("case",),
+            (_words("stage", "`{case}`"), _words("default", "{default}"), _words("relaxed", "{relaxed}")),
+            ("relaxed",),
+        ),
+        "errors": Part(("case", "input")),
+        "facts": Part(("name",)),
+    },
+)
+WHY_NOT = Part(
+    ("id", "line"),
+    (
+        _words("claim", "{claim}"),
+        _words("published", "{published}"),
+        _words("measured", "{measured}"),
+        _words("cause", "{cause}"),
+        _words("tested how", "{how}"),
+        _words("measured then", "{then}"),
+        _words("verdict", "{verdict}"),
+    ),
+)
+CLAIMS = Source(
+    "claims",
+    ("bench claims",),
+    digests.claim_parts,
+    {
+        ROWS: Part(
+            ("id",),
+            (
+                _words("claim", "{claim} `{id}`"),
+                _words("source", "{source}"),
+                _words("published", "{published}"),
+                _words("must be", "{rule}"),
+                _words("measured here", "{measured}"),
+            ),
+        ),
+        "values": Part(("id", "run")),
+        "counts": Part(("verdict", "timed")),
+    }
+    | {f"why-{method}": WHY_NOT for method in METHODS},
+    scenes=tuple(
+        sorted({run["scene"] for run in read_claims(DEFAULT_FILE).runs.values() if "/" in run.get("scene", "")})
+    )
+    + THESIS.scenes,
+)
+SOURCES: dict[str, Source] = {
+    source.name: source
+    for source in (
+        _sweep("hall", "hall", FINE),
+        _sweep("village", "village", COARSE),
+        _sweep("sponza", SPONZA, COARSE),
+        _sweep("classroom", CLASSROOM, COARSE),
+        TRANSPARENCY,
+        STRESS,
+        KERNELS,
+        _switches("hall", "hall", quick=True),
+        _switches("sponza", SPONZA, quick=False),
+        STRATEGIES,
+        SLANTED,
+        SPEED,
+        THESIS,
+        CLAIMS,
+    )
+}

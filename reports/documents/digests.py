@@ -1,0 +1,304 @@
+"""Results of commands as the rows that the documents print: medians over the frames, one function per kind of table."""
+
+from __future__ import annotations
+
+import csv
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from itertools import groupby, product
+from pathlib import Path
+from statistics import median
+
+from reports import sweep, sweep_words
+from reports.claims import CONFIRMED, NOT_CONFIRMED, NOT_MEASURABLE, NOT_MEASURED, UNDECIDED, Claim, Judged
+from reports.claims_report import short, why_not, write_claims
+from reports.columns import BY_NAME, KERNEL_COLUMNS, MEASURED_STATUSES, STRESS_COLUMNS, Column
+from reports.documents.kept import ROWS, Parts, Row
+from reports.kernels import compare_variants
+from reports.store import Store
+from reports.stress import magnitude, matrix
+
+BROKEN_STAGES = ("atlas/lookup", "sas/sides", "metrics/flip", "metrics/delta_e")  # by relaxed arithmetic
+
+
+class Lanes:
+    """The results of one run: medians over its frames, None where there is no value. keys: method and variant of each
+    lane, in the order of the rows."""
+
+    def __init__(self, folder: Path, first: int = 0) -> None:
+        """first: the first frame that counts."""
+        with Store(folder, must_exist=True) as store:
+            self.rows = [r for r in store.rows() if r["frame"] >= first and r["status"] in MEASURED_STATUSES]
+            self.statistics = [row for row in store.statistics() if row["frame"] >= first]
+            self.scene = next((row["scene"] for row in store.rows()), folder.name)
+        self.keys = list(dict.fromkeys((row["method"], row["variant"]) for row in self.rows))
+
+    def median(self, key: tuple[str, str] | None, name: str, coded: bool = False) -> float | None:
+        """Of a column: without video coding, or at the rate that the client sees."""
+        rows = (
+            row for row in self.rows if (row["method"], row["variant"]) == key and (row["codec"] != "none") == coded
+        )
+        return _median(row[name] for row in rows)
+
+    def statistic(self, key: tuple[str, str] | None, name: str) -> float | None:
+        """Of a statistic."""
+        rows = (row for row in self.statistics if (row["method"], row["variant"]) == key and row["name"] == name)
+        return _median(row["value"] for row in rows)
+
+
+def _median(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return float(median(known)) if known else None
+
+
+def _ratio(value: float | None, other: float | None) -> float | None:
+    return value / other if value is not None and other else None
+
+
+def sweep_parts(folders: Sequence[Path]) -> Parts:
+    """The cells of one sweep, and who wins where."""
+    (folder,) = folders
+    cells: dict[tuple[str, str], Row] = {}
+    points = sweep.read_points(folder)
+    coherence = _coherence(folder)
+    for point in points:
+        of, coded = point.row, point.row["coding"] == "displayed"
+        row = cells.setdefault((of["method"], of["varied"]), {"method": of["method"], "varied": of["varied"]})
+        end = "" if coded else "_lossless"
+        row |= {f"{name}{end}": of[f"{name}_median"] for name in ("flip", "dssim", "psnr")}
+        if coded:
+            row |= {name: of[name] for name in ("server_ms_median", "server_ms_low", "server_ms_high", "repetitions")}
+            row |= {name: of[f"{name}_median"] for name in ("samples", "bytes_total", "atlas_mb")}
+            row["kbytes"] = row["bytes_total"] and row["bytes_total"] / 1000
+            row |= {"status": of["status"], "coherence": coherence.get((of["method"], of["variant"], of["varied"]))}
+    winners = []
+    for (_, coding), own in sweep.groups(points).items():
+        for cost in ("server_ms", "samples", "bytes_total"):
+            says = sweep_words.verdict(sweep.candidates(own, cost, "flip")[1], cost, "flip")
+            winner = {"coding": sweep_words.CODING_NAMES[coding], "cost": sweep_words.COST_NAMES[cost][0], "says": says}
+            winners.append(winner | {"machine": cost == "server_ms"})
+    return {"cells": list(cells.values()), "winners": winners}
+
+
+def _coherence(folder: Path) -> dict[tuple[str, str, str], float | None]:
+    """The median coherence of each cell, by method, variant and what was varied."""
+    found = {}
+    for cell in sweep.read_sweep(folder)["cells"]:
+        varied = " ".join(f"{name}={value}" for name, value in cell["varied"].items())
+        key = cell["method"], cell["variant"]
+        found[*key, varied] = Lanes(folder / cell["folder"]).median(key, "coherence")
+    return found
+
+
+def transparency_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of scenes in pairs, as they are and made opaque: errors side by side, and what is sent and shaded."""
+    rows = []
+    for seen, opaque in zip(*([Lanes(folder) for folder in folders[k::2]] for k in (0, 1)), strict=True):
+        for key in seen.keys:
+            row: Row = {"scene": seen.scene, "method": key[0]}
+            for end, coded in (("", False), ("_coded", True)):
+                own, other = (lanes.median(key, "flip", coded) for lanes in (seen, opaque))
+                row |= {f"flip{end}": own, f"opaque{end}": other, f"ratio{end}": _ratio(own, other)}
+            row["samples"] = _ratio(*(lanes.median(key, "samples") for lanes in (seen, opaque)))
+            rows.append(row | {"bytes_alpha": seen.median(key, "bytes_alpha", True)})
+    return {ROWS: rows}
+
+
+SWITCHES = {
+    "no hysteresis": "hysteresis=false",
+    "no spare capacity": "capacity=0",
+    "no freezing": "freeze=0",
+    "no mapping": "mapping=off",
+    "hierarchical mapping": "mapping=hierarchical",
+    "linear bins": "logarithmic=false",
+    "no perspective": "perspective=false",
+    "no full footprint": "full_footprint=false",
+    "first superblock with room": "assignment=first",
+    "enlarged by half a texel": "enlarge=paper",
+    "no slicing": "slicing=0",
+    "shading rate 1": "shading_rate=1.0",
+}  # of SnakeBinning, flipped one at a time
+
+
+def switch_parts(folders: Sequence[Path]) -> Parts:
+    """One run of SnakeBinning with one of SWITCHES flipped at a time, and of other methods.
+
+    The first frame, which sends everything, does not count.
+    """
+    (folder,) = folders
+    lanes, rows = Lanes(folder, first=1), {}
+    ours = [variant for method, variant in lanes.keys if method == "snakebinning"]
+    usual = Counter(part for variant in ours for part in variant.split(","))
+    for method, variant in lanes.keys:
+        changed = [part for part in variant.split(",") if method == "snakebinning" and usual[part] <= len(ours) / 2]
+        labels = [label for label, value in SWITCHES.items() if changed[:1] and changed[0].startswith(value)]
+        row: Row = {"variant": (labels or ["defaults" if method == "snakebinning" else method])[0]}
+        names = ("samples", "fill", "coherence", "bytes_metadata", "flip", "dssim")
+        row |= {name: lanes.median((method, variant), name) for name in names}
+        rows[row["variant"]] = row | {"bytes_video": lanes.median((method, variant), "bytes_video", True)}
+    return {ROWS: [rows[name] for name in ("defaults", *SWITCHES) if name in rows]
+            + [row for name, row in rows.items() if name not in ("defaults", *SWITCHES)]}  # fmt: skip
+
+
+def strategy_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of Tessellated Shading Streaming in several variants: samples, shares, the price of a sample, errors."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        variants = [(key, dict(part.split("=", 1) for part in key[1].split(","))) for key in lanes.keys]
+        for key, chosen in sorted(variants, key=lambda variant: float(variant[1]["slanted"])):
+            row: Row = {"scene": lanes.scene, "strategy": chosen["strategy"], "slanted": chosen["slanted"]}
+            names = ("scale", "oversampling_share", "oversampling_outside_share", "gather_over_shading")
+            names += ("lpacking_samples", "oversampling_inside", "oversampling_outside")
+            row |= {name: lanes.statistic(key, name) for name in names}
+            row |= {name: lanes.median(key, name, True) for name in ("samples", "dssim", "flip", "bytes_total")}
+            rows.append(row | {"flip_lossless": lanes.median(key, "flip")})
+    return {ROWS: rows}
+
+
+def speed_parts(folders: Sequence[Path]) -> Parts:
+    """The two ratios of time that `bench run` prints, per scene and method."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        for key in lanes.keys:
+            names = ("structs_share", "gather_over_shading")
+            rows.append({"scene": lanes.scene, "method": key[0]} | {n: lanes.statistic(key, n) for n in names})
+    return {ROWS: rows}
+
+
+def thesis_parts(folders: Sequence[Path]) -> Parts:
+    """The experiment of the thesis on linked lists: one row per mode and model, means over its frames."""
+    (folder,) = folders
+    sizes, times = (list(_csv(folder / f"table_{name}.csv")) for name in ("a1", "a2"))
+    rows = []
+    for size, time in zip(sizes, times, strict=True):
+        names = ("ratio", "ratio_shuffled", "ratio_published", "sent_of_built", "bad_pixels")
+        row: Row = {name: size[name] for name in ("mode", "model", "size")}
+        row |= {name: _float(size[name]) for name in names if name in size}
+        rows.append(row | {n: _float(time[n]) for n in ("building_over_opaque", "encoding_over_building", "layers")})
+    layers = [row | {"bad_pixels": _float(row["bad_pixels"])} for row in _csv(folder / "layers.csv")]
+    return {ROWS: rows, "layers": layers}
+
+
+def _csv(file: Path) -> Iterator[dict[str, str]]:
+    with file.open(newline="", encoding="utf-8") as lines:
+        yield from csv.DictReader(lines)
+
+
+def _float(text: str) -> float | None:
+    return float(text) if text else None
+
+
+def _typed(file: Path, columns: Sequence[Column]) -> list[Row]:
+    """The rows of a CSV file of the suite, None for empty cells."""
+    kinds = {column.name: column.type for column in columns}
+    return [{name: kinds[name](text) if text else None for name, text in row.items()} for row in _csv(file)]
+
+
+def stress_parts(folders: Sequence[Path]) -> Parts:
+    """How far each method came in each test, with the error at the first and at the hardest magnitude."""
+    (folder,) = folders
+    rows = _typed(folder / "stress.csv", STRESS_COLUMNS)
+    rows = [row | {"label": row["method"]} for row in rows]
+    ordered = {(r["test"], r["label"]): [] for r in rows}
+    for row in sorted(rows, key=lambda row: row["step"]):
+        ordered[row["test"], row["label"]].append(row)
+    tests, errors = [], []
+    for test, cells in matrix(rows).items():
+        first, last = (ordered[test, next(iter(cells))][k] for k in (0, -1))
+        span = f"{magnitude(first['magnitude'])} .. {magnitude(last['magnitude'])} {first['unit'] or ''}".strip()
+        line: Row = {"test": test, "span": span}
+        for label, reach in cells.items():
+            of = [row["error"] for row in ordered[test, label]]
+            errors.append({"test": test, "label": label, "first": of[0], "last": of[-1], "passed": not reach.broken})
+            known = [f"{error:.3f}" for error in (of[0], of[-1]) if error is not None]
+            line[label] = f"{', '.join(known) or reach.text}" + f" **{reach.text}**" * bool(reach.broken)
+        tests.append(line)
+    facts = {"tests": len(tests), "magnitudes": len({(row["test"], row["step"]) for row in rows}), "trials": len(rows)}
+    facts["wrong"] = sum(not row["passed"] for row in rows)
+    return {ROWS: tests, "errors": errors, "facts": [{"name": name, "value": value} for name, value in facts.items()]}
+
+
+def kernel_parts(folders: Sequence[Path]) -> Parts:
+    """What build variants cost and gain, and the errors of every stage in the default one."""
+    (folder,) = folders
+    rows = _typed(folder / "kernels.csv", KERNEL_COLUMNS)
+    variants = [row | {name: len(row[name]) for name in ("worse", "better")} for row in compare_variants(rows)]
+    errors, broken, seen = [], [], set()
+    for row in rows:
+        place = row["case"], row["input"], row["variant"]
+        if place in seen:
+            continue
+        seen.add(place)
+        if row["variant"] == "default":
+            names = ("values", "max_error", "p999_error", "p999_ulp", "whole_values", "misassigned")
+            errors.append({"case": row["case"], "input": row["input"]} | {name: row[name] for name in names})
+        if row["case"] in BROKEN_STAGES and row["input"] == "typical" and row["variant"] in ("default", "relaxed"):
+            broken.append({"case": row["case"], row["variant"]: _wrong_text(row)})
+    pairs = groupby(sorted(broken, key=lambda row: row["case"]), lambda row: row["case"])
+    broken = [{name: value for row in own for name, value in row.items()} for _, own in pairs]
+    facts = {"kernels": len({row["kernel"] for row in rows}), "stages": len({row["case"] for row in rows})}
+    named = [{"name": name, "value": value} for name, value in facts.items()]
+    return {"variants": variants, "broken": broken, "errors": errors, "facts": named}
+
+
+def _wrong_text(row: Row) -> str:
+    """Of whole values the share that is wrong; of others the difference that 99.9 % stay below."""
+    if row["whole_values"]:
+        return f"{(row['misassigned'] or 0) / row['whole_values']:.2g} of the values wrong"
+    return "" if row["p999_error"] is None else f"{row['p999_error']:.1g}"
+
+
+def claim_parts(folders: Sequence[Path]) -> Parts:
+    """Claims with all places where they were measured; values place by place; how many of each verdict; and for each
+    method why claims are not confirmed."""
+    (folder,) = folders
+    results, _ = write_claims(folder)
+    machine = {result.claim.id: _of_machine(result.claim) for result in results}
+    values = [
+        {"id": r.claim.id, "run": "/".join(r.place), "measured": r.measured, "low": r.low, "high": r.high}
+        | {"verdict": r.verdict, "machine": _of_machine(r.claim)}
+        for r in results
+    ]
+    claims = []
+    for _, group in groupby(results, key=lambda result: result.claim.id):
+        own = list(group)
+        claim = own[0].claim
+        row = {"id": claim.id, "claim": claim.claim, "source": f"{claim.paper}, {claim.source}"}
+        row |= {"published": claim.published, "rule": claim.rule.text if claim.rule else ""}
+        claims.append(row | {"measured": places_text(own), "machine": _of_machine(claim)})
+    verdicts = (CONFIRMED, NOT_CONFIRMED, UNDECIDED, NOT_MEASURABLE, NOT_MEASURED)
+    counts = {
+        (verdict, timed): sum(row["verdict"] == verdict and row["machine"] == timed for row in values)
+        for verdict, timed in product(verdicts, (False, True))
+    }
+    counted = [
+        {"verdict": v, "timed": "timed" if t else "exact", "count": n, "machine": t} for (v, t), n in counts.items()
+    ]
+    why = {
+        f"why-{method}": [row | {"machine": machine[row["id"]]} for row in why_not(folder, method)]
+        for method in sorted({name for result in results for name in result.claim.methods})
+    }
+    return {ROWS: claims, "values": values, "counts": counted} | why
+
+
+def places_text(results: Sequence[Judged]) -> str:
+    """All places of a claim with value, interval and verdict."""
+    texts = []
+    for r in results:
+        if not r.place:
+            return f"{r.verdict}: {r.reason}"
+        ends = "" if r.low is None else f" ({short(r.low)} to {short(r.high)})"
+        value = "" if r.measured is None else f" {short(r.measured)}{ends}"
+        texts.append(f"{' / '.join(r.place)}{value} **{r.verdict}**")
+    return "<br>".join(texts)
+
+
+def _of_machine(claim: Claim) -> bool:
+    """Whether the value of a claim holds a time: a column of times, a stage, or a statistic made of them."""
+    names = [name for operand in claim.operands() for name in operand.values]
+    return any(_is_time(name) for name in names)
+
+
+def _is_time(name: str) -> bool:
+    known = BY_NAME.get(name)
+    return "/" in name or name.endswith(("_ms", "over_shading")) or (known is not None and known.kind == "time")

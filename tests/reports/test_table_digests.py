@@ -1,0 +1,57 @@
+"""Rows of the documents' tables from planted results of the stress test and of the kernels' benchmark."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from kernels.case import find_cases
+from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
+from reports.csv_files import write_csv
+from reports.documents.catalogue import SOURCES
+from reports.documents.digests import BROKEN_STAGES, kernel_parts, stress_parts
+from reports.documents.markdown import table_text
+
+
+def row_of(columns: tuple, **values: Any) -> dict[str, Any]:
+    return dict.fromkeys(column.name for column in columns) | values
+
+
+def trial(method: str, step: int, status: str = "ok", **values: Any) -> dict[str, Any]:
+    named = {"test": "wide", "method": method, "variant": "", "unit": "degrees"}
+    magnitude = (60.0, 120.0, 179.0)[step]
+    return row_of(
+        STRESS_COLUMNS, **named, step=step, magnitude=magnitude, status=status, passed=int(status == "ok"), **values
+    )
+
+
+def test_the_stress_table_has_the_ends_and_where_a_method_broke(tmp_path: Path):
+    rows = [trial("raster", step, error=0.001) for step in range(3)]
+    rows += [trial("sas", 0, error=0.02), trial("sas", 1, error=0.04), trial("sas", 2, "invalid", reason="lost")]
+    write_csv(tmp_path / "stress.csv", STRESS_COLUMNS, rows)
+    parts = stress_parts([tmp_path])
+    line = table_text(SOURCES["stress"].parts["rows"], parts["rows"]).splitlines()[-1]
+    assert line == "| wide | 60 .. 179 degrees | 0.001, 0.001 |  | 0.020 **120 !** |  |  |"
+    facts = {row["name"]: row["value"] for row in parts["facts"]}
+    assert facts == {"tests": 1, "magnitudes": 3, "trials": 6, "wrong": 1}
+    assert parts["errors"][1] == {"test": "wide", "label": "sas", "first": 0.02, "last": None, "passed": False}
+
+
+def test_the_kernels_tables_count_kernels_and_compare_variants(tmp_path: Path):
+    usual = {"kernel": "atlas/lookup.a", "case": "atlas/lookup", "input": "typical", "values": 0, "whole_values": 200}
+    rows = [
+        row_of(KERNEL_COLUMNS, **usual, variant="default", ms=2.0, misassigned=1),
+        row_of(KERNEL_COLUMNS, **usual, variant="relaxed", ms=1.0, misassigned=150),
+        row_of(KERNEL_COLUMNS, **usual | {"kernel": "atlas/lookup.b"}, variant="default", ms=1.0, misassigned=1),
+    ]
+    write_csv(tmp_path / "kernels.csv", KERNEL_COLUMNS, rows)
+    parts, columns = kernel_parts([tmp_path]), SOURCES["kernels"].parts
+    assert {row["name"]: row["value"] for row in parts["facts"]} == {"kernels": 2, "stages": 1}
+    assert table_text(columns["variants"], parts["variants"]).splitlines()[-1] == "| `relaxed` | 0.50 | 1 | 1 | 0 |"
+    line = "| `atlas/lookup` | 0.005 of the values wrong | 0.75 of the values wrong |"
+    assert table_text(columns["broken"], parts["broken"]).splitlines()[-1] == line
+    assert [row["misassigned"] for row in parts["errors"]] == [1]
+
+
+def test_the_stages_that_relaxed_arithmetic_breaks_are_cases():
+    assert set(BROKEN_STAGES) <= {case.name for case in find_cases()}
