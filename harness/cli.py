@@ -69,6 +69,10 @@ CellSize = Annotated[
 ]
 Density = Annotated[Number, _option(CLIENT, "Density of the PVS views over the client's. Default: 2", metavar="X")]
 Latency = Annotated[Number, _option(CLIENT, "From server pose to display. Default: 50", metavar="MS")]
+Bandwidth = Annotated[Number, _option(CLIENT, "Of the network, for network_ms. Default: 100", metavar="MBIT/S")]
+Eye = Annotated[
+    Text, _option(CLIENT, "Whose eye the reference is shaded for: client or server. Default: client", metavar="EYE")
+]
 Atlas = Annotated[Text, _option(CODING, "Texels of the atlas. Default: 2048x2048", metavar="WxH")]
 Codec = Annotated[Text, _option(CODING, "h264, jpeg or none. Default: h264", metavar="CODEC")]
 Crf = Annotated[Text, _option(CODING, "Rates to encode at. Default: 5,10,25,35", metavar="LIST")]
@@ -127,6 +131,8 @@ def run(
     cell: CellSize = None,
     pvs_density: Density = None,
     latency: Latency = None,
+    bandwidth: Bandwidth = None,
+    reference_eye: Eye = None,
     atlas: Atlas = None,
     codec: Codec = None,
     crf: Crf = None,
@@ -199,6 +205,7 @@ def sweep(
     cell: CellSize = None,
     pvs_density: Density = None,
     latency: Latency = None,
+    reference_eye: Eye = None,
     atlas: Atlas = None,
     codec: Codec = None,
     display_crf: DisplayCrf = None,

@@ -6,7 +6,7 @@ import tempfile
 import time
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
@@ -76,12 +76,16 @@ class Picture:
 @dataclass(frozen=True)
 class EncodedFrame:
     """One frame's bytes on the wire, what the client sees (uint8 (H, W, 3), None unless asked), and milliseconds of one
-    processor core: coders use one thread each, so that what runs beside them is not counted."""
+    processor core: coders use one thread each, so that what runs beside them is not counted.
+
+    clocked_ms: by a clock around all that was done for the frame, preparing the picture and checks included.
+    """
 
     bytes: int
     decoded: np.ndarray | None
     encode_ms: float
     decode_ms: float
+    clocked_ms: float
 
 
 class _Coder(Protocol):
@@ -148,6 +152,7 @@ class VideoStream:
 
     def encode(self, rgb: np.ndarray | Picture) -> EncodedFrame:
         """Encode the next frame, uint8 (height, width, 3 or 4), sRGB; decode it as the client would if asked to."""
+        began = time.thread_time()
         picture = rgb if isinstance(rgb, Picture) else Picture(rgb)
         if (picture.width, picture.height) != (self.width, self.height):
             size = f"{picture.width}x{picture.height}"
@@ -157,7 +162,8 @@ class VideoStream:
         encoded = time.thread_time()
         decoded = self._coder.decode(data, picture)[: self.height, : self.width] if self.wants_decoded else None
         ended = time.thread_time()
-        return EncodedFrame(len(data), decoded, (encoded - started) * 1000, (ended - encoded) * 1000)
+        milliseconds = ((encoded - started) * 1000, (ended - encoded) * 1000, (ended - began) * 1000)
+        return EncodedFrame(len(data), decoded, *milliseconds)
 
 
 def encode_all(streams: Sequence[VideoStream], rgb: np.ndarray) -> list[EncodedFrame]:
@@ -166,15 +172,21 @@ def encode_all(streams: Sequence[VideoStream], rgb: np.ndarray) -> list[EncodedF
     rgb: uint8 (H, W, 3 or 4); a contiguous (H, W, 4) array saves a copy. The conversion to YUV is made once, and its
     time counted in every H.264 stream's `encode_ms`.
     """
+    began = time.thread_time()
     picture = Picture(rgb)
     shared = 0.0
     if any(stream.codec == "h264" and not stream.grey for stream in streams):
         _ = picture.yuv
         shared = picture.conversion_ms
+    clocked = (time.thread_time() - began) * 1000
     with ThreadPoolExecutor(ENCODERS_AT_A_TIME) as pool:
         frames = list(pool.map(lambda stream: stream.encode(picture), streams))
     return [
-        EncodedFrame(f.bytes, f.decoded, f.encode_ms + shared * (s.codec == "h264" and not s.grey), f.decode_ms)
+        replace(
+            f,
+            encode_ms=f.encode_ms + shared * (s.codec == "h264" and not s.grey),
+            clocked_ms=f.clocked_ms + clocked,
+        )
         for s, f in zip(streams, frames, strict=True)
     ]
 

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from reports.store import Store
 
 WIDEST = 80
+NARROWEST = 12  # columns of a method's name where a table needs the room
 UNUSABLE = 2
 
 
@@ -103,46 +104,75 @@ def show_catalogue() -> None:
     console.print(table)
 
 
-SUMMARY = (  # column of frames.csv, heading, format; where the console is narrow, the last ones are left out
-    ("samples", "samples", "{:,.0f}"),
-    ("server_ms", "server ms", "{:.1f}"),
-    ("flip", "FLIP", "{:.4f}"),
-    ("compression_ratio", "ratio", "{:.2%}"),
-    ("fill", "fill", "{:.2f}"),
-    ("coherence", "cohere", "{:.2f}"),
-    ("dssim", "DSSIM", "{:.4f}"),
+# Column of summary.csv, heading, factor, format; where the console is narrow, the last ones are left out.
+WORK = (
+    ("server_ms_median", "server ms", 1, "{:,.1f}"),
+    ("flip_median", "FLIP", 1, "{:.4f}"),
+    ("samples_median", "samples", 1, "{:,.0f}"),
+    ("frame_ms_median", "frame ms", 1, "{:,.1f}"),
+    ("fill_median", "fill", 1, "{:.2f}"),
+    ("coherence_median", "cohere", 1, "{:.2f}"),
+    ("dssim_median", "DSSIM", 1, "{:.4f}"),
 )
+SIZES = (
+    ("bytes_total_mean", "kB/frame", 1e-3, "{:,.1f}"),
+    ("bytes_total_kbit_s", "kbit/s", 1, "{:,.0f}"),
+    ("bytes_total_max", "largest", 1e-3, "{:,.1f}"),
+    ("bytes_total_key", "keyframe", 1e-3, "{:,.1f}"),
+    ("bytes_video_mean", "video", 1e-3, "{:,.1f}"),
+    ("bytes_alpha_mean", "alpha", 1e-3, "{:,.1f}"),
+    ("bytes_metadata_mean", "meta", 1e-3, "{:,.1f}"),
+    ("bytes_geometry_mean", "geom", 1e-3, "{:,.1f}"),
+)
+NOTE_WORDS = {"scene": "note", "rare": "not seen", "warning": "warning"}
 SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", "sample/pixel", "{:.2f}"))  # statistics
 
 
 def show_summary(store: Store, folder: Path) -> None:
-    """Print medians per method, codec and rate, what went wrong, and where the results are."""
+    """Print what a frame costs and sends per method, codec and rate, what went wrong, and where the results are."""
     from reports.charts import method_labels
-    from reports.columns import MEASURED_STATUSES
 
     console = make_console()
-    groups: dict[tuple, list[dict[str, Any]]] = {}
-    for row in store.rows():
-        groups.setdefault((row["method"], row["variant"], row["codec"], row["crf"]), []).append(row)
-    labels = method_labels([key[:2] for key in groups])
-    lines = []
-    for (method, variant, codec, crf), rows in groups.items():
-        good = [row for row in rows if row["status"] in MEASURED_STATUSES]
-        cells = [_median(good, column, form) for column, _, form in SUMMARY]
-        lines.append([escape(labels[method, variant]), f"{codec} {crf}" if crf is not None else codec, *cells])
-    console.print(_fitting("medians over the frames", ["method", "codec", *(h for _, h, _ in SUMMARY)], lines, console))
+    rows = store.rows()
+    labels = method_labels(list({(row["method"], row["variant"]): None for row in rows}))
+    _show_numbers(rows, labels, console)
     speed = _speed_lines(store.statistics(), labels)
     if speed:
         console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))
         console.print("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]")
-    for status, count, reason in _troubles(store.rows(), labels):
+    for status, count, reason in _troubles(rows, labels):
         colour = "dim" if status == "skipped" else "red"
         console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
-    for text in store.notes.under("scene/").values():
-        console.print(f"[dim]note[/] {escape(text)}")
-    for text in store.notes.under("warning/").values():
-        console.print(f"[yellow]warning[/] {escape(text)}")
+    for prefix, colour in (("scene", "dim"), ("rare", "yellow"), ("warning", "yellow")):
+        for text in dict.fromkeys(store.notes.under(prefix).values()):
+            console.print(f"[{colour}]{NOTE_WORDS[prefix]}[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)
+
+
+def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str], console: Console) -> None:
+    """A table of work and quality for codings whose picture was judged, and one of sizes for those of video."""
+    from reports.charts import displayed_codings
+    from reports.csv_files import summarise
+
+    work, sizes = [], []
+    for key in labels:
+        own = [row for row in rows if (row["method"], row["variant"]) == key]
+        judged, summaries = displayed_codings(own), summarise(own)
+        coded = [row for row in summaries if row["codec"] != "none"] or summaries
+        work += [_line(row, labels, WORK) for row in summaries if (row["codec"], row["crf"]) in judged]
+        sizes += [_line(row, labels, SIZES) for row in coded]
+    for title, columns, lines in (
+        ("work and quality per frame: medians", WORK, work),
+        ("kB sent per frame: everything, then its parts; means without keyframe", SIZES, sizes),
+    ):
+        console.print(_fitting(title, ["method", "codec", *(column[1] for column in columns)], lines, console))
+
+
+def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tuple) -> list[str]:
+    """One line of a table: the method's label, its coding, and the columns of a row of summary.csv."""
+    coding = f"{row['codec']} {row['crf']}" if row["crf"] is not None else row["codec"] or ""
+    cells = ["" if row.get(name) is None else form.format(row[name] * scale) for name, _, scale, form in columns]
+    return [escape(labels[row["method"], row["variant"]]), coding, *cells]
 
 
 def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[list[str]]:
@@ -159,15 +189,13 @@ def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str],
     return lines
 
 
-def _median(rows: list[dict[str, Any]], column: str, form: str) -> str:
-    values = [row[column] for row in rows if row[column] is not None]
-    return form.format(median(values)) if values else ""
-
-
 def _fitting(title: str, headings: list[str], lines: list[list[str]], console: Console) -> Table:
-    """A table of the leading columns that fit the console's width; numbers are never cut."""
+    """A table of the leading columns with values that fit the console's width; a method's name is folded to make room,
+    numbers are never cut."""
+    filled = [n for n in range(len(headings)) if n < 3 or any(line[n] for line in lines)]
+    headings, *lines = ([line[n] for n in filled] for line in (headings, *lines))
     widths = [max(len(cell) for cell in column) for column in zip(headings, *lines, strict=True)]
-    widths[0] = min(widths[0], 28)
+    widths[0] = min(widths[0], NARROWEST)
     count = max(n for n in range(3, len(headings) + 1) if n == 3 or sum(widths[:n]) + 2 * (n - 1) <= console.width)
     table = make_table(title, *headings[:count])
     for column in table.columns[1:]:
@@ -228,13 +256,21 @@ def show_comparison(first: Path, second: Path) -> None:
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
     for (method, variant, codec, crf), group in groups.items():
         coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
-        table = make_table(f"{method}, {coding}, {group[0].frames} frames", "metric", "A", "B", "B is", "p")
+        table = make_table(
+            f"{method}, {coding}, {group[0].frames} frames", "metric", "mean A", "mean B", "median A", "median B",
+            "B is", "p",
+        )  # fmt: skip
+        for column in table.columns[1:5]:
+            column.justify = "right"
         if variant:
             console.print(f"[dim]{variant}[/]")
         for row in group:
-            p = "" if row.p is None else f"{row.p:.2g}"
+            p = "" if row.p is None else f"{row.p:.1g}"
             verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"
-            table.add_row(row.metric, _number(row.a), _number(row.b), verdict, p)
+            means, middles = (row.mean_a, row.mean_b), (row.a, row.b)
+            if row.mean_a is None:  # one value for the run, neither mean nor median of anything
+                means, middles = middles, (None, None)
+            table.add_row(row.metric, *map(_number, (*means, *middles)), verdict, p)
         console.print(table)
         console.print()
 
@@ -253,4 +289,6 @@ def show_examination() -> bool:
 
 
 def _number(value: float | None) -> str:
-    return "" if value is None else f"{value:.4g}"
+    if value is None:
+        return ""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"

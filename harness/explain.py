@@ -57,7 +57,9 @@ class Probe:
         session, count = self.session, min(FRAMES, self.session.frames)
         for index in range(count):
             work = session.source.work(index)
-            novel = draw_novel_view(session.scene, session.forward, self.metrics, work.frame, work.novel)
+            novel = draw_novel_view(
+                session.scene, session.forward, self.metrics, work.frame, work.novel, session.settings.reference_eye
+            )
             picture = session.device.upload(novel.rgb)
             start = time.perf_counter()
             self.metrics.reference(picture)

@@ -25,14 +25,14 @@ PREDICTIONS = 3
 class Work:
     """One frame of work and, kept apart from what packers see, the novel view it is judged by.
 
-    pvs_ms: device time of computing the PVS, None when it came from the cache.
-    pvs_views: views drawn for it. confined: whether the client's pose had to be moved into the cell.
+    pvs_ms: device time of finding the PVS, when it was found. pvs_views: views drawn for it. confined: whether the
+    client's pose had to be moved into the cell.
     skipped: what was left out meanwhile.
     """
 
     frame: Frame
     novel: View
-    pvs_ms: float | None
+    pvs_ms: float
     pvs_views: int
     confined: bool
     skipped: frozenset[str] = frozenset()

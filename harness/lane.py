@@ -1,12 +1,12 @@
-"""One method on its way through the frames of a run: pack, encode, decode, draw, check, measure."""
+"""One method on its way through the frames of a run: pack, fill, encode, decode, draw, check, measure."""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from statistics import median
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -30,6 +30,7 @@ from kernels.metrics.stretch import stretch
 from packers.interface import ALPHA, Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
 
 Key = tuple[str, int | None]  # codec and CRF
+T = TypeVar("T")
 QUALITIES = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 
 
@@ -53,15 +54,48 @@ class Packed:
         return sum(ms for name, ms in self.stages.items() if name.startswith(group and group + "/"))
 
 
-@dataclass
-class Sent:
-    """What went over the wire: planes as packed, each (codec, CRF)'s encoded planes by name, and compressed bytes.
+@dataclass(frozen=True)
+class Clocked:
+    """Milliseconds of some work on the device, and what the host spends beside waiting for it."""
 
-    lists_bytes: of a method without planes, which are then its video; raw_bytes: before compression.
+    device: float
+    host: float
+
+    @classmethod
+    def of(cls, wall: float, device: float) -> Clocked:
+        """From the host's clock around it, which the device's own may exceed by its resolution."""
+        return cls(device, max(0.0, wall - device))
+
+
+@dataclass
+class Filled:
+    """A frame's planes on the host, by name: as packed, and for a video codec with unowned texels filled.
+
+    read_ms: host time of reading the first back; fill_ms: of filling the second and reading them back.
     """
 
     planes: dict[str, np.ndarray]
+    filled: dict[str, np.ndarray]
+    read_ms: float
+    fill_ms: float
+
+    def milliseconds(self, key: Key) -> float:
+        """What one row's frame needs of it."""
+        return self.read_ms if key[0] == "none" else self.fill_ms
+
+
+@dataclass
+class Sent:
+    """What went over the wire: each (codec, CRF)'s encoded planes by name, and compressed bytes.
+
+    arrived: what each client gets of it. texels: of each plane.
+    lists_bytes: of a method without planes, which are then its video; raw_bytes: before compression.
+    pack_ms, unpack_ms: of everything but planes.
+    """
+
+    texels: dict[str, int]
     encoded: dict[Key, dict[str, EncodedFrame]]
+    arrived: dict[Key, Decoded]
     lists_bytes: int
     raw_bytes: int
     metadata_bytes: int
@@ -69,9 +103,13 @@ class Sent:
     pack_ms: float
     unpack_ms: float
 
+    def clocked(self, key: Key) -> float:
+        """Processor milliseconds of coding one row's frame, by clocks around the coders."""
+        return self.pack_ms + self.unpack_ms + sum(frame.clocked_ms for frame in self.encoded.get(key, {}).values())
+
     def row(self, key: Key) -> dict[str, Any]:
         """The size and coding columns of one row."""
-        texels = {name: plane.shape[0] * plane.shape[1] for name, plane in self.planes.items()}
+        texels = self.texels
         planes = 3 * sum(count for name, count in texels.items() if name != ALPHA)
         coded = self.encoded.get(key, {})
         frames = list(coded.values())
@@ -110,10 +148,11 @@ class Measured:
 @dataclass
 class Drawn:
     """The columns that come from drawing, by (codec, CRF), what the clients gave, the pictures, host milliseconds spent
-    on metrics, and what was left out of these."""
+    on metrics, and what was left out of these. clocked: host milliseconds from the payload's arrival to the picture."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
     images: dict[Key, Image] = field(default_factory=dict)
+    clocked: dict[Key, float] = field(default_factory=dict)
     pictures: dict[str, np.ndarray] = field(default_factory=dict)
     metrics_ms: float = 0.0
     lossless: np.ndarray | None = None
@@ -127,10 +166,10 @@ class Drawn:
 class Lane:
     """A packer with its clients, encoders and history; `dead` is the status and reason once it has stopped.
 
-    A frame goes through `pack`, `advance`, `draw` and `measure`. `pack` and `draw` time the device: nothing may run
-    beside them. `advance` and `measure` may run beside those of other lanes.
-    `pack` and `advance` carry all state from frame to frame; `measure` carries only the history of the atlas, so a
-    resumed run replays finished frames through `pack` and `advance` alone.
+    A frame goes through `pack`, `fill`, `advance`, `draw` and `measure`. `pack`, `fill` and `draw` time the device:
+    nothing may run beside them. `advance` and `measure` may run beside those of other lanes.
+    All but `measure` carry state from frame to frame; `measure` carries only the history of the atlas, so a resumed run
+    replays finished frames without drawing and measuring.
     """
 
     def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
@@ -168,6 +207,9 @@ class Lane:
         """Build and run every kernel once, so that no timer sees a compiler, with packers and clients of their own, of
         which it is checked meanwhile whether they share anything."""
         self.isolation = check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
+        width, height = self.settings.atlas_width, self.settings.atlas_height
+        if len(self.keys()) > 1:
+            Filler(self.scene.device, width, height).fill(self.scene.device.zeros((height, width, 4), np.uint8)).get()
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
@@ -215,9 +257,27 @@ class Lane:
         wall = (time.perf_counter() - start) * 1000
         return Packed(payload, record.milliseconds, record.launches, wall, skipped=self.scene.skips.take())
 
-    def advance(self, payload: Payload) -> Sent:
-        """Encode the payload, decode it as the clients would, and hand it to them."""
+    def fill(self, payload: Payload) -> Filled:
+        """Read the planes back; for a video codec, fill them first."""
+        start = time.perf_counter()
         planes = {name: plane.get() for name, plane in payload.planes.items()}
+        middle = time.perf_counter()
+        filled = {name: self._filler(name, plane).fill(plane).get() for name, plane in self._coded(payload).items()}
+        end = time.perf_counter()
+        return Filled(planes, filled, (middle - start) * 1000, (end - middle) * 1000)
+
+    def _coded(self, payload: Payload) -> dict[str, Any]:
+        """The planes that a video codec takes."""
+        return payload.planes if len(self.keys()) > 1 else {}
+
+    def _filler(self, name: str, plane: Any) -> Filler:
+        if name not in self.fillers:
+            height, width = plane.shape[:2]
+            self.fillers[name] = Filler(self.scene.device, width, height)
+        return self.fillers[name]
+
+    def advance(self, payload: Payload, filled: Filled) -> Sent:
+        """Encode the payload, and decode it as the clients would."""
         start = time.thread_time()
         blobs, lists = pack_lz4(payload.blobs), pack_lz4(payload.lists)
         geometry = pack_lz4({"geometry": payload.geometry})
@@ -225,9 +285,17 @@ class Lane:
         received, shapes = unpack_lz4(blobs), unpack_lz4(geometry)["geometry"]
         fragments = unpack_lz4(lists)
         end = time.thread_time()
-        sent = Sent(
-            planes,
-            {},
+        encoded: dict[Key, dict[str, EncodedFrame]] = {}
+        for name, plane in filled.filled.items():
+            for key, frame in zip(self.keys()[1:], encode_all(self._streams(name, plane), plane), strict=True):
+                encoded.setdefault(key, {})[name] = frame
+        plain = {name: plane[..., :3] for name, plane in filled.planes.items()}
+        shown = {name: frame.decoded for name, frame in encoded.get(self.display_key, {}).items()}
+        arriving = {("none", None): plain} | ({self.display_key: shown} if self.displayed else {})
+        return Sent(
+            {name: plane.shape[0] * plane.shape[1] for name, plane in plain.items()},
+            encoded,
+            {key: Decoded(planes, received, shapes, fragments) for key, planes in arriving.items()},
             sum(map(len, lists.values())),
             payload.raw_bytes,
             sum(map(len, blobs.values())),
@@ -235,32 +303,27 @@ class Lane:
             (middle - start) * 1000,
             (end - middle) * 1000,
         )
-        self.lossless.receive(Decoded({name: p[..., :3] for name, p in planes.items()}, received, shapes, fragments))
-        if self.displayed is not None:
-            decoded = {name: self._encode(name, plane, sent) for name, plane in payload.planes.items()}
-            self.displayed.receive(Decoded(decoded, received, shapes, fragments))
-        return sent
 
-    def _encode(self, name: str, plane: Any, sent: Sent) -> np.ndarray:
-        """Encode one plane at every rate; returns what the display's rate decodes to."""
-        height, width = plane.shape[:2]
-        coded = self.keys()[1:]
+    def _streams(self, name: str, plane: np.ndarray) -> list[VideoStream]:
+        """The encoders of one plane, one for each rate."""
         if name not in self.streams:
+            height, width = plane.shape[:2]
             self.streams[name] = [
                 VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key, grey=name == ALPHA)
-                for codec, crf in coded
+                for codec, crf in self.keys()[1:]
             ]
-            self.fillers[name] = Filler(self.scene.device, width, height)
-        frames = encode_all(self.streams[name], self.fillers[name].fill(plane).get())
-        for key, frame in zip(coded, frames, strict=True):
-            sent.encoded.setdefault(key, {})[name] = frame
-        return frames[coded.index(self.display_key)].decoded
+        return self.streams[name]
 
-    def remember(self, payload: Payload, owners: Owners | None, sent: Sent) -> dict[str, float | None]:
+    @property
+    def clients(self) -> dict[Key, Client]:
+        """The client of the planes as packed, and that of the displayed rate, if there is one."""
+        return {("none", None): self.lossless} | ({self.display_key: self.displayed} if self.displayed else {})
+
+    def remember(self, owners: Owners | None, planes: dict[str, np.ndarray]) -> dict[str, float | None]:
         """Fill and coherence of the frame's atlas; it is remembered for the next frame."""
-        if owners is None or not sent.planes:
+        if owners is None or not planes:
             return {}
-        plane = next(iter(sent.planes.values()))
+        plane = next(iter(planes.values()))
         owner = owner_plane(owners, plane.shape[1], plane.shape[0])
         use = self.history.update(owner, plane)
         return {
@@ -274,21 +337,32 @@ class Lane:
     def replay(self, work: Work) -> None:
         """Bring all state to where it was after this frame, without measuring."""
         payload = self.pack(work.frame).payload
-        self.remember(payload, payload.owners(), self.advance(payload))
+        filled = self.fill(payload)
+        sent = self.advance(payload, filled)
+        for key, client in self.clients.items():
+            client.receive(sent.arrived[key])
+        self.remember(payload.owners(), filled.planes)
         self.verifier.pass_over(self.lossless)
 
-    def draw(self, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
-        """Draw the novel view with both clients and compare with the reference; pictured: keep the pictures."""
+    def draw(self, sent: Sent, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
+        """Hand the frame to both clients, draw the novel view and compare with the reference; pictured: keep the
+        pictures."""
         drawn = Drawn(skipped=metrics.skipped)
-        for key, client in (("none", None), self.lossless), (self.display_key, self.displayed):
-            if client is None:
-                continue
-            image, milliseconds = self._draw_once(client, novel)
+        for key, client in self.clients.items():
+            begin = time.perf_counter()
+            receiving, _ = self._clocked(lambda client=client, key=key: client.receive(sent.arrived[key]))
+            drawing, image = self._clocked(lambda client=client: client.draw(novel.view))
             start = time.perf_counter()
+            drawn.clocked[key] = (start - begin) * 1000
             values = metrics.compare(image.rgb)
             drawn.metrics_ms += (time.perf_counter() - start) * 1000
             drawn.images[key] = image
-            drawn.rows[key] = {**{name: values[name] for name in QUALITIES}, "client_ms": milliseconds}
+            drawn.rows[key] = {
+                **{name: values[name] for name in QUALITIES},
+                "receive_ms": receiving.host,
+                "draw_host_ms": drawing.host,
+                "client_ms": receiving.device + drawing.device,
+            }
             rgb = image.rgb.get()[..., :3]
             if client is self.lossless:
                 drawn.lossless = rgb
@@ -297,26 +371,37 @@ class Lane:
                 drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
         return drawn
 
-    def _draw_once(self, client: Client, novel: NovelView) -> tuple[Image, float]:
+    def _clocked(self, work: Callable[[], T]) -> tuple[Clocked, T]:
+        """What some work of the client gives, and how long host and device take."""
+        start = time.perf_counter()
         with self.scene.device.record() as record:
-            image = client.draw(novel.view)
-        return image, sum(record.milliseconds.values())
+            result = work()
+        wall = (time.perf_counter() - start) * 1000
+        return Clocked.of(wall, sum(record.milliseconds.values())), result
 
     def measure(
-        self, work: Work, novel: NovelView, packed: Packed, sent: Sent, drawn: Drawn, pictured: bool
+        self,
+        work: Work,
+        novel: NovelView,
+        packed: Packed,
+        filled: Filled,
+        sent: Sent,
+        drawn: Drawn,
+        pictured: bool,
     ) -> Measured:
         """Check and measure one packed, sent and drawn frame; pictured: with the pictures that the report shows."""
         payload, frame = packed.payload, work.frame
         gaps = validity.Gaps() if self.packer.leaves_unwritten else None
         owners = payload.owners()
         stages = None if "packing" in packed.skipped else packed.stages
-        verified = self.verifier.verify(frame, payload, sent.planes, owners, self.lossless, stages)
+        verified = self.verifier.verify(frame, payload, filled.planes, owners, self.lossless, stages)
         self._check_pictures(frame, payload, novel, drawn, verified)
         located = self.lossless.locate(novel.triangle, novel.bary)
         visible = None if located is None else (novel.triangle, novel.bary, located)
         found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
         found += verified.found + self.isolation
         status, reason = _verdict(frame, payload, found)
+        packing = Clocked.of(packed.wall_ms, sum(packed.stages.values()))
         common = {
             "status": status,
             "reason": reason,
@@ -325,20 +410,19 @@ class Lane:
             "samples": verified.samples,
             "structs_ms": packed.total("structs"),
             "gather_ms": packed.total("gather"),
-            "server_ms": packed.total(),
+            "server_ms": packing.device,
+            "serialise_ms": packing.host,
             "pvs_ms": work.pvs_ms,
             "wall_ms": packed.wall_ms,
             "missing_px": novel.missing,
+            "view_dependence": novel.view_dependence,
             "skipped": "; ".join(sorted(self.scene.skips.always | drawn.skipped | work.skipped | packed.skipped)),
-            **self.remember(payload, owners, sent),
+            **self.remember(owners, filled.planes),
             **self._stretch(novel, located),
         }
-        plane = next(iter(sent.planes.values()), None)
-        rows = [{**common, "peak_mb": peak_memory() / 1e6, **sent.row(key), **drawn.row(key)} for key in self.keys()]
-        for row, (codec, crf) in zip(rows, self.keys(), strict=True):
-            row.update(codec=codec, crf=crf)
+        common["peak_mb"] = peak_memory() / 1e6
         return Measured(
-            rows,
+            [{**common, **self._row(key, packed, filled, sent, drawn)} for key in self.keys()],
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
             statistics_of(payload)
             | _speed(packed, verified.samples, novel)
@@ -346,12 +430,12 @@ class Lane:
             | {"checks_ms": verified.milliseconds}
             | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
-            self._pictures(payload, sent.planes, drawn) if pictured else {},
+            self._pictures(payload, filled.planes, drawn) if pictured else {},
             drawn.lossless,
-            plane,
-            sent.planes.get(ALPHA),
+            next(iter(filled.planes.values()), None),
+            filled.planes.get(ALPHA),
             owners,
-            payload.details,
+            self.packer.details(payload) if self.settings.dump else {},
         )
 
     def _check_pictures(
@@ -364,6 +448,15 @@ class Lane:
             drawn.rows[key]["holes_px"], found = check_picture(*known)
             verified.found += found
         verified.milliseconds += (time.perf_counter() - start) * 1000
+
+    def _row(self, key: Key, packed: Packed, filled: Filled, sent: Sent, drawn: Drawn) -> dict[str, Any]:
+        """The columns of one row that depend on its codec and rate."""
+        row = {"codec": key[0], "crf": key[1], "fill_ms": filled.milliseconds(key), **sent.row(key), **drawn.row(key)}
+        row["network_ms"] = row["bytes_total"] * 8 / (self.settings.bandwidth * 1000)
+        if key in drawn.clocked:
+            steps = (packed.wall_ms, filled.milliseconds(key), sent.clocked(key), drawn.clocked[key])
+            row["frame_ms"] = sum(steps) + row["network_ms"]
+        return row
 
     def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
         """Everything the report shows of a frame, by name."""

@@ -36,6 +36,7 @@ class Metric:
 
 METRICS: tuple[Metric, ...] = (
     Metric("flip", "", "lower", "mean FLIP error of the novel view at 67.02 pixels per degree, 0..1"),
+    Metric("view_dependence", "", "lower", "mean FLIP that shading for the server's eye costs every method"),
     Metric("dssim", "", "lower", "(1 - SSIM) / 2 on BT.601 luma, 11x11 Gaussian window, 0..1"),
     Metric("iwssim", "", "higher", "information content weighted SSIM on BT.601 luma, 5 scales, up to 1"),
     Metric("psnr", "dB", "higher", "peak signal-to-noise ratio over R, G, B; empty where the pictures are identical"),
@@ -56,8 +57,16 @@ METRICS: tuple[Metric, ...] = (
     Metric("bytes_total", "bytes", "lower", "everything sent for the frame"),
     Metric("structs_ms", "ms", "lower", "device time of the structures: what goes where"),
     Metric("gather_ms", "ms", "lower", "device time of gathering: computing the samples"),
-    Metric("server_ms", "ms", "lower", "structs_ms + gather_ms"),
-    Metric("client_ms", "ms", "lower", "device time of drawing the novel view on the client"),
+    Metric("server_ms", "ms", "lower", "device time of packing"),
+    Metric("serialise_ms", "ms", "lower", "host time of packing"),
+    Metric("fill_ms", "ms", "lower", "host time of reading planes back and filling unowned texels"),
+    Metric("encode_ms", "ms", "lower", "processor time of encoding everything sent"),
+    Metric("network_ms", "ms", "lower", "everything sent, at the network's bandwidth"),
+    Metric("decode_ms", "ms", "lower", "processor time of decoding it"),
+    Metric("receive_ms", "ms", "lower", "host time of the client's taking the payload"),
+    Metric("draw_host_ms", "ms", "lower", "host time of the client's drawing"),
+    Metric("client_ms", "ms", "lower", "device time of the client: taking the payload and drawing the novel view"),
+    Metric("frame_ms", "ms", "lower", "the frame from packing to picture, clocked from outside"),
 )
 PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 
@@ -142,6 +151,13 @@ class Metrics:
             "delta_e": self._delta_e and self._delta_e.mean(),
         }
         return {name: value if name in self.wanted else None for name, value in values.items()}
+
+    def flip(self, test: Array) -> float | None:
+        """Mean FLIP of `test`, uint8 (h, w, 4), alone; None if FLIP is not wanted."""
+        if "flip" not in self.wanted:
+            return None
+        self._flip.compare(test)
+        return self._flip.mean()
 
     def flip_map(self) -> np.ndarray | None:
         """The FLIP errors of the last compared picture in FLIP's colours, uint8 (h, w, 3); None if not wanted."""

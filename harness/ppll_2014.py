@@ -185,7 +185,7 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], fra
 
 def _bad(frame: Frame, image: Image) -> float:
     """Share of pixels where the display's picture differs from the full lists', by more than rounding."""
-    full = PerPixelLinkedLists()
+    full = PerPixelLinkedLists(mode="full")
     full.prepare(frame.scene)
     client = full.client(frame.scene.shipped)
     complete = full.pack(frame)

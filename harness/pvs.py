@@ -7,6 +7,7 @@ times the light let through by what lies in front of it.
 from __future__ import annotations
 
 import hashlib
+import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import product
@@ -24,6 +25,7 @@ from packers.interface import ServerScene, View
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+_HEAD = struct.Struct("<IId")  # of a cached set: views, planned, milliseconds
 LARGEST_VIEW = 8192  # pixels per side; a denser view is drawn at the density that fits
 
 
@@ -31,13 +33,23 @@ LARGEST_VIEW = 8192  # pixels per side; a denser view is drawn at the density th
 class PotentiallyVisibleSet:
     """ids: int32 (n), ascending. views: how many were drawn, of how many planned.
 
-    milliseconds: device time of drawing them; None when the set came from the cache, where no time was spent.
+    milliseconds: device time of drawing them, on this device, perhaps by an earlier run.
     """
 
     ids: np.ndarray
     views: int
     planned: int
-    milliseconds: float | None
+    milliseconds: float
+
+    def to_bytes(self) -> bytes:
+        """For the cache."""
+        return _HEAD.pack(self.views, self.planned, self.milliseconds) + self.ids.tobytes()
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> PotentiallyVisibleSet:
+        """The inverse."""
+        views, planned, milliseconds = _HEAD.unpack_from(data)
+        return cls(np.frombuffer(data, np.int32, offset=_HEAD.size).copy(), views, planned, milliseconds)
 
 
 def cell_eyes(pose: Pose, radius: float) -> Iterator[Pose]:
@@ -60,12 +72,13 @@ def potentially_visible(
 ) -> PotentiallyVisibleSet:
     """The set of the cell at `pose`: `radius` in scene units, views at `density` times the client's pixel density.
 
-    Cached on disk by everything that it depends on; drawn all the same if not `cached`.
+    Cached on disk by everything that it and its time depend on; drawn all the same if not `cached`.
     """
     key = hashlib.sha256(
         repr(
             (
                 scene.host.content_hash,
+                scene.device.found.key,
                 pose.position.tobytes(),
                 pose.orientation.tobytes(),
                 radius,
@@ -79,9 +92,9 @@ def potentially_visible(
     file = cache_root() / "pvs" / key.hexdigest()[:32]
     planned = [view for eye in cell_eyes(pose, radius) for view in frustum.frusta(eye, near, frustum.density * density)]
     if cached and (content := read_checked(file)) is not None:
-        return PotentiallyVisibleSet(np.frombuffer(content, np.int32).copy(), 0, len(planned), None)
+        return PotentiallyVisibleSet.from_bytes(content)
     found = _draw(scene, [_fitted(view) for view in planned])
-    write_checked(file, found.ids.tobytes())
+    write_checked(file, found.to_bytes())
     return found
 
 

@@ -28,11 +28,12 @@ from harness.console import InputError, make_console, show_summary, tell_passed_
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
-from harness.lane import Drawn, Lane, Measured, Packed, stopped_rows
+from harness.lane import Drawn, Filled, Lane, Measured, Packed, stopped_rows
 from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
 from harness.plan import check_folder, make_plan, remember_pace
+from harness.rare import note_unseen
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
 from harness.skips import check_names, known_skips, skipped_stages
@@ -125,12 +126,15 @@ class Run:
             "scene_hash": scene.content_hash,
             "path": path.name,
             "path_hash": self.session.path_hash,
+            "frame_rate": self.session.frame_rate,
             "width": s.width,
             "height": s.height,
             "fov": s.fov,
             "cell_radius": s.cell_radius,
             "cell_fov": s.cell_fov,
             "latency": s.latency,
+            "reference_eye": s.reference_eye,
+            "bandwidth": s.bandwidth,
             "device": self.session.device.name,
             "seed": s.seed,
         }
@@ -149,6 +153,7 @@ class Run:
         self.session.device.remember_built()
         for index in range(self.frames):
             self._one_frame(index, done, finished, progress, task)
+        note_unseen(self.store, (lane.packer for lane in self.lanes))
         progress.remove_task(task)
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
 
@@ -236,7 +241,8 @@ class Run:
             progress.advance(task, len(some))
 
     def _novel_view(self, work: Work) -> NovelView:
-        novel = draw_novel_view(self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
+        known = (self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
+        novel = draw_novel_view(*known, self.settings.reference_eye)
         if work.frame.index in self.pictured:
             self._write_picture("reference", work.frame.index, "", novel.rgb[..., :3])
         return novel
@@ -245,22 +251,24 @@ class Run:
         """One frame of some lanes. What the device's time is taken of runs alone; the rest runs beside each other."""
         index = work.frame.index
         packed: dict[Lane, Packed] = {}
+        filled: dict[Lane, Filled] = {}
         drawn: dict[Lane, Drawn] = {}
         pictured = index in self.pictured
         for lane in lanes:
             doing = f"frame {index}"
             with self._guarded(lane, doing), self._limited(lane, doing, packs=1 + len(lane.repeated)):
                 packed[lane] = lane.pack(work.frame)
-        sent = self._beside("sending", packed, index, lambda lane: lane.advance(packed[lane].payload))
+                filled[lane] = lane.fill(packed[lane].payload)
+        sent = self._beside("sending", filled, index, lambda lane: lane.advance(packed[lane].payload, filled[lane]))
         for lane in sent:
             doing = f"drawing frame {index}"
             with self._guarded(lane, doing), self._limited(lane, doing, PREPARE):
-                drawn[lane] = lane.draw(novel, self.metrics, pictured)
+                drawn[lane] = lane.draw(sent[lane], novel, self.metrics, pictured)
         measured = self._beside(
             "measuring",
             drawn,
             index,
-            lambda lane: lane.measure(work, novel, packed[lane], sent[lane], drawn[lane], pictured),
+            lambda lane: lane.measure(work, novel, packed[lane], filled[lane], sent[lane], drawn[lane], pictured),
         )
         # Pictures first: a frame that is committed is never worked on again.
         self._write_pictures(measured, work, novel)

@@ -56,6 +56,12 @@ class Session:
         return len(self.path.times_ms[: self.settings.frames])
 
     @property
+    def frame_rate(self) -> float | None:
+        """Frames per second of the path, on average over those that are run; None for one frame."""
+        times = self.path.times_ms[: self.frames]
+        return round(1000 * (self.frames - 1) / float(times[-1] - times[0]), 6) if self.frames > 1 else None
+
+    @property
     def path_hash(self) -> str:
         """A hash of the path's poses and of the head motion at each of them."""
         offsets = [self.head.offset(float(time), self.settings.latency) for time in self.path.times_ms]

@@ -12,6 +12,7 @@ from harness.views import Cell
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
 CELLS = {"default": Cell(0.08, 80), "pvs1": Cell(0.10, 90), "pvs2": Cell(0.20, 125), "pvs3": Cell(0.30, 160)}
 CODECS = ("h264", "jpeg", "none")
+EYES = ("client", "server")
 METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
 
 
@@ -26,6 +27,7 @@ class Settings:
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
     opaque: whether see-through materials are made opaque.
     pvs_density: pixels of the PVS views per client pixel, along each axis. timeout: seconds for one pack.
+    bandwidth: of the network, in Mbit/s. reference_eye: whose eye the reference is shaded for, "client" or "server".
     metrics: those of METRIC_NAMES to compute. no_skip: skips that are forced off (harness.skips).
     """
 
@@ -48,6 +50,8 @@ class Settings:
     cell_fov: float = CELLS["default"].fov
     pvs_density: float = 2.0
     latency: float = 50.0
+    bandwidth: float = 100.0
+    reference_eye: str = "client"
     codec: str = "h264"
     crf: tuple[int, ...] = (5, 10, 25, 35)
     display_crf: int = 25
@@ -84,6 +88,14 @@ class Settings:
             (self.cell_radius >= 0, f"The cell's radius is {self.cell_radius:g} m: give 0 or more."),
             (0.25 <= self.pvs_density <= 8, f"--pvs-density is {self.pvs_density:g}: give 0.25 to 8."),
             (0 <= self.latency <= 1000, f"--latency is {self.latency:g}: give 0 to 1000 milliseconds."),
+            (
+                0 < self.bandwidth < float("inf"),
+                f"--bandwidth is {self.bandwidth:g}: give megabits per second above 0.",
+            ),
+            (
+                self.reference_eye in EYES,
+                f"--reference-eye is {self.reference_eye!r}: give one of {', '.join(EYES)}.",
+            ),
             (self.codec in CODECS, f"--codec is {self.codec!r}: give one of {', '.join(CODECS)}."),
             (
                 all(0 <= crf <= 51 for crf in (*self.crf, self.display_crf)),

@@ -70,6 +70,21 @@ class Parameter:
 
 
 @dataclass(frozen=True)
+class RareCost:
+    """Work that a method does in a few frames only, so that a short run may hold none of it.
+
+    what: a noun with its article. when: what brings it about, as the end of a sentence that begins with "It comes".
+    counter: the statistic that counts how often it was done so far; it is not counted for the first frame.
+    frames: how many frames, from the first on, hold it for certain; None where only the work decides.
+    """
+
+    what: str
+    when: str
+    counter: str
+    frames: int | None = None
+
+
+@dataclass(frozen=True)
 class View:
     """A camera and its image size: view and projection float64 (4, 4), width and height in pixels.
 
@@ -200,7 +215,6 @@ class Payload:
     sample_count: shading samples computed this frame: those in `samples`, or the fragments that the client then holds.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
     statistics: what the method reports beyond the common columns, name to number.
-    details: arrays that `--dump` writes beside the pictures.
     """
 
     planes: dict[str, Array]
@@ -212,7 +226,6 @@ class Payload:
     statistics: dict[str, float] = field(default_factory=dict)
     lists: dict[str, bytes] = field(default_factory=dict)
     raw_bytes: int = 0
-    details: dict[str, np.ndarray] = field(default_factory=dict)
 
     def owners(self) -> Owners | None:
         """Texel to triangle and barycentrics, of the samples; None for a method without an atlas."""
@@ -355,12 +368,20 @@ class Packer(ABC):
         """
         return False
 
+    def rare_costs(self) -> tuple[RareCost, ...]:
+        """What these parameters make it do in a few frames only; a run that holds none of it says so."""
+        return ()
+
     @abstractmethod
     def pack(self, frame: Frame) -> Payload:
         """Place and shade everything in the frame's PVS."""
 
     def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
         """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""
+        return {}
+
+    def details(self, payload: Payload) -> dict[str, np.ndarray]:
+        """Arrays that `--dump` writes beside the pictures, on request only, under their names."""
         return {}
 
     @abstractmethod

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from statistics import fmean, median
+from statistics import median
 from typing import Any
 
 from reports.columns import BY_NAME, MEASURED_STATUSES, Column
@@ -22,7 +22,7 @@ OTHER_HUE = 340
 
 PER_FRAME = (
     "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms",
-    "samples", "bytes_video", "fill", "coherence",
+    "samples", "bytes_total", "bytes_video", "bytes_metadata", "bytes_geometry", "fill", "coherence",
 )  # fmt: skip
 
 
@@ -90,31 +90,42 @@ def _interval(row: Row, name: str, index: int) -> dict[str, Any]:
 
 
 def stage_times(stages: list[Row], labels: Labels) -> Figure | None:
-    """Median device time of each stage, stacked per method; the potentially visible set is hidden at first."""
+    """Median device time of each stage, stacked per method."""
     times: dict[str, dict[Key, list[float]]] = defaultdict(lambda: defaultdict(list))
     for row in stages:
         if row["ms"] is not None:
             times[row["stage"]][_key(row)].append(row["ms"])
     order = {group: place for place, group in enumerate(GROUP_HUES)}
     names = sorted(times, key=lambda name: order.get(_group(name), len(order)))
+    bars = {
+        name: (_stage_colour(name, names), [median(times[name][key]) if key in times[name] else None for key in labels])
+        for name in names
+    }
+    return stacked_bars(bars, list(labels.values()), "device time per frame (ms) ↓")
+
+
+def stacked_bars(
+    bars: dict[str, tuple[str, list[float | None]]], labels: list[str], title: str, spare: int = 8
+) -> Figure | None:
+    """Bars from left to right, one line per label: colour and values of each part, by its name.
+
+    spare: pixels that the legend takes per part.
+    """
     traces = [
         {
-            "type": "bar", "orientation": "h", "name": name,
-            "y": list(labels.values()),
-            "x": [median(times[name][key]) if key in times[name] else None for key in labels],
-            "marker": {"color": _stage_colour(name, names)},
-            "hovertemplate": "%{x:.3~g} ms",
+            "type": "bar", "orientation": "h", "name": name, "y": labels, "x": values,
+            "marker": {"color": colour}, "hovertemplate": "%{x:.3~g} ms",
         }
-        for name in names
+        for name, (colour, values) in bars.items()
     ]  # fmt: skip
-    figure = _figure(traces, "device time per frame (ms) ↓", "")
+    figure = _figure(traces, title, "")
     if figure:
         layout = figure["layout"]
         layout |= {
             "barmode": "stack",
             "hovermode": "closest",
             "bargap": 0.35,
-            "height": 150 + 44 * len(labels) + 8 * len(names),
+            "height": 150 + 44 * len(labels) + spare * len(traces),
         }
         layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "ticksuffix": "  "}
         layout["legend"] |= {"traceorder": "normal"}
@@ -172,35 +183,30 @@ def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], li
     return judged or dict(list(by_coding.items())[:1])
 
 
-def bytes_per_rate(rows: list[Row], labels: Labels) -> Figure | None:
-    """Bytes of encoded planes per frame over the rate, median and mean, two lines per method."""
-    coded: dict[tuple[str, int, Key], list[int]] = defaultdict(list)
-    for row in rows:
-        if row["status"] in MEASURED_STATUSES and row["bytes_video"] and row["codec"] != "none":
-            coded[row["codec"], -1 if row["crf"] is None else row["crf"], _key(row)].append(row["bytes_video"])
+def bytes_per_rate(summaries: list[Row], labels: Labels) -> Figure | None:
+    """Bytes sent per frame after the keyframe over the rate, mean and largest, two lines per method."""
+    coded = [row for row in summaries if row["codec"] not in (None, "none") and row["bytes_total_mean"] is not None]
     traces = []
     for index, (key, label) in enumerate(labels.items()):
-        own = {_rate_label(*rate): found for (*rate, owner), found in sorted(coded.items()) if owner == key}
-        for nth, (name, middle) in enumerate((("median", median), ("mean", fmean)), start=1):
+        own = [row for row in coded if _key(row) == key]
+        for nth, (name, statistic) in enumerate((("mean", "mean"), ("largest", "max")), start=1):
             traces.append(
                 {
                     "type": "scatter", "mode": "lines+markers", "name": f"{label}, {name}",
-                    "x": list(own), "y": [middle(found) / 1000 for found in own.values()],
+                    "x": [coding_label(row["codec"], row["crf"]) for row in own],
+                    "y": [row[f"bytes_total_{statistic}"] / 1000 for row in own],
                     "line": {"color": _colour(index), "width": 2, "dash": _dash(index, nth)},
                     "opacity": 1.0 if nth == 1 else 0.55, "marker": {"size": 8}, "hovertemplate": "%{y:,.4~g} kB",
                 }
             )  # fmt: skip
-    order = list(dict.fromkeys(_rate_label(codec, crf) for codec, crf, _ in sorted(coded)))
-    figure = _figure([trace for trace in traces if trace["x"]], "", "video per frame (kB) ↓")
+    rates = sorted({(row["codec"], -1 if row["crf"] is None else row["crf"]) for row in coded})
+    order = [coding_label(codec, None if crf < 0 else crf) for codec, crf in rates]
+    figure = _figure([trace for trace in traces if trace["x"]], "", "sent per frame (kB) ↓")
     if figure:
         ticks = [digit * 10**power for power in range(-3, 7) for digit in (1, 2, 5)]
         figure["layout"]["xaxis"] |= {"type": "category", "categoryorder": "array", "categoryarray": order}
         figure["layout"]["yaxis"] |= {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
     return figure
-
-
-def _rate_label(codec: str, crf: int) -> str:
-    return coding_label(codec, None if crf < 0 else crf)
 
 
 def _key(row: Row) -> Key:

@@ -46,6 +46,9 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("scene_hash", "", "hash of the scene's content, after repair and decimation", "setting", str),
     Column("path", "", "camera path", "setting", str),
     Column("path_hash", "", "hash of all poses of the camera path and of the head motion", "key", str),
+    Column(
+        "frame_rate", "1/s", "mean pace of the path over the frames of the run; empty for one frame", "setting", float
+    ),
     Column("method", "", "packer", "key", str),
     Column("variant", "", "all parameters of the packer and their values", "key", str),
     Column("codec", "", "how planes travel: h264, jpeg, or none for lossless", "key", str),
@@ -59,6 +62,8 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("cell_radius", "m", "radius of the view cell", "setting", float),
     Column("cell_fov", "degrees", "horizontal field of view of the view cell", "setting", float),
     Column("latency", "ms", "time from the server's pose to the display", "setting", float),
+    Column("reference_eye", "", "whose eye the reference is shaded for: client or server", "setting", str),
+    Column("bandwidth", "Mbit/s", "of the network that network_ms is for", "setting", float),
     Column("device", "", "OpenCL device", "setting", str),
     Column("seed", "", "seed of scene, head motion and methods", "setting", int),
     Column("pvs_triangles", "triangles", "triangles in the potentially visible set", "count", int),
@@ -74,14 +79,28 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     Column("atlas_width", "texels", "width of the atlas; empty for a method without one", "setting", int),
     Column("atlas_height", "texels", "height of the atlas; empty for a method without one", "setting", int),
     _quality("fill", "0..1", "higher", "share of the atlas' texels that a triangle owns"),
-    _time("pvs_ms", "device time of finding the potentially visible set; empty where it came from the cache"),
+    _time("pvs_ms", "device time of finding the potentially visible set; measured when it was found, kept with it"),
     _time("structs_ms", "device time of building structures: sizes, places, lookups"),
     _time("gather_ms", "device time of computing the shading samples"),
-    _time("server_ms", "device time of all launches that pack the frame: structs_ms + gather_ms where they are valid"),
-    _time("client_ms", "device time of decoding metadata and drawing the novel view on the client"),
+    _time("server_ms", "device time of all that packing launches: structs_ms + gather_ms"),
+    _time("serialise_ms", "host time of packing: wall_ms - server_ms, what it chooses, copies, writes and waits for"),
+    _time(
+        "fill_ms",
+        "host time of reading the planes back, and for a video codec of filling the texels that no triangle owns",
+    ),
     _time("encode_ms", "processor time, of one core, of encoding planes, metadata and geometry"),
+    _time("network_ms", "bytes_total at the network's bandwidth"),
     _time("decode_ms", "processor time, of one core, of decoding planes, metadata and geometry"),
-    _time("wall_ms", "host time of packing the frame, from start to end, without encoding and metrics"),
+    _time("receive_ms", "host time of the client's taking the decoded payload, without its device's"),
+    _time("draw_host_ms", "host time of the client's drawing the novel view, without its device's"),
+    _time("client_ms", "device time of the client: taking the payload and drawing the novel view"),
+    _time(
+        "frame_ms",
+        "the same frame clocked from outside, from the start of packing to the picture, with network_ms; wall_ms + "
+        "fill_ms + encode_ms + network_ms + decode_ms + receive_ms + draw_host_ms + client_ms make it up within 5 %",
+    ),
+    _time("wall_ms", "host time of packing the frame, from start to end: server_ms + serialise_ms"),
+    Column("bytes_total", "bytes", "bytes_video + bytes_alpha + bytes_metadata + bytes_geometry", "size", int, "lower"),
     Column("bytes_video", "bytes", "encoded planes, or fragment lists after LZ4", "size", int, "lower"),
     Column(
         "bytes_alpha",
@@ -93,7 +112,6 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     ),
     Column("bytes_metadata", "bytes", "metadata after LZ4", "size", int, "lower"),
     Column("bytes_geometry", "bytes", "geometry of the potentially visible set after LZ4", "size", int, "lower"),
-    Column("bytes_total", "bytes", "bytes_video + bytes_alpha + bytes_metadata + bytes_geometry", "size", int, "lower"),
     Column(
         "compression_ratio",
         "",
@@ -103,6 +121,13 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "lower",
     ),
     _quality("flip", "0..1", "lower", "mean FLIP error of the client's picture against the reference"),
+    _quality(
+        "view_dependence",
+        "0..1",
+        "lower",
+        "mean FLIP between the reference shaded for the server's eye and for the client's: what every method loses by "
+        "shading for the server's; empty without the metric flip",
+    ),
     _quality("dssim", "0..1", "lower", "(1 - SSIM) / 2 against the reference"),
     _quality("iwssim", "0..1", "higher", "information-weighted SSIM against the reference"),
     _quality("psnr", "dB", "higher", "peak signal-to-noise ratio against the reference; empty for equal pictures"),
@@ -138,6 +163,11 @@ FRAME_COLUMNS: tuple[Column, ...] = (
 FRAME_KEY = tuple(column.name for column in FRAME_COLUMNS if column.kind == "key")
 MEASURES = tuple(column for column in FRAME_COLUMNS if column.kind in MEASURED)
 BY_NAME = {column.name: column for column in FRAME_COLUMNS}
+# The frame that begins every stream: its client has nothing yet, so that all is sent, and its planes are keyframes.
+KEYFRAME = 0
+SENT = tuple(column.name for column in MEASURES if column.unit == "bytes")
+# Sizes and what follows from them: statistics are over the frames after the keyframe, which has a column of its own.
+KEYFRAME_APART = (*SENT, "compression_ratio", "network_ms")
 
 _PLACE = tuple(BY_NAME[name] for name in ("scene", "path_hash", "method", "variant", "frame"))
 
@@ -163,14 +193,34 @@ def _front(name: str, cost: str) -> Column:
     return Column(f"pareto_{name}", "", f"front of FLIP over {cost}. {FRONT}", "status", str)
 
 
-def _of_cell(measure: Column, over: str) -> tuple[Column, ...]:
-    return (
-        replace(
-            measure, name=f"{measure.name}_median", meaning=f"median over the {over}: {measure.meaning}", type=float
-        ),
-        replace(measure, name=f"{measure.name}_low", meaning="lower end of its 95 % interval", type=float),
-        replace(measure, name=f"{measure.name}_high", meaning="upper end of its 95 % interval", type=float),
-    )
+def statistic_columns(measure: Column, middle_of: str = "") -> tuple[Column, ...]:
+    """The columns of a measure in a summary; csv_files.measure_statistics has their values.
+
+    middle_of: what median and interval are over, where that is not the frames.
+    """
+    apart = measure.name in KEYFRAME_APART
+    frames = "the frames after the keyframe" if apart else "all frames, the first among them"
+    name, own = measure.name, replace(measure, type=float)
+
+    def column(suffix: str, meaning: str, like: Column = own) -> Column:
+        return replace(like, name=f"{name}_{suffix}", meaning=meaning)
+
+    columns = [
+        column("median", f"median of {name} over {middle_of or frames}"),
+        column("low", f"lower end of its 95 % interval for {name}"),
+        column("high", f"upper end of its 95 % interval for {name}"),
+        column("mean", f"mean of {name} over {frames}"),
+        column("max", f"largest {name} of {frames}", measure),
+    ]
+    if apart:
+        columns.append(column("key", f"{name} of the keyframe", measure))
+    if name in SENT:
+        rate = replace(own, unit="kbit/s")
+        columns += [
+            column("total", f"sum of {name} over all frames, the keyframe among them", measure),
+            column("kbit_s", f"{name}_mean at the path's pace: * 8 * frame_rate / 1000", rate),
+        ]
+    return tuple(columns)
 
 
 SWEEP_SETTINGS = (
@@ -180,7 +230,7 @@ SWEEP_SETTINGS = (
 _SETTINGS_OF_SWEEPS = BY_NAME | {
     "pvs_density": Column("pvs_density", "", "density of the PVS views over the client's", "setting", float)
 }
-_MEASURES_OF_SWEEPS = BY_NAME | {
+MEASURES_OF_SWEEPS = BY_NAME | {
     "atlas_mb": Column(
         "atlas_mb",
         "MB",
@@ -208,7 +258,9 @@ SWEEP_COLUMNS: tuple[Column, ...] = (
     *(
         column
         for name in SWEEP_MEASURES
-        for column in _of_cell(_MEASURES_OF_SWEEPS[name], "repetitions" if name == "server_ms" else "frames")
+        for column in statistic_columns(
+            MEASURES_OF_SWEEPS[name], "the passes through the frames" if name == "server_ms" else ""
+        )
     ),
     Column("repetitions", "", "passes through the frames that were timed", "count", int),
     Column(
@@ -222,7 +274,7 @@ SWEEP_COLUMNS: tuple[Column, ...] = (
     Column("comparable", "", "yes, or no where cells ran side by side, so that times do not compare", "status", str),
     _front("time", "server time"),
     _front("samples", "samples"),
-    _front("bytes", "bytes sent"),
+    _front("bytes", "bytes sent per frame"),
     _front("memory", "memory of the atlas"),
 )
 
@@ -343,7 +395,7 @@ KERNEL_COLUMNS: tuple[Column, ...] = (
 
 
 def summary_columns() -> tuple[Column, ...]:
-    """Columns of summary.csv: the key without the frame, settings, counts of frames, and three for each measure."""
+    """Columns of summary.csv: the key without the frame, settings, counts of frames, and the statistics of measures."""
     carried = tuple(column for column in FRAME_COLUMNS if column.kind in ("key", "setting") and column.name != "frame")
     counts = (
         Column("frames", "frames", "frames of this key", "count", int),
@@ -352,18 +404,7 @@ def summary_columns() -> tuple[Column, ...]:
         Column("frames_skipped", "frames", "frames skipped with a reason", "count", int),
         Column("frames_failed", "frames", "frames with status invalid, timeout or failed", "count", int, "lower"),
     )
-    return (*carried, *counts, *(statistic for measure in MEASURES for statistic in _statistics(measure)))
-
-
-def _statistics(measure: Column) -> tuple[Column, ...]:
-    def column(suffix: str, meaning: str) -> Column:
-        return Column(f"{measure.name}_{suffix}", measure.unit, meaning, measure.kind, float, measure.better)
-
-    return (
-        column("median", f"median of {measure.name} over the frames"),
-        column("low", f"lower end of its 95 % interval for {measure.name}"),
-        column("high", f"upper end of its 95 % interval for {measure.name}"),
-    )
+    return (*carried, *counts, *(statistic for measure in MEASURES for statistic in statistic_columns(measure)))
 
 
 def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
@@ -382,12 +423,16 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
         ),
         (
             "summary.csv",
-            "One row per key without the frame. Medians are over the frames with status ok or overflow: what an "
-            "overflow leaves out shows as errors and holes in the picture, so its numbers are fair. The interval is "
-            "the distribution-free one for a median: the closest pair of order statistics, equally far from both ends, "
-            "that covers the median with a probability of at least 95 %. Fewer than 6 values have no such pair, so the "
-            "cells are empty. It takes frames as independent, which neighbouring frames of a path are not: read it as "
-            "the spread along this path.",
+            "One row per key without the frame. Statistics are over the frames with status ok or overflow: what an "
+            "overflow leaves out shows as errors and holes in the picture, so its numbers are fair. The keyframe is "
+            "the first frame of the path: the client has nothing yet, so all geometry and metadata are sent, and every "
+            "plane as a picture of its own. It is in the statistics of times, counts and qualities, but not in those "
+            "of sizes and of what follows from them (the compression ratio, the network's time): there it has the "
+            "column `_key`, and only `_total` counts it. One frame alone has no others, so these cells are empty. The "
+            "interval is the distribution-free one for a median: the closest pair of order statistics, equally far "
+            "from both ends, that covers the median with a probability of at least 95 %. Fewer than 6 values have no "
+            "such pair, so the cells are empty. It takes frames as independent, which neighbouring frames of a path "
+            "are not: read it as the spread along this path.",
             summary_columns(),
         ),
         ("stages.csv", "One row per frame and stage of a method's kernels.", STAGE_COLUMNS),
@@ -422,8 +467,9 @@ def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "Of `bench sweep`: one row per cell of the grid and coding, in the order of the grid. A cell whose status "
             "is overflow has numbers but is on no front; one that failed or is invalid has none. The server time of a "
             "pass is the median over the frames; its median and interval are over the passes, and the interval is that "
-            "of summary.csv, so it needs 6 of them. Medians and intervals of all else are over the frames: the same in "
-            "every run.",
+            "of summary.csv, so it needs 6 of them. Its mean and largest value are over the frames, each the median of "
+            "its passes. Statistics of all else are those of summary.csv, the same in every run; `pareto_bytes` goes "
+            "by the mean.",
             SWEEP_COLUMNS,
         ),
         (

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
-from reports.columns import MEASURED_STATUSES, MEASURES, Column
+from reports.columns import BY_NAME, MEASURED_STATUSES, MEASURES, Column, statistic_columns
+from reports.csv_files import after_keyframe, measure_statistics
 from reports.store import Store, StoreError, flat
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
@@ -18,6 +20,9 @@ TIME_THRESHOLD = 0.10
 OTHER_THRESHOLD = 0.01
 
 ALL = "all"  # in place of a codec
+# Sizes that are one number for a whole run: exact, so that no test is needed to tell two of them apart.
+_OF_TOTAL = {column.name: column for column in statistic_columns(BY_NAME["bytes_total"])}
+WHOLE = tuple(_OF_TOTAL[f"bytes_total_{suffix}"] for suffix in ("kbit_s", "max", "key", "total"))
 OK = Column("ok", "0..1", "share of frames with status ok", "status", float, "higher")
 
 Coding = tuple[str | None, int | None]
@@ -34,11 +39,14 @@ class Comparison:
     """One metric of one method in two runs.
 
     variant: of run a, and `A -> B` where the runs differ in it. codec: `all`, with crf None, for a metric that is the
-        same for every coding. a, b: medians over the paired frames (for `ok` the shares). change: median of the paired
-        differences b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all
-        pairs are equal. frames: pairs compared.
+        same for every coding. a, b: medians over the paired frames (for `ok` the shares), those of sizes without the
+        keyframe, as in summary.csv; of WHOLE the values of the runs' common frames. mean_a, mean_b: means over the same
+        frames as the medians, None for `ok` and WHOLE. change: median of the paired differences b - a over |a|, None
+        where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all pairs are equal, None for WHOLE.
+        frames: pairs compared.
     verdict: `better` or `worse` (of b) where p < ALPHA and the change reaches the threshold (TIME_THRESHOLD for times,
         OTHER_THRESHOLD else); `same` where all pairs are equal or the change is certain but smaller; else `ambiguous`.
+        WHOLE has no `ambiguous`: its change is certain.
     """
 
     method: str
@@ -50,8 +58,10 @@ class Comparison:
     better: str
     a: float
     b: float
+    mean_a: float | None
+    mean_b: float | None
     change: float | None
-    p: float
+    p: float | None
     frames: int
     verdict: str
 
@@ -135,35 +145,69 @@ def _compare_method(name_a: Method, name_b: Method, a: dict, b: dict) -> list[Co
         if len(pairs) > 1 and len({tuple(values) for values in pairs.values()}) == 1:
             pairs = {(ALL, None): next(iter(pairs.values()))}
         found += [_judge(name_a[0], variant, coding, metric, values) for coding, values in pairs.items()]
+        if metric.name == "bytes_total":
+            found += [
+                row for coding in codings for row in _judge_whole(name_a[0], variant, coding, a[coding], b[coding])
+            ]
     return found
 
 
+def _common(a: dict[int, dict], b: dict[int, dict]) -> list[int]:
+    """The frames with numbers in both runs."""
+    frames = sorted(a.keys() & b.keys())
+    return [f for f in frames if a[f]["status"] in MEASURED_STATUSES and b[f]["status"] in MEASURED_STATUSES]
+
+
 def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple[float, float]]:
-    common = sorted(a.keys() & b.keys())
     if metric is OK:
+        common = sorted(a.keys() & b.keys())
         return [(float(a[frame]["status"] == "ok"), float(b[frame]["status"] == "ok")) for frame in common]
-    measured = [f for f in common if a[f]["status"] in MEASURED_STATUSES and b[f]["status"] in MEASURED_STATUSES]
-    values = [(a[frame][metric.name], b[frame][metric.name]) for frame in measured]
-    return [pair for pair in values if None not in pair]
+    values = {frame: (a[frame][metric.name], b[frame][metric.name]) for frame in _common(a, b)}
+    return [pair for pair in after_keyframe(metric.name, values).values() if None not in pair]
 
 
 def _judge(method: str, variant: str, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
-    middle = (lambda values: sum(values) / len(values)) if metric is OK else median
+    middle = fmean if metric is OK else median
     a, b = (float(middle(values)) for values in zip(*pairs, strict=True))
+    means = (None, None) if metric is OK else tuple(fmean(values) for values in zip(*pairs, strict=True))
     shift = float(middle([after - before for before, after in pairs]))
     p = _p_value(pairs)
-    threshold = (TIME_THRESHOLD if metric.kind == "time" else OTHER_THRESHOLD) * abs(a)
-    if all(before == after for before, after in pairs) or (p < ALPHA and (shift == 0 or abs(shift) < threshold)):
+    if all(before == after for before, after in pairs) or (p < ALPHA and not _matters(metric, a, shift)):
         verdict = "same"
     elif p >= ALPHA:
         verdict = "ambiguous"
     else:
-        verdict = "better" if (shift > 0) == (metric.better == "higher") else "worse"
+        verdict = _direction(metric, shift)
     change = shift / abs(a) if a else None
-    frames = len(pairs)
-    return Comparison(
-        method, variant, *coding, metric.name, metric.unit, metric.better, a, b, change, p, frames, verdict
-    )
+    named = (method, variant, *coding, metric.name, metric.unit, metric.better)
+    return Comparison(*named, a, b, *means, change, p, len(pairs), verdict)
+
+
+def _judge_whole(
+    method: str, variant: str, coding: Coding, a: dict[int, dict], b: dict[int, dict]
+) -> Iterator[Comparison]:
+    """What two runs sent as a whole, in the frames that both have."""
+    common = _common(a, b)
+    old, new = (measure_statistics(BY_NAME["bytes_total"], [run[frame] for frame in common]) for run in (a, b))
+    for column in WHOLE:
+        before, after = old[column.name], new[column.name]
+        if before is None or after is None:
+            continue
+        shift = after - before
+        verdict = _direction(column, shift) if _matters(column, before, shift) else "same"
+        named = (method, variant, *coding, column.name, column.unit, column.better)
+        change = shift / abs(before) if before else None
+        yield Comparison(*named, float(before), float(after), None, None, change, None, len(common), verdict)
+
+
+def _matters(metric: Column, before: float, shift: float) -> bool:
+    """Whether a difference is large enough to be called one."""
+    threshold = (TIME_THRESHOLD if metric.kind == "time" else OTHER_THRESHOLD) * abs(before)
+    return shift != 0 and abs(shift) >= threshold
+
+
+def _direction(metric: Column, shift: float) -> str:
+    return "better" if (shift > 0) == (metric.better == "higher") else "worse"
 
 
 def _p_value(pairs: list[tuple[float, float]]) -> float:

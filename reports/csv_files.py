@@ -7,18 +7,21 @@ import io
 import json
 import os
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from math import comb
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 from typing import Any
 
 from reports.columns import (
     FRAME_COLUMNS,
     FRAME_KEY,
+    KEYFRAME,
+    KEYFRAME_APART,
     MEASURED_STATUSES,
     MEASURES,
+    SENT,
     SKIP_COLUMNS,
     STAGE_COLUMNS,
     STATISTIC_COLUMNS,
@@ -68,7 +71,7 @@ def replace_file(path: Path, text: str) -> None:
 def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The rows of summary.csv from those of frames.csv, which are sorted by their key.
 
-    Medians and intervals are over the frames with status ok or overflow; a measure without any value is None.
+    Statistics are over the frames with status ok or overflow; one without any value is None.
     """
     return [_summary(list(group)) for _, group in groupby(rows, lambda row: [row[name] for name in SUMMARY_KEY])]
 
@@ -86,14 +89,40 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "frames_failed": counts["invalid"] + counts["timeout"] + counts["failed"],
     }
     for measure in MEASURES:
-        values = sorted(row[measure.name] for row in measured if row[measure.name] is not None)
-        low, high = median_interval(values)
-        summary |= {
-            f"{measure.name}_median": float(median(values)) if values else None,
-            f"{measure.name}_low": low,
-            f"{measure.name}_high": high,
-        }
+        summary |= measure_statistics(measure, measured)
     return summary
+
+
+def measure_statistics(measure: Column, rows: Sequence[dict[str, Any]]) -> dict[str, float | None]:
+    """The values of columns.statistic_columns from the measured rows of one key of frames.csv."""
+    name = measure.name
+    valued = [row for row in rows if row[name] is not None]
+    values = after_keyframe(name, {row["frame"]: row[name] for row in valued}).values()
+    found = spread(list(values))
+    if name in KEYFRAME_APART:
+        found["key"] = next((row[name] for row in valued if row["frame"] == KEYFRAME), None)
+    if name in SENT:
+        found["total"] = sum(row[name] for row in valued) if valued else None
+        pace = valued[0]["frame_rate"] if valued else None
+        found["kbit_s"] = None if pace is None or found["mean"] is None else found["mean"] * 8 * pace / 1000
+    return {f"{name}_{suffix}": value for suffix, value in found.items()}
+
+
+def after_keyframe(name: str, values: Mapping[int, float]) -> dict[int, float]:
+    """The values, by frame, that a measure's statistics are over."""
+    return {frame: value for frame, value in values.items() if frame != KEYFRAME or name not in KEYFRAME_APART}
+
+
+def spread(values: Sequence[float]) -> dict[str, float | None]:
+    """Median, the ends of its interval, mean and largest of values in any order; None without values."""
+    low, high = median_interval(sorted(values))
+    return {
+        "median": float(median(values)) if values else None,
+        "low": low,
+        "high": high,
+        "mean": fmean(values) if values else None,
+        "max": max(values, default=None),
+    }
 
 
 def median_interval(values: Sequence[float]) -> tuple[float | None, float | None]:

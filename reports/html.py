@@ -11,12 +11,13 @@ from statistics import median
 from typing import Any
 
 from reports import charts
+from reports.budget import Budget, budget_figure, budget_table, budgets, visible_set
 from reports.csv_files import replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
 from reports.tables import NONE, folded_lists, headline_tables, number, ranges, table
 
-NOTES = ("environment", "device", "warning", "skipped", "skip", "saved", "scene", "prepare_ms")
+NOTES = ("environment", "device", "warning", "rare", "skipped", "skip", "saved", "scene", "prepare_ms")
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
 
 Row = dict[str, Any]
@@ -36,9 +37,11 @@ def write_report(folder: Path) -> Path:
     labels = charts.method_labels(list({(row["method"], row["variant"]) for row in rows}))
     embedded = embed(pictures, chosen_frames(pictures, rows), labels)
     summaries = summarise(rows)
+    spent = budgets(rows, labels)
     sections = [
-        _warnings(notes["warning"], rows),
+        _warnings(notes, rows),
         _results(rows, summaries, statistics, labels),
+        _budget(spent, rows),
         _viewer(embedded),
         _charts(rows, summaries, stages, labels),
         _statistics(statistics, labels),
@@ -46,7 +49,7 @@ def write_report(folder: Path) -> Path:
         _skipped(notes, rows, labels),
         _details(notes, plan, labels),
     ]
-    figures = _figures(rows, summaries, stages, labels)
+    figures = _figures(rows, summaries, stages, labels) | {"budget": budget_figure(spent)}
     page = fill_page(_title(rows), _header(rows, notes), sections, figures, embedded)
     replace_file(folder / "report.html", page)
     return folder / "report.html"
@@ -91,7 +94,7 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         return "<h1>No frame is finished yet</h1>"
     row = rows[0]
     facts = {
-        "Frames": str(len({row["frame"] for row in rows})),
+        "Frames": _frames(rows),
         "Client": _joined(row, "{width} x {height} px, {fov:g}°"),
         "View cell": _joined(row, "{cell_radius:g} m, {cell_fov:g}°"),
         "Latency": _joined(row, "{latency:g} ms"),
@@ -106,6 +109,12 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Date": notes["environment"].get("date", ""),
     }
     return f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>{facts_list(facts)}"
+
+
+def _frames(rows: list[Row]) -> str:
+    """How many frames there are, and their pace where it is known."""
+    count, pace = len({row["frame"] for row in rows}), rows[0]["frame_rate"]
+    return str(count) if pace is None else f"{count}, at {pace:g} per second"
 
 
 def facts_list(facts: dict[str, str]) -> str:
@@ -132,9 +141,9 @@ def caption(text: str) -> str:
     return f'<p class="caption">{escape(text)}</p>'
 
 
-def _warnings(warnings: dict[str, str], rows: list[Row]) -> str:
+def _warnings(notes: dict[str, dict[str, str]], rows: list[Row]) -> str:
     """A banner for what a reader must know before believing a number."""
-    texts = list(warnings.values())
+    texts = list(dict.fromkeys([*notes["warning"].values(), *notes["rare"].values()]))
     bad = {(row["method"], row["variant"], row["frame"]) for row in rows if row["status"] not in ("ok", "skipped")}
     if bad:
         texts.append(f"{len(bad)} of the frames are not ok: see Failures. Of these, only overflows enter medians.")
@@ -170,6 +179,26 @@ def _speed(statistics: list[Row], labels: charts.Labels) -> str:
         "Speed as ratios, lower is better: the structures' share of the server's time, and the device time per "
         "gathered sample over the time per covered pixel of the shading kernel in the reference. Medians."
     ) + table(head, lines, texts=1)
+
+
+def _budget(spent: list[Budget], rows: list[Row]) -> str:
+    """Where the time of a frame goes, part by part."""
+    if not spent:
+        return ""
+    return section(
+        "budget",
+        "A frame's time, part by part",
+        caption(
+            "From the start of packing to the client's picture, as displayed: means over the frames after the "
+            f"keyframe, shorter is better. {visible_set(rows)} Host parts are what the clock shows beyond the device's "
+            "events."
+        ),
+        '<div class="chart" data-figure="budget"></div>',
+        caption(
+            "The same in ms: the frame by a clock around all of it, how much of that its parts explain, the parts."
+        ),
+        budget_table(spent),
+    )
 
 
 def _viewer(embedded: dict) -> str:
@@ -212,8 +241,8 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
             "rates",
             "Bytes per CRF",
             caption(
-                "Size of the encoded planes of a frame at each rate, on a logarithmic axis: lower is better. "
-                "The mean holds the keyframe at the start, the median hardly does."
+                "Everything sent for a frame at each rate, without the keyframe, on a logarithmic axis: "
+                "lower is better."
             ),
             '<div class="chart" data-figure="rates"></div>',
         ),
@@ -226,7 +255,7 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: c
         "error": charts.error_over_time(summaries, labels),
         "stages": charts.stage_times(stages, labels),
         "frames": charts.per_frame(rows, labels),
-        "rates": charts.bytes_per_rate(rows, labels),
+        "rates": charts.bytes_per_rate(summaries, labels),
     }
 
 

@@ -234,8 +234,8 @@ class Notes(MutableMapping[str, str]):
     """Texts about a run, by key; each is committed as it is set, and iteration is sorted by key.
 
     Keys are PREFIX/NAME. The report shows `environment/...` (machine, device, versions), `warning/...`,
-    `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...` and
-    `prepare_ms/METHOD`.
+    `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...`,
+    `prepare_ms/METHOD` and `rare/METHOD/STATISTIC` (what a method does in a few frames only, and did in none of these).
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 from typing import Any
 
-from reports.columns import BY_NAME, MEASURED_STATUSES, SWEEP_COLUMNS, SWEEP_MEASURES, SWEEP_SETTINGS
-from reports.csv_files import median_interval, write_csv
+from reports.columns import (
+    BY_NAME,
+    MEASURED_STATUSES,
+    MEASURES_OF_SWEEPS,
+    SWEEP_COLUMNS,
+    SWEEP_MEASURES,
+    SWEEP_SETTINGS,
+)
+from reports.csv_files import measure_statistics, spread, write_csv
 from reports.fronts import Candidate, pareto_front
 from reports.store import Store, StoreError
 
@@ -19,6 +26,8 @@ FILE = "sweep.json"
 GROUPS = ("structs/", "gather/")  # the stages that make up server_ms
 WORST_FIRST = ("failed", "timeout", "invalid", "overflow", "skipped", "ok")
 COSTS = {"server_ms": "time", "samples": "samples", "bytes_total": "bytes", "atlas_mb": "memory"}
+# The statistic that a cost is compared by; bytes are what a network carries, so all of them count.
+STATISTICS = {"bytes_total": "mean"}
 COLUMN_TYPES = {column.name: column.type for column in SWEEP_COLUMNS}
 ERRORS = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2")
 
@@ -71,9 +80,26 @@ def read_points(folder: Path) -> list[Point]:
     return points
 
 
+def read_rare(folder: Path) -> list[str]:
+    """What methods do in a few frames only and did in no frame of some cells, and of how many."""
+    cells = read_sweep(folder)["cells"]
+    of_method = Counter(cell["method"] for cell in cells)
+    counts: Counter[tuple[str, str]] = Counter()
+    for place in dict.fromkeys(cell["folder"] for cell in cells):
+        if (folder / place / "results.sqlite").is_file():
+            with Store(folder / place, must_exist=True) as store:
+                counts.update((key.partition("[")[0], text) for key, text in store.notes.under("rare").items())
+    return [f"{text} ({count} of {of_method[method]} cells)" for (method, text), count in counts.items()]
+
+
 def write_sweep_csv(folder: Path, points: list[Point]) -> None:
     """Write `folder`/sweep.csv."""
     write_csv(folder / "sweep.csv", SWEEP_COLUMNS, (point.row for point in points))
+
+
+def cost_column(cost: str) -> str:
+    """The column of sweep.csv that cells are compared by in a cost of COSTS."""
+    return f"{cost}_{STATISTICS.get(cost, 'median')}"
 
 
 def passes(times: dict[int, float], repeats: Iterable[Row]) -> list[float]:
@@ -81,12 +107,26 @@ def passes(times: dict[int, float], repeats: Iterable[Row]) -> list[float]:
 
     times: of the first pass, by frame. repeats: rows of the store's repeats of the same method and variant.
     """
+    return [median(frames.values()) for frames in _by_pass(times, repeats) if frames]
+
+
+def _by_pass(times: dict[int, float], repeats: Iterable[Row]) -> list[dict[int, float]]:
+    """Server time by frame, in ms, of each pass, the first one first."""
     later: dict[int, dict[int, float]] = defaultdict(lambda: defaultdict(float))
     for row in repeats:
         if row["stage"].startswith(GROUPS) and row["ms"] is not None:
             later[row["repetition"]][row["frame"]] += row["ms"]
-    found = [median(times.values())] if times else []
-    return found + [median(frames.values()) for _, frames in sorted(later.items())]
+    return [times, *(frames for _, frames in sorted(later.items()))]
+
+
+def _times(times: dict[int, float], repeats: Iterable[Row]) -> Row:
+    """The columns of the server time: median and interval over the passes, mean and largest over the frames, each the
+    median of its passes."""
+    every = _by_pass(times, repeats)
+    of_passes = spread([median(frames.values()) for frames in every if frames])
+    of_frames = spread([median(frames[frame] for frames in every if frame in frames) for frame in times])
+    found = of_passes | {part: of_frames[part] for part in ("mean", "max")}
+    return {f"server_ms_{part}": value for part, value in found.items()}
 
 
 @dataclass(frozen=True)
@@ -120,15 +160,11 @@ def _points(sweep: dict[str, Any], cell: dict[str, Any], run: _Run) -> list[Poin
     points = []
     for kind, coding in cell["codings"].items():
         row, numbers = _row(sweep, cell, coding, by_coding[tuple(coding)])
-        times = passes(numbers["server_ms"], run.repeats.get(key, []))
-        low, high = median_interval(sorted(times))
-        timed = bool(times) and row["status"] in MEASURED_STATUSES
-        row |= {
+        repeats = run.repeats.get(key, [])
+        timed = row["status"] in MEASURED_STATUSES
+        row |= (_times(numbers["server_ms"], repeats) if timed else {}) | {
             "coding": kind,
-            "server_ms_median": median(times) if timed else None,
-            "server_ms_low": low if timed else None,
-            "server_ms_high": high if timed else None,
-            "repetitions": len(times) if timed else 0,
+            "repetitions": len(passes(numbers["server_ms"], repeats)) if timed else 0,
             "stop": stop or ("" if row["status"] in ("failed", "timeout", "invalid", "skipped") else "unfinished"),
             "comparable": "yes" if sweep["timed"] else "no",
         }
@@ -156,10 +192,10 @@ def _row(sweep: dict[str, Any], cell: dict[str, Any], coding: list, rows: list[R
     }
     measured = [one for one in rows if one["status"] in MEASURED_STATUSES] if status in MEASURED_STATUSES else []
     numbers = {name: _by_frame(measured, name) for name in SWEEP_MEASURES}
-    for name, values in numbers.items():
-        if values and name != "server_ms":
-            low, high = median_interval(sorted(values.values()))
-            row |= {f"{name}_median": float(median(values.values())), f"{name}_low": low, f"{name}_high": high}
+    for name in SWEEP_MEASURES:
+        if name != "server_ms":
+            valued = [one | {name: numbers[name].get(one["frame"])} for one in measured]
+            row |= measure_statistics(MEASURES_OF_SWEEPS[name], valued)
     return row, numbers
 
 
@@ -198,13 +234,13 @@ def candidates(points: Sequence[Point], cost: str, error: str) -> tuple[list[Poi
         point
         for point in points
         if point.shown()
-        and point.row[f"{cost}_median"] is not None
+        and point.row[cost_column(cost)] is not None
         and point.row[f"{error}_median"] is not None
         and (cost != "server_ms" or point.row["comparable"] == "yes")
     ]
     found = []
     for point in usable:
-        middle = point.row[f"{cost}_median"]
+        middle = point.row[cost_column(cost)]
         low, high = (point.row[f"{cost}_{end}"] if cost == "server_ms" else middle for end in ("low", "high"))
         errors = {frame: sign * value for frame, value in point.numbers[error].items()}
         found.append(Candidate(point.row["method"], low, middle, high, sign * point.row[f"{error}_median"], errors))

@@ -14,10 +14,24 @@ from reports.csv_files import replace_file
 from reports.fronts import pareto_front
 from reports.html import caption, facts_list, fill_page, section
 from reports.store import Store, flat
-from reports.sweep import COSTS, ERRORS, Point, candidates, groups, read_points, read_sweep, write_sweep_csv
+from reports.sweep import (
+    COSTS,
+    ERRORS,
+    Point,
+    candidates,
+    cost_column,
+    groups,
+    read_points,
+    read_rare,
+    read_sweep,
+    write_sweep_csv,
+)
 from reports.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
 from reports.tables import NONE, folded_lists, number, table
 
+HEAD = (
+    "server ms", "samples", "kB/frame", "kbit/s", "largest kB", "keyframe kB", "MB", "FLIP",
+)  # fmt: skip
 LOG_FROM = 10.0  # largest over smallest cost, from which on the axis is logarithmic
 
 
@@ -33,7 +47,7 @@ def write_sweep(folder: Path) -> list[Point]:
     write_sweep_csv(folder, points)
     colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sorted({p.row["method"] for p in points}))}
     sections = [
-        _warnings(sweep, notes["warning"], points),
+        _warnings(sweep, [*notes["warning"].values(), *read_rare(folder)], points),
         _plot(sweep, points),
         _fronts(points),
         _troubles(points),
@@ -73,7 +87,7 @@ def _figure(points: Sequence[Point], cost: str, error: str, colours: dict[str, s
         point
         for point in points
         if point.row["status"] == "overflow"
-        and point.row[f"{cost}_median"] is not None
+        and point.row[cost_column(cost)] is not None
         and point.row[f"{error}_median"] is not None
         and (cost != "server_ms" or point.row["comparable"] == "yes")
     ]
@@ -94,7 +108,7 @@ def _figure(points: Sequence[Point], cost: str, error: str, colours: dict[str, s
 
 def _values(points: Sequence[Point], name: str) -> list[float]:
     scale = COST_NAMES[name][2] if name in COST_NAMES else 1.0
-    return [point.row[f"{name}_median"] * scale for point in points]
+    return [point.row[cost_column(name)] * scale for point in points]
 
 
 def _line(points: Sequence[Point], cost: str, error: str, method: str, colour: str) -> dict[str, Any]:
@@ -131,7 +145,9 @@ def _marks(
 
 
 def _whiskers(points: Sequence[Point], name: str, colour: str) -> dict[str, Any]:
-    """Half-transparent ends of the 95 % intervals; none where a cell has no interval."""
+    """Half-transparent ends of the 95 % intervals of medians; none where a cell has no interval, or a mean is drawn."""
+    if cost_column(name) != f"{name}_median":
+        return {"visible": False}
     scale = COST_NAMES[name][2] if name in COST_NAMES else 1.0
     ends: dict[str, list[float]] = {"array": [], "arrayminus": []}
     for point in points:
@@ -217,8 +233,8 @@ def _same(rows: Sequence[dict[str, Any]], text: str) -> str:
     return filled.pop() if len(filled) == 1 else "varied" if filled else ""
 
 
-def _warnings(sweep: dict[str, Any], warnings: dict[str, str], points: Sequence[Point]) -> str:
-    texts = list(warnings.values())
+def _warnings(sweep: dict[str, Any], texts: list[str], points: Sequence[Point]) -> str:
+    """A banner for what a reader must know before believing a number."""
     if not sweep["timed"]:
         texts.append("Cells ran side by side (--workers): their times do not compare, and are in no plot.")
     unfinished = {(p.condition, p.row["varied"], p.row["variant"]) for p in points if p.row["status"] == "unfinished"}
@@ -244,7 +260,8 @@ def _plot(sweep: dict[str, Any], points: Sequence[Point]) -> str:
         "Error over run time" if sweep["timed"] else "Error over work",
         caption(
             f"Each point is a cell of the grid, each line a method's Pareto front: the best is at the lower left (for "
-            f"PSNR and IW-SSIM, at the upper left). {medians}Crosses left triangles out: they are on no front."
+            f"PSNR and IW-SSIM, at the upper left). {medians}Bytes are means over the frames after "
+            "the keyframe. Crosses left triangles out: they are on no front."
         ),
         f'<p class="choosers">{"".join(choosers)}</p>',
         '<div class="chart" data-figure="sweep"></div>',
@@ -270,19 +287,25 @@ def _fronts(points: Sequence[Point]) -> str:
         lines = [_line_of(p) for p in _sorted(own, name) if p.row[f"pareto_{name}"] in ("method", "all")]
         if lines:
             what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
-            head = ["method", "parameters", "server ms", "samples", "kB", "MB", "FLIP", "on the front of all"]
+            head = ["method", "parameters", *HEAD, "front of all"]
             parts.append(caption(f"{what[0].upper()}{what[1:]}.") + table(head, lines, texts=2))
     if not parts:
         return ""
     over = {"time": "server time", "samples": "samples"}[name]
     return section(
-        "fronts", "The Pareto fronts", caption(f"Cells on the front of FLIP over {over}, by method."), *parts
+        "fronts",
+        "The Pareto fronts",
+        caption(
+            f"Cells on the front of FLIP over {over}, by method. Medians, but kB/frame and kbit/s are means over the "
+            "frames after the keyframe."
+        ),
+        *parts,
     )
 
 
 def _sorted(points: Sequence[Point], name: str) -> list[Point]:
     cost = next(cost for cost, short in COSTS.items() if short == name)
-    return sorted(points, key=lambda point: (point.row["method"], point.row[f"{cost}_median"] or 0))
+    return sorted(points, key=lambda point: (point.row["method"], point.row[cost_column(cost)] or 0))
 
 
 def _line_of(point: Point) -> list[str]:
@@ -293,21 +316,24 @@ def _line_of(point: Point) -> list[str]:
         row["method"],
         point.label,
         time,
-        _median(row, "samples"),
-        _median(row, "bytes_total", 1e-3),
-        _median(row, "atlas_mb"),
-        _median(row, "flip"),
+        _number(row, "samples_median"),
+        _number(row, "bytes_total_mean", 1e-3),
+        _number(row, "bytes_total_kbit_s"),
+        _number(row, "bytes_total_max", 1e-3),
+        _number(row, "bytes_total_key", 1e-3),
+        _number(row, "atlas_mb_median"),
+        _number(row, "flip_median"),
         "yes" if best else "",
     ]
 
 
-def _median(row: dict[str, Any], name: str, scale: float = 1.0) -> str:
-    value = row[f"{name}_median"]
-    return "" if value is None else number(value * scale, whole=name == "samples")
+def _number(row: dict[str, Any], name: str, scale: float = 1.0) -> str:
+    value = row[name]
+    return "" if value is None else number(value * scale, whole=name == "samples_median")
 
 
 def _with_interval(row: dict[str, Any], name: str) -> str:
-    text = _median(row, name)
+    text = _number(row, f"{name}_median")
     low, high = row[f"{name}_low"], row[f"{name}_high"]
     return text if low is None else f"{text} ({number(low)}{NONE}{number(high)})"
 
@@ -340,7 +366,7 @@ def _troubles(points: Sequence[Point]) -> str:
 
 def _cells(points: Sequence[Point]) -> str:
     """All cells, folded away."""
-    head = ["method", "parameters", "picture", "status", "server ms", "samples", "kB", "MB", "FLIP", "stop"]
+    head = ["method", "parameters", "picture", "status", *HEAD, "stop"]
     lines = []
     for point in points:
         method, label, *values, _ = _line_of(point)

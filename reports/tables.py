@@ -7,22 +7,28 @@ from html import escape
 from typing import Any
 
 from reports.charts import Key, Labels, arrow, coding_label, displayed_codings
-from reports.columns import BY_NAME, MEASURED_STATUSES
-from reports.csv_files import median_interval
+from reports.columns import BY_NAME, MEASURED_STATUSES, summary_columns
+from reports.csv_files import after_keyframe, median_interval
 
 Row = dict[str, Any]
+SUMMARY_BY_NAME = {column.name: column for column in summary_columns()}
 NONE = "\u2013"  # an en dash, as between the ends of an interval
 THIN = "\u202f"  # between groups of three digits
 
 
 @dataclass(frozen=True)
 class Shown:
-    """A measure in a headline table: its column, its header, and what it is multiplied with for the unit shown."""
+    """A measure in a headline table: its column, its header, and what it is multiplied with for the unit shown.
+
+    statistic: what is large in a cell. A median has its interval below it, and then mean and largest value; a mean has
+    the median below it.
+    """
 
     name: str
     header: str
     unit: str = ""
     scale: float = 1.0
+    statistic: str = "median"
 
 
 WORK = (
@@ -33,6 +39,8 @@ WORK = (
     Shown("client_ms", "client", "ms"),
     Shown("encode_ms", "encode", "ms"),
     Shown("decode_ms", "decode", "ms"),
+    Shown("fill", "atlas fill", "%", 100),
+    Shown("coherence", "coherence", "%", 100),
 )
 QUALITY = (
     Shown("flip", "FLIP"),
@@ -45,14 +53,16 @@ QUALITY = (
     Shown("holes_px", "holes", "%", 100),
 )
 SIZE = (
-    Shown("bytes_video", "video", "kB", 1e-3),
-    Shown("bytes_alpha", "opacity", "kB", 1e-3),
-    Shown("bytes_metadata", "metadata", "kB", 1e-3),
-    Shown("bytes_geometry", "geometry", "kB", 1e-3),
-    Shown("bytes_total", "total", "kB", 1e-3),
-    Shown("compression_ratio", "video / raw", "%", 100),
-    Shown("fill", "atlas fill", "%", 100),
-    Shown("coherence", "coherence", "%", 100),
+    Shown("bytes_total", "sent", "kB/frame", 1e-3, "mean"),
+    Shown("bytes_total", "sent", "kbit/s", 1, "kbit_s"),
+    Shown("bytes_total", "largest", "kB", 1e-3, "max"),
+    Shown("bytes_total", "keyframe", "kB", 1e-3, "key"),
+    Shown("bytes_total", "whole run", "MB", 1e-6, "total"),
+    Shown("bytes_video", "video", "kB/frame", 1e-3, "mean"),
+    Shown("bytes_alpha", "opacity", "kB/frame", 1e-3, "mean"),
+    Shown("bytes_metadata", "metadata", "kB/frame", 1e-3, "mean"),
+    Shown("bytes_geometry", "geometry", "kB/frame", 1e-3, "mean"),
+    Shown("compression_ratio", "video / raw", "%", 100, "mean"),
 )
 MARK = "Arrows point in the better direction; a method is marked where it beats every other, with 95 % confidence."
 
@@ -70,9 +80,9 @@ class Line:
         return self.summary["codec"], self.summary["crf"]
 
     def values(self, name: str) -> dict[int, float]:
-        """The values of a measure in the frames that were measured, by frame."""
+        """The values of a measure, by frame, that its statistics are over."""
         measured = (row for row in self.rows if row["status"] in MEASURED_STATUSES)
-        return {row["frame"]: row[name] for row in measured if row[name] is not None}
+        return after_keyframe(name, {row["frame"]: row[name] for row in measured if row[name] is not None})
 
 
 def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> list[tuple[str, str]]:
@@ -83,11 +93,13 @@ def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> li
     coded = [line for line in judged if line.coding[0] != "none" or len(shown[line.key]) == 1]
     frames = {key: _frames(rows, key) for key in labels}
     return [
-        (f"Work and time per frame: medians of the measured frames, below them their 95 % interval. {MARK}",
+        ("Work, time and use of the atlas per frame: medians of the measured frames, below them their 95 % interval, "
+         f"mean and largest value. {MARK}",
          _measures(firsts, WORK, labels, frames, coding=False)),
-        ("Error of the client's picture against the reference, with and without video coding.",
+        ("Error of the client's picture against the reference, with and without video coding; numbers as above.",
          _measures(judged, QUALITY, labels, frames)),
-        ("Size of a frame at the displayed rate, and use of the atlas.",
+        ("Everything sent per frame at the displayed rate, then its parts: means over the frames after the keyframe, "
+         "below them their medians. The keyframe, with which a client begins, stands apart.",
          _measures(coded, SIZE, labels, frames)),
     ]  # fmt: skip
 
@@ -114,7 +126,7 @@ def _frames(rows: list[Row], key: Key) -> str:
 def _measures(
     lines: list[Line], columns: tuple[Shown, ...], labels: Labels, frames: dict[Key, str], coding: bool = True
 ) -> str:
-    columns = tuple(c for c in columns if any(line.summary[f"{c.name}_median"] is not None for line in lines))
+    columns = tuple(c for c in columns if any(line.summary[f"{c.name}_{c.statistic}"] is not None for line in lines))
     head = ["<th>method</th>", "<th>coding</th>" if coding else "<th>frames ok</th>"]
     head += [_header(column) for column in columns]
     body = []
@@ -127,20 +139,31 @@ def _measures(
 
 
 def _header(column: Shown) -> str:
-    known = BY_NAME[column.name]
+    known = SUMMARY_BY_NAME[f"{column.name}_{column.statistic}"]
+    meaning = f"{known.meaning}; {column.name}: {BY_NAME[column.name].meaning}"
     unit = f"<small>{column.unit}</small>" if column.unit else ""
-    return f'<th title="{escape(known.meaning)}">{column.header}&nbsp;{arrow(known.better)}{unit}</th>'
+    return f'<th title="{escape(meaning)}">{column.header}&nbsp;{arrow(known.better)}{unit}</th>'
 
 
 def _cell(line: Line, column: Shown, rivals: list[Line]) -> str:
-    middle, low, high = (line.summary[f"{column.name}_{part}"] for part in ("median", "low", "high"))
-    if middle is None:
-        return f"<td>{NONE}</td>"
     whole = BY_NAME[column.name].type is int and column.scale == 1
-    text, *ends = (number(value * column.scale, whole) for value in (middle, low, high) if value is not None)
-    interval = f"<small>{NONE.join(ends)}</small>" if low != high else ""
-    kind = ' class="best"' if rivals and all(_beats(line, rival, column.name) for rival in rivals) else ""
-    return f"<td{kind}>{text}{interval}</td>"
+    found = {
+        part: number(value * column.scale, whole)
+        for part in ("median", "low", "high", "mean", "max", column.statistic)
+        if (value := line.summary[f"{column.name}_{part}"]) is not None
+    }
+    if column.statistic not in found:
+        return f"<td>{NONE}</td>"
+    below = []
+    if column.statistic == "median" and found["median"] != found["max"]:
+        if "low" in found and found["low"] != found["high"]:
+            below.append(f"{found['low']}{NONE}{found['high']}")
+        below += [f"mean {found['mean']}", f"max {found['max']}"]
+    elif column.statistic == "mean" and found["median"] != found["mean"]:
+        below.append(f"median {found['median']}")
+    judged = column.statistic in ("median", "mean") and rivals
+    kind = ' class="best"' if judged and all(_beats(line, rival, column.name) for rival in rivals) else ""
+    return f"<td{kind}>{found[column.statistic]}{''.join(f'<small>{text}</small>' for text in below)}</td>"
 
 
 def _beats(line: Line, rival: Line, name: str) -> bool:

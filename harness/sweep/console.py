@@ -14,7 +14,7 @@ from harness.session import open_head_motion, open_path, open_scene
 from harness.skips import skipped_stages
 from harness.sweep.grid import make_grid
 from kernels.device import Device
-from reports.sweep import candidates, groups
+from reports.sweep import candidates, groups, read_rare
 from reports.sweep_words import CODING_NAMES, COST_NAMES, verdict
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def show_sweep(points: list[Point], folder: Path) -> None:
             continue
         what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
         console.print(f"[bold]Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {escape(what)}[/]")
-        table = make_table("", "method", "parameters", "server ms", "samples", "FLIP")
+        table = make_table("", "method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
         for column in table.columns[2:]:
             column.justify, column.no_wrap = "right", True
         for point in sorted(lines, key=lambda point: (point.row["method"], point.row[f"{cost}_median"])):
@@ -91,13 +91,16 @@ def show_sweep(points: list[Point], folder: Path) -> None:
             time = f"{row['server_ms_median']:.1f}" if timed else ""
             if timed and row["server_ms_low"] is not None:
                 time += f" ±{50 * (row['server_ms_high'] - row['server_ms_low']) / row['server_ms_median']:.0f} %"
-            table.add_row(
-                row["method"], escape(point.label), time, f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
-            )
+            sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
+            sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
+            samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
+            table.add_row(row["method"], escape(point.label), time, *sizes, samples, flip)
         console.print(table)
         console.print(verdict(candidates(own, cost, "flip")[1], cost, "flip"))
         console.print()
     _show_troubles(console, points)
+    for text in read_rare(folder):
+        console.print(f"[yellow]not seen[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
 
 

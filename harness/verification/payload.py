@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import fields
 from numbers import Real
 from typing import Any
 
@@ -31,10 +32,11 @@ def check_launches(stages: Iterable[str], samples: int) -> Iterator[Violation]:
 def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
     """That nothing is computed when a payload is looked at, and nothing hides in it."""
     shape = (frame.atlas_height, frame.atlas_width, 4)
-    device = type(frame.pvs_device)
+    device, kind = type(frame.pvs_device), type(payload)
     samples = payload.samples
     fine = {
-        "payload": type(payload) is Payload,
+        "fields": all(field.name in vars(payload) for field in fields(Payload)),
+        "class": (kind.__getattribute__, kind.owners) == (Payload.__getattribute__, Payload.owners),
         "planes": type(payload.planes) is dict
         and all(type(p) is device and p.dtype == np.uint8 and p.shape == shape for p in payload.planes.values()),
         "blobs": _all_of(payload.blobs, BYTES),
@@ -44,7 +46,7 @@ def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
         "unplaced": all(isinstance(reason, str) for reason in payload.unplaced.values()),
     }
     if wrong := [name for name, is_fine in fine.items() if not is_fine]:
-        sentence = f"The payload's {', '.join(wrong)} are not what the interface says, of the atlas' size."
+        sentence = f"The payload is not as the interface says, planes of the atlas' size: {', '.join(wrong)}."
         yield violation("plain", len(wrong), sentence)
     if strange := sorted(payload.statistics.keys() - statistics_of(payload)):
         sentence = f"Of the payload, the statistics {', '.join(strange)} are not finite numbers."

@@ -15,8 +15,10 @@ from kernels.ppll.lists import (
     changed_colours,
     changed_lists,
     changed_twin,
+    count_deleted,
     cut_lists,
     cut_twin,
+    deleted_twin,
     splice_lists,
     splice_twin,
 )
@@ -32,6 +34,7 @@ from kernels.ppll.match import (
 )
 from kernels.ppll.rows import colour_rows, normal_rows, normals_twin, rows_twin
 from kernels.ppll.splat import draw_lists, draw_lists_twin
+from kernels.ppll.wire import LAYOUTS, write_lists, write_twin
 from kernels.raster.cases import camera
 
 if TYPE_CHECKING:
@@ -112,6 +115,7 @@ def rows(device: Device, kind: str, size: int) -> Trial:
 
 SPLICING = {
     "lists.cut_lists": Cost("n", "16*n + 8*pixels"),
+    "lists.count_deleted": Cost("n", "4*n"),
     "lists.count_spliced": Cost("pixels", "12*pixels"),
     "lists.splice_lists": Cost("n", "16*n + 12*pixels"),
     "lists.count_changed_colours": Cost("pixels", "16*pixels"),
@@ -133,6 +137,7 @@ def splicing(device: Device, kind: str, size: int) -> Trial:
     def run() -> tuple:
         changed_colours(device, fresh, *blended, 3, "lists")
         changed = changed_lists(device, fresh, held, 3, 1e-4, "lists")
+        count_deleted(device, changed, "lists")
         return changed, splice_lists(device, held, changed, "lists")
 
     def results() -> list[Result]:
@@ -142,9 +147,39 @@ def splicing(device: Device, kind: str, size: int) -> Trial:
         expected = cut_twin(fresh.host(), counts)
         cut = cut_lists(device, fresh, device.upload(np.append(counts, 0).astype(np.int32)), "lists")
         pairs = zip((*cut.host(), *spliced.host()), (*expected, *splice_twin(held.host(), expected)), strict=True)
-        return [Result(np.diff(changed.host()[0]) > 0, differs), *(Result(*pair) for pair in pairs)]
+        deleted = np.array(count_deleted(device, changed, "lists")), np.array(deleted_twin(changed.host()))
+        return [Result(np.diff(changed.host()[0]) > 0, differs), Result(*deleted), *(Result(*pair) for pair in pairs)]
 
     return Trial({"n": held.count, "pixels": held.pixels}, run, results)
+
+
+WRITING = {
+    "wire.write_fragments": Cost("n", "32*n"),
+    "wire.write_ends": Cost("pixels", "12*pixels"),
+}
+
+
+@case(WRITING, 480, 96)
+def writing(device: Device, kind: str, size: int) -> Trial:
+    """Two nodes' lists of colours, and of normals, in both layouts. Adversarial: long lists, and a node without any."""
+    rng, shape = seeded(kind), (size, size * 2 // 3)
+    nodes = {
+        words: [random_lists(device, rng, *shape, most, words) for most in (most_layers(kind), 1 + (kind == "typical"))]
+        for words in (2, 5)
+    }
+
+    wanted = [(lists, layout) for lists in nodes.values() for layout in LAYOUTS]
+
+    def run() -> list:
+        return [write_lists(device, lists, layout, "wire") for lists, layout in wanted]
+
+    def results() -> list[Result]:
+        expected = [b"".join(write_twin(*node.host(), layout) for node in lists) for lists, layout in wanted]
+        return [Result(a.get(), np.frombuffer(b, np.uint32)) for a, b in zip(run(), expected, strict=True)]
+
+    written = [node for lists, _ in wanted for node in lists]
+    counts = {"n": sum(node.count for node in written), "pixels": sum(node.pixels for node in written)}
+    return Trial(counts, run, results)
 
 
 MATCHING = {

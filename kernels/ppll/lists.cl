@@ -14,6 +14,20 @@ __kernel void cut_lists(const int pixels, const int words, __global const int *o
         cut_rows[first * words + i] = i < given ? rows[from * words + i] : 0;
 }
 
+// How many of each run of fragments are transparent.
+__kernel void count_deleted(const int count, const int run, const int words, __global const uint *rows,
+                            __global int *sums)
+{
+    const int id = get_global_id(0);
+    if (id > (count - 1) / run)
+        return;
+    const int end = LESSER((id + 1) * run, count);
+    int sum = 0;
+    for (int i = id * run; i < end; i++)
+        sum += rows[(size_t)i * words] >> 24 == 0;
+    sums[id] = sum;
+}
+
 // A pixel's list is the new one where that holds anything, else the one held.
 __kernel void count_spliced(const int pixels, __global const int *held, __global const int *fresh,
                             __global int *counts)

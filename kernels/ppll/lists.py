@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.common.scan import exclusive_scan
+from kernels.common.scan import RUNS_ON_A_GPU, exclusive_scan
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -56,6 +56,18 @@ def cut_lists(device: Device, lists: Lists, counts: Array, stage: str) -> Lists:
     return Lists(lists.width, lists.height, total, lists.words, offsets, rows)
 
 
+def count_deleted(device: Device, lists: Lists, stage: str) -> int:
+    """How many fragments are transparent: they delete what is held."""
+    if not lists.count:
+        return 0
+    local = 1 if device.is_cpu else None
+    run = -(-lists.count // (device.chunks if device.is_cpu else RUNS_ON_A_GPU))
+    sums = device.recycled(-(-lists.count // run), np.int32)
+    inputs = (lists.count, run, lists.words, lists.rows, sums)
+    device.launch(stage, device.build("ppll/lists.cl").count_deleted, sums.size, *inputs, local=local)
+    return int(sums.get().sum(dtype=np.int64))
+
+
 def splice_lists(device: Device, held: Lists, fresh: Lists, stage: str) -> Lists:
     """`held` with the lists that `fresh` has in place of its own."""
     kernels, pixels = device.build("ppll/lists.cl"), held.pixels
@@ -102,6 +114,11 @@ def cut_twin(lists: Host, counts: np.ndarray) -> Host:
         part = rows[offsets[pixel] : offsets[pixel + 1]][:count]
         parts += [part, np.zeros((count - len(part), rows.shape[1]), np.uint32)]
     return np.concatenate([[0], np.cumsum(counts)]), np.concatenate([rows[:0], *parts])
+
+
+def deleted_twin(lists: Host) -> int:
+    """As count_deleted."""
+    return int((lists[1][:, 0] >> 24 == 0).sum())
 
 
 def splice_twin(held: Host, fresh: Host) -> Host:

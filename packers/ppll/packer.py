@@ -11,12 +11,13 @@ import numpy as np
 
 from kernels.fragments.blend import blend_lists
 from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
-from kernels.ppll.lists import Lists, changed_colours, changed_lists, splice_lists
+from kernels.ppll.lists import Lists, changed_colours, changed_lists, count_deleted, splice_lists
 from kernels.ppll.match import apply_differences, find_differences, move_lists, turning
+from kernels.ppll.wire import LAYOUTS, write_lists
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene, View
 from packers.ppll.client import ListClient
 from packers.ppll.server import Depth, ListRenderer, NodeLists
-from packers.ppll.wire import LAYOUTS, MERGES, MODES, MOST_NODES, Message, encode
+from packers.ppll.wire import MERGES, MODES, MOST_NODES, Head, decode, encode
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -32,7 +33,7 @@ class PerPixelLinkedLists(Packer):
     atlas = False
     parameters = {  # noqa: RUF012
         "mode": Parameter(
-            "full",
+            "depth-limited",
             MODES,
             "which fragments are sent: all, the nearest, the lists of pixels that changed, or those that moving the "
             "last frame's does not give",
@@ -130,26 +131,49 @@ class PerPixelLinkedLists(Packer):
     def pack(self, frame: Frame) -> Payload:
         """The lists of the frame's set in the list view, as far as the display does not hold them."""
         view = list_view(frame)
+        device = self.renderer.device
         nodes = self.renderer.render(view, frame.pvs_device, len(frame.pvs), self.mode == "bilateral")
         lists = [node.lists for node in nodes]
         encoders = {"difference": self._changed, "bilateral": self._unmatched}
         sent = encoders[self.mode](lists, view) if self.mode in encoders else lists
         self.view = view
-        hosts = tuple((offsets.astype(np.int64), rows) for offsets, rows in (part.host() for part in sent))
-        size = (view.width, view.height)
-        how = (self.merge, self.threshold)
-        message = Message(self.mode, self.layout, *size, view.view, view.projection, hosts, *how)
-        head, packed = encode(message)
+        head = Head(
+            mode=self.mode,
+            layout=self.layout,
+            width=view.width,
+            height=view.height,
+            view=view.view,
+            projection=view.projection,
+            words=sent[0].words,
+            counts=tuple(part.count for part in sent),
+            merge=self.merge,
+            threshold=self.threshold,
+        )
+        written = device.download(write_lists(device, sent, self.layout, "structs/wire"))
+        deleted = sum(count_deleted(device, part, "structs/count") for part in sent) if self.mode in encoders else 0
         return Payload(
             planes={},
-            blobs={"head": head},
+            blobs={"head": encode(head, written)},
             geometry=b"",
             sample_count=sum(part.count for part in lists),
-            statistics=statistics(nodes, message),
-            lists={"lists": packed},
-            raw_bytes=message.raw_bytes,
-            details=details(message),
+            statistics=statistics(nodes, head, deleted),
+            lists={"lists": written},
+            raw_bytes=head.raw_bytes,
         )
+
+    def details(self, payload: Payload) -> dict[str, np.ndarray]:
+        """What was sent: `header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words), of node 0.
+
+        Those of further nodes have its number behind their name. `list_view` and `list_projection` float64 (4, 4) are
+        the lists' camera.
+        """
+        message = decode(payload.blobs["head"], payload.lists["lists"])
+        arrays = {"list_view": message.view, "list_projection": message.projection}
+        for node, (offsets, rows) in enumerate(message.nodes):
+            header = np.stack([offsets[:-1], np.diff(offsets)], axis=1).astype(np.uint32)
+            arrays[f"header{node or ''}"] = header.reshape(message.height, message.width, 2)
+            arrays[f"fragments{node or ''}"] = rows
+        return arrays
 
     def _held(self, lists: list[Lists]) -> list[Lists]:
         """What the display holds of each node: nothing at first."""
@@ -217,11 +241,9 @@ def list_view(frame: Frame) -> View:
     return View(server.view, projection, width, height)
 
 
-def statistics(nodes: list[NodeLists], message: Message) -> dict[str, float]:
+def statistics(nodes: list[NodeLists], head: Head, deleted: int) -> dict[str, float]:
     """What the report shows of a frame's lists, over all nodes."""
-    built = sum(node.built for node in nodes)
-    sent = sum(len(rows) for _, rows in message.nodes)
-    deleted = sum(int(np.count_nonzero(rows[:, 0] < 1 << 24)) for _, rows in message.nodes)
+    built, sent = sum(node.built for node in nodes), sum(head.counts)
     longest = max(len(node.pixels_by_layers) for node in nodes)
     histogram = sum(np.pad(node.pixels_by_layers, (0, longest - len(node.pixels_by_layers))) for node in nodes)
     layers = {f"pixels_of_{k}_layers": int(n) for k, n in enumerate(histogram[:16])}
@@ -233,20 +255,7 @@ def statistics(nodes: list[NodeLists], message: Message) -> dict[str, float]:
         "fragments_sent": sent,
         "fragments_deleted": deleted,
         "share_saved": 1 - sent / built if built else 0.0,
-        "header_bytes": 4 * message.width * message.height * len(nodes),
-        "list_bytes": message.raw_bytes - 4 * message.width * message.height * len(nodes),
-        "padded_bytes": message.padded_bytes,
+        "header_bytes": head.header_bytes,
+        "list_bytes": head.raw_bytes - head.header_bytes,
+        "padded_bytes": head.padded_bytes,
     }
-
-
-def details(message: Message) -> dict[str, np.ndarray]:
-    """What `--dump` writes: `header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words) of the lists
-    sent; with several nodes both are of node 0, and further ones have its number behind their name. `list_view` and
-    `list_projection` float64 (4, 4) are the lists' camera."""
-    arrays = {"list_view": message.view, "list_projection": message.projection}
-    for node, (offsets, rows) in enumerate(message.nodes):
-        header = np.empty((message.height, message.width, 2), np.uint32)
-        header[..., 0], header[..., 1] = (part.reshape(header.shape[:2]) for part in (offsets[:-1], np.diff(offsets)))
-        arrays[f"header{node or ''}"] = header
-        arrays[f"fragments{node or ''}"] = rows
-    return arrays

@@ -17,7 +17,8 @@ The lists, node after node:
 
 `paper` sends the header and one structure after the other. `shuffled` sends, for the header and then each field, first
 all lowest bytes, then all second ones and so on; as fragments lie pixel after pixel, nearest first, its header only
-says which pixels have any (1), and its `next` which fragments are followed by another of their pixel (1).
+says which pixels have any (1), and its `next` which fragments are followed by another of their pixel (1). The lists are
+written on the device (kernels/ppll/wire.py); here are their head and the reading.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from packers.geometry import shuffle, unshuffle
+from kernels.ppll.wire import LAYOUTS
+from packers.geometry import unshuffle
 
 MODES = ("full", "depth-limited", "difference", "bilateral")
-LAYOUTS = ("paper", "shuffled")
 MERGES = ("exact", "paper")
 VERSION = 1
 HEAD = 4 + 10 * 4
@@ -45,11 +46,12 @@ class WireError(ValueError):
     """A message that cannot be what an encoder sent; the sentence says why."""
 
 
-@dataclass(frozen=True)
-class Message:
-    """One frame's lists: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first.
+@dataclass(frozen=True, kw_only=True)
+class Head:
+    """What the head says of one frame's lists.
 
-    merge, threshold: how bilateral differences are applied, see kernels.ppll.match.
+    words: uint32 of a fragment without `next`. counts: fragments of each node. merge, threshold: how bilateral
+    differences are applied, see kernels.ppll.match.
     """
 
     mode: str
@@ -58,50 +60,41 @@ class Message:
     height: int
     view: np.ndarray
     projection: np.ndarray
-    nodes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    words: int
+    counts: tuple[int, ...]
     merge: str = "exact"
     threshold: float = 0.0
 
     @property
+    def header_bytes(self) -> int:
+        """4 bytes per pixel and node."""
+        return 4 * self.width * self.height * len(self.counts)
+
+    @property
     def raw_bytes(self) -> int:
-        """4 bytes per pixel and 12 or 24 per fragment: what the lists take in the thesis' structures."""
-        return sum(4 * (len(offsets) - 1) + rows.size * 4 + len(rows) * 4 for offsets, rows in self.nodes)
+        """With 12 or 24 bytes per fragment: what the lists take in the thesis' structures."""
+        return self.header_bytes + sum(self.counts) * 4 * (self.words + 1)
 
     @property
     def padded_bytes(self) -> int:
         """The same with fragments padded to 16 or 32 bytes."""
-        return sum(
-            4 * (len(offsets) - 1) + len(rows) * (16 if rows.shape[1] == 2 else 32) for offsets, rows in self.nodes
-        )
+        return self.header_bytes + sum(self.counts) * (16 if self.words == WORDS[0] else 32)
 
 
-def encode(message: Message) -> tuple[bytes, bytes]:
-    """The head and the lists."""
-    encoded = [_encode_node(*node, message.layout) for node in message.nodes]
-    lists = encoded[0] if len(encoded) == 1 else b"".join(encoded)
-    words = message.nodes[0][1].shape[1]
-    numbers = [VERSION, MODES.index(message.mode), LAYOUTS.index(message.layout), message.width, message.height]
-    numbers += [words, len(message.nodes), zlib.crc32(lists), MERGES.index(message.merge)]
-    numbers += [int(np.float32(message.threshold).view(np.uint32)), *(len(rows) for _, rows in message.nodes)]
-    matrices = np.concatenate([message.view.ravel(), message.projection.ravel()]).astype("<f8")
-    return b"PPLL" + np.array(numbers, "<u4").tobytes() + matrices.tobytes(), lists
+@dataclass(frozen=True, kw_only=True)
+class Message(Head):
+    """One frame's lists as they arrive: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
+
+    nodes: tuple[tuple[np.ndarray, np.ndarray], ...]
 
 
-def _encode_node(offsets: np.ndarray, rows: np.ndarray, layout: str) -> bytes:
-    counts = np.diff(offsets)
-    follows = np.ones(len(rows), np.uint32)
-    follows[offsets[1:][counts > 0] - 1] = 0
-    if layout == "shuffled":
-        fields = [(counts > 0).astype(np.uint32), *rows.T, follows]
-        return b"".join(shuffle(np.ascontiguousarray(field)) for field in fields)
-    pixels = len(counts)
-    data = np.empty(pixels + rows.size + len(rows), "<u4")  # written once: lists are the largest thing of a frame
-    data[:pixels] = np.where(counts > 0, offsets[:-1] + 1, 0)
-    fragments = data[pixels:].reshape(len(rows), rows.shape[1] + 1)
-    for field in range(rows.shape[1]):  # a column at a time, which is faster than rows of few numbers
-        fragments[:, field] = rows[:, field]
-    fragments[:, -1] = np.arange(2, len(rows) + 2, dtype=np.uint32) * follows
-    return data.tobytes()
+def encode(head: Head, lists: bytes) -> bytes:
+    """The bytes of the head that goes with these bytes of lists."""
+    numbers = [VERSION, MODES.index(head.mode), LAYOUTS.index(head.layout), head.width, head.height]
+    numbers += [head.words, len(head.counts), zlib.crc32(lists), MERGES.index(head.merge)]
+    numbers += [int(np.float32(head.threshold).view(np.uint32)), *head.counts]
+    matrices = np.concatenate([head.view.ravel(), head.projection.ravel()]).astype("<f8")
+    return b"PPLL" + np.array(numbers, "<u4").tobytes() + matrices.tobytes()
 
 
 def decode(head: bytes, lists: bytes) -> Message:
@@ -131,8 +124,19 @@ def decode(head: bytes, lists: bytes) -> Message:
     ends = np.cumsum(sizes)
     parts = [lists[end - size : end] for end, size in zip(ends.tolist(), sizes.tolist(), strict=True)]
     decoded = [_decode_node(part, LAYOUTS[layout], width * height, words) for part in parts]
-    size = (width, height)
-    return Message(MODES[mode], LAYOUTS[layout], *size, *matrices, tuple(decoded), MERGES[merge], threshold)
+    return Message(
+        mode=MODES[mode],
+        layout=LAYOUTS[layout],
+        width=width,
+        height=height,
+        view=matrices[0],
+        projection=matrices[1],
+        words=words,
+        counts=tuple(counts.tolist()),
+        merge=MERGES[merge],
+        threshold=threshold,
+        nodes=tuple(decoded),
+    )
 
 
 def _decode_node(data: bytes, layout: str, pixels: int, words: int) -> tuple[np.ndarray, np.ndarray]:

@@ -15,7 +15,7 @@ from kernels.sas.emit import Unfolded, emit_samples
 from kernels.sas.footprint import STEPS, measure_sides
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
-from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
+from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
 from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
 
@@ -82,6 +82,10 @@ class ShadingAtlasStreaming(Packer):
     def settled(self) -> bool:
         """Blocks stay where they are once a set has them, as long as nothing was reset for lack of room."""
         return not self.changed
+
+    def rare_costs(self) -> tuple[RareCost, ...]:
+        """All blocks are given up at once when no superblock is left."""
+        return (RareCost("an atlas reset", "when the atlas is full", "resets"),)
 
     def pack(self, frame: Frame) -> Payload:
         """Blocks for the patches in the frame's set, and their shading; the first frame's atlas size is kept."""

@@ -29,7 +29,7 @@ from kernels.snakebinning.place import Places, find_new, list_records, place_tri
 from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
-from packers.interface import ClientScene, Frame, Packer, Paper, Payload, ServerScene, View
+from packers.interface import ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
 from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
 from packers.snakebinning.parameters import PARAMETERS
 from packers.snakebinning.picture import draw_packing
@@ -71,8 +71,20 @@ class SnakeBinning(Packer):
         self.sent = np.zeros((count, FIELDS), np.uint32)
         self.frame = self.rebuilt = self.frozen_frames = 0
         self.rebuilt_area = self.added_area = 0.0  # texels, at the last rebuild and since then
-        self.resets, self.rate_step, self.since_mapping = 0, 0, 0
+        self.rebuilds = self.remappings = self.resets = 0
+        self.rate_step = self.since_mapping = 0
         self.blocks: Superblocks | None = None
+
+    def rare_costs(self) -> tuple[RareCost, ...]:
+        """A rebuild measures and ranks the whole set, a new mapping empties all bins, a reset tries shading rates."""
+        found = [RareCost("an atlas reset", "when the atlas is full", "resets")]
+        if self.remap_interval > 0 and self.mapping != "off":
+            when = f"after {self.remap_interval} frames at the latest"
+            found.append(RareCost("a new mapping of all bins", when, "remappings", self.remap_interval + 1))
+        if self.freeze > 0:
+            when = f"after {self.freeze_frames} frozen frames at the latest"
+            found.append(RareCost("a rebuild of the layout", when, "rebuilds", self.freeze_frames + 2))
+        return tuple(found)
 
     def pack(self, frame: Frame) -> Payload:
         """Slots for the triangles of the frame's set, and their shading."""
@@ -81,9 +93,11 @@ class SnakeBinning(Packer):
         if self.blocks is None:
             self._begin(frame, check_atlas(frame.atlas_width, frame.atlas_height, self.superblock_height))
             self._reset(frame)
-        elif not self._append(frame) and not self._rebuild(frame):
-            self.resets += 1
-            self._reset(frame)
+        elif not self._append(frame):
+            self.rebuilds += 1
+            if not self._rebuild(frame):
+                self.resets += 1
+                self._reset(frame)
         records, cuts = list_records(device, *self.items, self.places, self.footprints, self.blocks.strips)
         known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, self.pieces)
         samples = emit_samples(device, *self.items, *known, frame.atlas_width, self.full_footprint, self.enlarge)
@@ -148,6 +162,7 @@ class SnakeBinning(Packer):
             if self.rate_step > 0:
                 return False
             self.mapper.reset()
+            self.remappings += 1
             self.since_mapping = 0
         self._measure_set(frame, keep=self.hysteresis)
         return self._settle(frame)
@@ -366,6 +381,8 @@ class SnakeBinning(Packer):
             "sinks": sinks,
             "sources": max(0, self.rebuilt_bins - sinks),
             "superblocks": len(blocks),
+            "rebuilds": self.rebuilds,
+            "remappings": self.remappings + self.resets,
             "resets": self.resets,
             "collapsed": numbers["collapsed"],
             "outgrown": numbers["outgrown"],

@@ -100,7 +100,7 @@ class TessellatedShadingStreaming(Packer):
         """Only the scale is kept from frame to frame, to begin with; the order of arrival is another in each."""
         return self.order == "primitive" and self.step == self.guess
 
-    def pack(self, frame: Frame) -> Payload:
+    def pack(self, frame: Frame) -> TessellatedPayload:
         """Places for the triangles of the frame's set, and their shading."""
         device, server = frame.scene.device, frame.server
         camera = camera_floats(server.view, server.projection, server.width, server.height)
@@ -123,7 +123,7 @@ class TessellatedShadingStreaming(Packer):
         statistics = describe(placement)
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
         statistics["metadata_bytes"] = sum(len(blob) for blob in blobs.values())
-        return Payload(
+        return TessellatedPayload(
             planes=frame.shade(samples),
             blobs=blobs,
             geometry=self.geometry.encode(frame.pvs),
@@ -131,14 +131,18 @@ class TessellatedShadingStreaming(Packer):
             samples=samples,
             unplaced={int(triangle): UNPLACED for triangle in frame.pvs[lost]},
             statistics=statistics,
-            details={"forms": placement.forms, "places": placement.places},
+            placement=placement,
         )
 
-    def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
+    def details(self, payload: TessellatedPayload) -> dict[str, np.ndarray]:
+        """The primitives' forms and places, see Placement."""
+        return {"forms": payload.placement.forms, "places": payload.placement.places}
+
+    def pictures(self, payload: TessellatedPayload) -> dict[str, np.ndarray]:
         """The atlas by strategy."""
         height, width = payload.planes["atlas"].shape[:2]
         texel = payload.samples.texel.get()[: payload.sample_count]
-        drawn = draw_strategies(payload.details["forms"], payload.details["places"], texel, width, height)
+        drawn = draw_strategies(payload.placement.forms, payload.placement.places, texel, width, height)
         return {"strategies": drawn}
 
     def _arrange(self, frame: Frame, camera: Array) -> Arranged:
@@ -198,6 +202,13 @@ class TessellatedShadingStreaming(Packer):
     def client(self, scene: ClientScene) -> TessellatedClient:
         """A client without any triangle yet."""
         return TessellatedClient(scene)
+
+
+@dataclass(kw_only=True)
+class TessellatedPayload(Payload):
+    """A payload, and what was decided about it, which pictures and `--dump` show."""
+
+    placement: Placement
 
 
 @dataclass(frozen=True)

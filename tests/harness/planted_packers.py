@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from kernels.ppll.wire import write_twin
 from kernels.samples import Samples
 from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
 from packers.ppll import PerPixelLinkedLists
@@ -20,10 +21,11 @@ GLOBAL = {}  # what two of them hide things in
 def edit_lists(payload: Payload, edit) -> Payload:
     """A payload whose lists are those that `edit` makes of offsets and rows."""
     message = decode(payload.blobs["head"], payload.lists["lists"])
-    message = replace(message, nodes=tuple(edit(*node) for node in message.nodes))
-    payload.blobs["head"], payload.lists["lists"] = encode(message)
-    payload.raw_bytes = message.raw_bytes
-    payload.sample_count = sum(len(rows) for _, rows in message.nodes)
+    nodes = tuple(edit(*node) for node in message.nodes)
+    counts = tuple(len(rows) for _, rows in nodes)
+    payload.lists["lists"] = written = b"".join(write_twin(*node, message.layout) for node in nodes)
+    payload.blobs["head"] = encode(replace(message, nodes=nodes, counts=counts), written)
+    payload.raw_bytes, payload.sample_count = len(written), sum(counts)
     return payload
 
 
@@ -339,6 +341,10 @@ class Ended(PerPixelLinkedLists):
     name = "ended"
     holds = "nearest"
 
+    def prepare(self, scene):
+        self.mode = "full"
+        super().prepare(scene)
+
     def pack(self, frame):
         def without_first(offsets, rows):
             count = np.diff(offsets)
@@ -445,7 +451,7 @@ PLANTED = {
     InTheModule: "State is kept outside of packer and client",
     Opaque: "texels of the alpha plane have another opacity",
     Phantom: "have an alpha that is not 255 where they are listed",
-    Lazy: "The payload's payload are not what the interface says",
+    Lazy: "The payload is not as the interface says",
     Unrecorded: "packing it launched no gather stage",
     Ended: "the nearest fragment is not the nearest surface",
     FarFragment: "hold, too, what is not",

@@ -115,9 +115,8 @@ def test_a_set_comes_from_the_cache_the_second_time(wall):
     again = potentially_visible(wall, pose, 0.1, frustum, 0.01, 2.0)
     assert first.views > 0
     assert first.milliseconds > 0
-    assert again.views == 0
-    assert again.milliseconds is None
     assert again.ids.tolist() == first.ids.tolist()
+    assert (again.views, again.planned, again.milliseconds) == (first.views, first.planned, first.milliseconds)
     other = potentially_visible(wall, pose, 0.1, frustum, 0.01, 1.0)
     assert other.views > 0
 

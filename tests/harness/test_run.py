@@ -13,20 +13,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from reports.columns import FRAME_COLUMNS
+
 ROOT = Path(__file__).parents[2]
 BAD = Path(__file__).parent / "bad_packers.py"
 SMALL = ["--method", "sas", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--crf", "25"]
-VARYING = {
-    "pvs_ms",
-    "structs_ms",
-    "gather_ms",
-    "server_ms",
-    "client_ms",
-    "encode_ms",
-    "decode_ms",
-    "wall_ms",
-    "peak_mb",
-}
+VARYING = {column.name for column in FRAME_COLUMNS if column.kind == "time"} - {"network_ms"} | {"peak_mb"}
 
 
 def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:

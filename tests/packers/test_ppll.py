@@ -60,13 +60,19 @@ class Stream:
         self.client.receive(Decoded({}, payload.blobs, payload.geometry, payload.lists))
         return payload
 
+    def layers(self, payload: Payload) -> np.ndarray:
+        """How many fragments each pixel of node 0 was sent, (h, w)."""
+        return self.packer.details(payload)["header"][..., 1]
+
 
 def rgb(image) -> np.ndarray:
     return image.rgb.get()[..., :3].astype(int)
 
 
 @pytest.mark.parametrize("name", ["opaque", "glass"])
-@pytest.mark.parametrize("parameters", [{}, {"layout": "shuffled", "nodes": 3}, {"mode": "difference"}])
+@pytest.mark.parametrize(
+    "parameters", [{}, {"mode": "full"}, {"mode": "full", "layout": "shuffled", "nodes": 3}, {"mode": "difference"}]
+)
 def test_at_the_servers_pose_the_client_sees_the_reference(request, name, parameters):
     """Equal within a level but where float rounding moves an edge across a pixel's centre."""
     scene = request.getfixturevalue(name)
@@ -83,7 +89,7 @@ def test_at_the_servers_pose_the_client_sees_the_reference(request, name, parame
 @pytest.mark.parametrize("name", ["opaque", "glass"])
 def test_a_novel_view_comes_close(request, name):
     scene = request.getfixturevalue(name)
-    stream = Stream(scene)
+    stream = Stream(scene, mode="full")
     made = frame(scene)
     stream.send(made)
     image = stream.client.draw(novel_view())
@@ -103,16 +109,17 @@ def test_list_views_have_the_clients_pixels(opaque):
 
 
 def test_payload_counts_what_the_thesis_counts(glass):
-    stream = Stream(glass)
+    stream = Stream(glass, mode="full")
     payload = stream.send(frame(glass))
     message = decode(payload.blobs["head"], payload.lists["lists"])
     (offsets, rows), pixels = message.nodes[0], message.width * message.height
     assert payload.raw_bytes == 4 * pixels + 12 * len(rows) == len(payload.lists["lists"])
     assert payload.sample_count == payload.statistics["fragments_sent"] == len(rows)
-    header = payload.details["header"]
+    details = stream.packer.details(payload)
+    header = details["header"]
     assert header.shape == (message.height, message.width, 2)
     np.testing.assert_array_equal(header[..., 1].ravel(), np.diff(offsets))
-    np.testing.assert_array_equal(payload.details["fragments"], rows)
+    np.testing.assert_array_equal(details["fragments"], rows)
     counted = sum(v for k, v in payload.statistics.items() if k.startswith("pixels_of"))
     assert counted == pixels
     depth = rows[:, 1].copy().view(np.float32)
@@ -125,21 +132,23 @@ def test_limits_bound_bytes_and_layers(glass):
     made = frame(glass)
     sizes = []
     for layers in (1, 2, 4):
-        payload = Stream(glass, mode="depth-limited", layers=layers).send(made)
-        assert payload.details["header"][..., 1].max() <= layers
+        stream = Stream(glass, mode="depth-limited", layers=layers)
+        payload = stream.send(made)
+        assert stream.layers(payload).max() <= layers
         view = list_view(made)
         pixels = view.width * view.height
         assert 4 * pixels <= payload.raw_bytes <= pixels * (4 + 12 * layers)
         sizes.append(payload.raw_bytes)
-    full = Stream(glass).send(made)
+    full = Stream(glass, mode="full").send(made)
     assert sizes == sorted(sizes)
     assert sizes[-1] < full.raw_bytes
 
 
 def test_opaque_scenes_send_one_fragment_when_limited(opaque, device):
+    stream = Stream(opaque, mode="depth-limited")
     with device.record() as record:
-        payload = Stream(opaque, mode="depth-limited").send(frame(opaque))
-    assert payload.details["header"][..., 1].max() == 1
+        payload = stream.send(frame(opaque))
+    assert stream.layers(payload).max() == 1
     assert not any("opacity" in name for name in record.launches)
 
 
@@ -162,7 +171,7 @@ def test_the_blended_reference_is_that_of_sorted_lists(glass):
     reference, visibility = ForwardRenderer(glass).draw(view, eye=made.server.eye)
     made = replace(made, server=view, pvs=np.arange(glass.triangles.count, dtype=np.int32))
     made = replace(made, pvs_device=glass.device.upload(made.pvs))
-    payload = Stream(glass).send(made)
+    payload = Stream(glass, mode="full").send(made)
     offsets, rows = decode(payload.blobs["head"], payload.lists["lists"]).nodes[0]
     sky = glass.device.empty((view.height, view.width, 4), np.uint8)
     glass.shader.sky(view.view, view.projection, sky)
@@ -176,7 +185,7 @@ def test_the_blended_reference_is_that_of_sorted_lists(glass):
 def test_differences_keep_the_display_equal_to_full_lists(glass, parameters):
     differences, full = (
         Stream(glass, mode="difference", **parameters),
-        Stream(glass, **{k: v for k, v in parameters.items() if k != "detect"}),
+        Stream(glass, mode="full", **{k: v for k, v in parameters.items() if k != "detect"}),
     )
     for step in (0, 0, 1, 1, 5):
         made = frame(glass, step)
@@ -195,7 +204,7 @@ def test_a_still_camera_sends_nothing_and_deletions_are_transparent(glass):
     assert stream.send(made).statistics["fragments_sent"] == 0
     none = replace(made, pvs=made.pvs[:0], pvs_device=glass.device.upload(made.pvs[:0]))
     gone = stream.send(none)
-    used = np.count_nonzero(first.details["header"][..., 1])
+    used = np.count_nonzero(stream.layers(first))
     assert gone.statistics["fragments_deleted"] == gone.statistics["fragments_sent"] == used
     assert (stream.client.draw(made.predicted[0]).depth.get() == 0).all()
 
@@ -215,7 +224,8 @@ def test_what_tolerance_omits_is_sent_when_the_camera_stands_still(glass):
 
 
 @pytest.mark.parametrize(
-    "parameters", [{}, {"mode": "difference", "nodes": 2, "layout": "shuffled"}, {"mode": "bilateral"}]
+    "parameters",
+    [{}, {"mode": "full"}, {"mode": "difference", "nodes": 2, "layout": "shuffled"}, {"mode": "bilateral"}],
 )
 def test_same_bytes_for_every_work_group_size(glass, parameters, device, monkeypatch):
     sent = []
@@ -238,7 +248,8 @@ def same_lists(a, b) -> bool:
 def test_the_exact_merge_reproduces_what_the_sender_holds(request, name, parameters):
     """Bit for bit, and so its picture; both stay close to the lists sent in full."""
     scene = request.getfixturevalue(name)
-    stream, full = Stream(scene, mode="bilateral", **parameters), Stream(scene, layers=parameters.get("layers", 0))
+    stream = Stream(scene, mode="bilateral", **parameters)
+    full = Stream(scene, mode="full", layers=parameters.get("layers", 0))
     for step in [0, 0, *np.arange(0.1, 2, 0.2), 6]:
         made = frame(scene, step)
         sent = stream.send(made).statistics
@@ -323,12 +334,12 @@ def centre_error(scene: ServerScene, stream: Stream) -> int:
 def test_figure_3_1_one_blended_fragment_per_node_is_not_enough(device):
     """Nodes 0 and 1 get the first and last, and the middle card: between node 0's two fragments lies node 1's."""
     scene = upload_scene(device, cards((2, RED, 0.5), (3, GREEN, 0.5), (4, BLUE, 0.5)))
-    published, ours = Stream(scene, nodes=2, preblend=True), Stream(scene, nodes=2)
+    published, ours = Stream(scene, mode="full", nodes=2, preblend=True), Stream(scene, mode="full", nodes=2)
     for stream in (published, ours):
         stream.send(cards_frame(scene))
     assert centre_error(scene, published) > 15
     assert centre_error(scene, ours) <= 1
-    alone = Stream(scene, preblend=True)  # one node that sees everything may blend
+    alone = Stream(scene, mode="full", preblend=True)  # one node that sees everything may blend
     alone.send(cards_frame(scene))
     assert centre_error(scene, alone) <= 2
 

@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from packers.ppll.wire import LAYOUTS, MODES, Message, WireError, decode, encode
+from kernels.ppll.wire import LAYOUTS, write_twin
+from packers.ppll import wire
+from packers.ppll.wire import MODES, Head, Message, WireError, decode
+
+
+def encode(message: Message) -> tuple[bytes, bytes]:
+    """The head and the lists."""
+    lists = b"".join(write_twin(*node, message.layout) for node in message.nodes)
+    return wire.encode(message, lists), lists
 
 
 def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5) -> Message:
@@ -18,7 +26,19 @@ def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5) -> 
         real = rng.uniform(0, 10, (len(rows), 1 if words == 2 else 3)).astype(np.float32)
         rows[:, -real.shape[1] :] = real.view(np.uint32)
         parts.append((np.concatenate([[0], np.cumsum(counts)]).astype(np.int64), rows))
-    return Message(mode, layout, *pixels, rng.normal(size=(4, 4)), rng.normal(size=(4, 4)), tuple(parts), "paper", 0.25)
+    return Message(
+        mode=mode,
+        layout=layout,
+        width=pixels[0],
+        height=pixels[1],
+        view=rng.normal(size=(4, 4)),
+        projection=rng.normal(size=(4, 4)),
+        words=words,
+        counts=tuple(len(rows) for _, rows in parts),
+        merge="paper",
+        threshold=0.25,
+        nodes=tuple(parts),
+    )
 
 
 @settings(max_examples=40, deadline=None)
@@ -48,9 +68,9 @@ def test_sizes_are_those_of_the_thesis():
     empty, full = message(most=0, pixels=(1280, 720)), message(pixels=(1920, 1080), most=0)
     assert empty.raw_bytes == 3600 * 1024
     assert full.raw_bytes == 8100 * 1024
-    layer = np.arange(1280 * 720 + 1)
+    size = {"width": 1280, "height": 720, "view": np.eye(4), "projection": np.eye(4)}
     for words, plain, padded in ((2, 10800, 14400), (5, 21600, 28800)):
-        one = Message("full", "paper", 1280, 720, *np.zeros((2, 4, 4)), ((layer, np.zeros((layer[-1], words), "u4")),))
+        one = Head(mode="full", layout="paper", words=words, counts=(1280 * 720,), **size)
         assert one.raw_bytes == (3600 + plain) * 1024
         assert one.padded_bytes == (3600 + padded) * 1024
 

@@ -111,6 +111,20 @@ def test_what_does_not_change_stays(scene):
     assert second.statistics["triangles_moved"] == 0
 
 
+@pytest.mark.parametrize("width", [512, 1024])
+def test_rare_costs_come_within_the_frames_they_are_promised_for(scene, width):
+    stream = Stream(scene, freeze=0.9, freeze_frames=1, remap_interval=4)
+    promised = {cost.counter: cost.frames for cost in stream.packer.rare_costs()}
+    assert promised == {"resets": None, "remappings": 5, "rebuilds": 3}
+    found = [stream.send(frame_of(scene, width, 512)).statistics for _ in range(5)]
+    for counter, frames in promised.items():
+        assert found[0][counter] == 0
+        assert frames is None or found[frames - 1][counter] > 0
+    if width == 1024:  # all has room at once, so nothing comes earlier
+        assert [each["rebuilds"] for each in found] == [0, 0, 1, 1, 2]
+        assert [each["remappings"] for each in found] == [0, 0, 0, 0, 1]
+
+
 def test_the_published_enlargement_leaves_texels_unwritten_and_breaks_no_other_rule(scene):
     stream, frame = Stream(scene, enlarge="paper"), frame_of(scene, 1024, 512)
     owners = (payload := stream.send(frame)).owners()

@@ -18,9 +18,9 @@ METHODS = {  # name to variant, milliseconds per frame, error
 }
 PLAN = {"settings": {"scene": "hall", "frames": FRAMES, "crf": [5, 10, 25, 35], "seed": 0}, "scene_hash": "5ce0e"}
 COMMON = {
-    "scene": "hall", "scene_hash": "5ce0e", "path": "walk", "path_hash": "9a7b", "width": 320, "height": 180,
-    "fov": 60.0, "cell_radius": 0.08, "cell_fov": 80.0, "latency": 50.0, "device": "cpu", "seed": 0,
-    "atlas_width": 512, "atlas_height": 512,
+    "scene": "hall", "scene_hash": "5ce0e", "path": "walk", "path_hash": "9a7b", "frame_rate": 60.0,
+    "width": 320, "height": 180, "fov": 60.0, "cell_radius": 0.08, "cell_fov": 80.0, "latency": 50.0,
+    "device": "cpu", "seed": 0, "atlas_width": 512, "atlas_height": 512,
 }  # fmt: skip
 
 

@@ -72,6 +72,24 @@ def test_chance_and_too_few_frames_are_ambiguous(tmp_path: Path) -> None:
     assert only(compare(a, b), "flip").verdict == "ambiguous"
 
 
+def test_a_spike_and_a_keyframe_that_medians_hide_are_told(tmp_path: Path) -> None:
+    calm, spiky = np.full(20, 100), np.full(20, 100)
+    calm[0], spiky[0], spiky[9] = 1000, 4000, 1000
+    a = one_method(tmp_path / "a", calm, "bytes_total", frame_rate=50.0)
+    b = one_method(tmp_path / "b", spiky, "bytes_total", frame_rate=50.0)
+    found = compare(a, b)
+    total = only(found, "bytes_total")
+    assert (total.a, total.b, total.frames) == (100.0, 100.0, 19)
+    assert (total.mean_a, total.mean_b) == (100.0, pytest.approx(2800 / 19))
+    values = {name: only(found, f"bytes_total_{name}") for name in ("kbit_s", "max", "key", "total")}
+    assert (values["kbit_s"].a, values["kbit_s"].b) == (40.0, pytest.approx(2800 / 19 * 0.4))
+    assert [(values[name].a, values[name].b) for name in ("max", "key", "total")] == [
+        (100.0, 1000.0), (1000.0, 4000.0), (2900.0, 6800.0)
+    ]  # fmt: skip
+    assert {(row.verdict, row.p) for row in values.values()} == {("worse", None)}
+    assert {only(compare(b, a), f"bytes_total_{name}").verdict for name in values} == {"better"}
+
+
 def test_failed_frames_are_left_out_of_metrics_but_not_forgotten(tmp_path: Path) -> None:
     values = np.linspace(1, 2, 20)
     a = one_method(tmp_path / "a", values)

@@ -99,14 +99,16 @@ def test_the_report_shows_what_failed_and_what_was_skipped(page: str) -> None:
 def test_every_section_has_a_caption(page: str) -> None:
     sections = re.findall(r'<section id="(\w+)">(.*?)</section>', without_plotly(page), re.DOTALL)
     names = [name for name, _ in sections]
-    assert names == ["results", "pictures", "stages", "frames", "rates", "statistics", "failures", "skipped", "details"]
+    assert names == [
+        "results", "budget", "pictures", "stages", "frames", "rates", "statistics", "failures", "skipped", "details",
+    ]  # fmt: skip
     assert all('class="caption"' in content for _, content in sections)
 
 
 def test_figures_hold_the_medians(page: str) -> None:
     figures = data(page, "figures")
     assert [trace["name"] for trace in figures["rates"]["data"]] == [
-        f"{method}, {middle}" for method in ("bins", "grid", "sas") for middle in ("median", "mean")
+        f"{method}, {middle}" for method in ("bins", "grid", "sas") for middle in ("mean", "largest")
     ]
     assert figures["rates"]["data"][0]["x"] == ["CRF 5", "CRF 10", "CRF 25", "CRF 35"]
     shade = next(trace for trace in figures["stages"]["data"] if trace["name"] == "gather/shade")
@@ -116,6 +118,17 @@ def test_figures_hold_the_medians(page: str) -> None:
     assert [value is None for value in lines[0]["y"]] == [frame == 4 for frame in range(12)]
     assert len(figures["frames"]["server_ms"]["data"]) == 3
     assert "coherence_bytes" not in figures["frames"]
+
+
+def test_sizes_lead_with_everything_sent(folder: Path, page: str) -> None:
+    heads = page.split("Everything sent per frame")[1].split("</thead>")[0].split("<thead>")[1]
+    named = [re.split(r"[&<]", head)[0] for head in re.findall(r"<th[^>]*>(.*?)</th>", heads)]
+    assert named[2:] == [
+        "sent", "sent", "largest", "keyframe", "whole run", "video", "metadata", "geometry", "video / raw",
+    ]  # fmt: skip
+    with Store(folder) as store:
+        store.notes["rare/sas[]/resets"] = "sas: none of its 12 frames holds an atlas reset."
+    assert "none of its 12 frames holds an atlas reset" in write_report(folder).read_text(encoding="utf-8")
 
 
 def test_pictures_are_embedded_for_chosen_frames(folder: Path, page: str) -> None:

@@ -1,0 +1,62 @@
+"""What a run prints: everything sent comes first, fits 80 columns, and is empty where nothing was measured."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from harness.console import show_comparison, show_summary
+from reports.store import Store
+from tests.reports.synthetic import COMMON, make_store
+
+BYTES = (1_000_000, 20_000, 40_000, 90_000)  # the mean after the keyframe is 50 kB, at 60 per second 24,000 kbit/s
+
+
+def fill(folder: Path, variant: str = "fit=0.75") -> Path:
+    """A run of one method in which each frame sends BYTES, a fifth of it video and the rest metadata."""
+    with Store(folder) as store:
+        for frame, total in enumerate(BYTES):
+            parts = {"bytes_total": total, "bytes_video": total // 5, "bytes_metadata": total - total // 5}
+            row = COMMON | parts | {"status": "ok", "server_ms": 5.0, "samples": 1000, "client_ms": 1.0}
+            store.commit_frame("sas", variant, frame, [row | {"codec": "h264", "crf": 25}])
+        store.notes["rare/sas[]/resets"] = "sas: none of its 4 frames holds an atlas reset."
+    return folder
+
+
+def test_the_first_size_is_everything_sent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Store(fill(tmp_path)) as store:
+        show_summary(store, tmp_path)
+    lines = capsys.readouterr().out.splitlines()
+    (head,) = [n for n, line in enumerate(lines) if "kB/frame" in line]
+    assert lines[head].split() == ["method", "codec", "kB/frame", "kbit/s", "largest", "keyframe", "video", "meta"]
+    assert lines[head + 1].split() == ["sas", "h264", "25", "50.0", "24,000", "90.0", "1,000.0", "10.0", "40.0"]
+    assert "not seen sas: none of its 4 frames holds an atlas reset." in lines
+
+
+def test_many_methods_fit_the_console(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    make_store(tmp_path)
+    with Store(tmp_path) as store:
+        show_summary(store, Path("run"))
+    out = capsys.readouterr().out
+    assert max(map(len, out.splitlines())) <= 80
+    assert all(f"h264 {crf}" in out for crf in (5, 10, 25, 35))
+    assert "none" in out
+
+
+def test_a_frame_that_failed_leaves_cells_empty(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    with Store(tmp_path) as store:
+        row = COMMON | {"codec": "h264", "crf": 25, "status": "failed", "reason": "out of memory"}
+        store.commit_frame("sas", "", 0, [row])
+        show_summary(store, tmp_path)
+    out = capsys.readouterr().out
+    assert [line.split() for line in out.splitlines() if line.startswith("sas")] == [["sas", "h264", "25"]] * 2
+    assert "out of memory" in out
+
+
+def test_a_comparison_names_the_same_sizes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    show_comparison(fill(tmp_path / "a"), fill(tmp_path / "b"))
+    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    assert ["bytes_total", "50,000", "50,000", "40,000", "40,000", "same", "1"] in lines
+    assert ["bytes_total_kbit_s", "24,000", "24,000", "same"] in lines
+    assert ["bytes_total_key", "1,000,000", "1,000,000", "same"] in lines
