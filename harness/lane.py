@@ -207,9 +207,9 @@ class Lane:
         """Build and run every kernel once, so that no timer sees a compiler, with packers and clients of their own, of
         which it is checked meanwhile whether they share anything."""
         self.isolation = check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
-        width, height = self.settings.atlas_width, self.settings.atlas_height
-        if len(self.keys()) > 1:
-            Filler(self.scene.device, width, height).fill(self.scene.device.zeros((height, width, 4), np.uint8)).get()
+        if self.packer.atlas and len(self.keys()) > 1:
+            size = (work.frame.atlas_width, work.frame.atlas_height)
+            Filler(self.scene.device, *size).fill(self.scene.device.zeros((*size[::-1], 4), np.uint8)).get()
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
@@ -438,6 +438,15 @@ class Lane:
             self.packer.details(payload) if self.settings.dump else {},
         )
 
+    def _row(self, key: Key, packed: Packed, filled: Filled, sent: Sent, drawn: Drawn) -> dict[str, Any]:
+        """The columns of one row that depend on its codec and rate."""
+        row = {"codec": key[0], "crf": key[1], "fill_ms": filled.milliseconds(key), **sent.row(key), **drawn.row(key)}
+        row["network_ms"] = row["bytes_total"] * 8 / (self.settings.bandwidth * 1000)
+        if key in drawn.clocked:
+            steps = (packed.wall_ms, filled.milliseconds(key), sent.clocked(key), drawn.clocked[key])
+            row["frame_ms"] = sum(steps) + row["network_ms"]
+        return row
+
     def _check_pictures(
         self, frame: Frame, payload: Payload, novel: NovelView, drawn: Drawn, verified: Verified
     ) -> None:
@@ -448,15 +457,6 @@ class Lane:
             drawn.rows[key]["holes_px"], found = check_picture(*known)
             verified.found += found
         verified.milliseconds += (time.perf_counter() - start) * 1000
-
-    def _row(self, key: Key, packed: Packed, filled: Filled, sent: Sent, drawn: Drawn) -> dict[str, Any]:
-        """The columns of one row that depend on its codec and rate."""
-        row = {"codec": key[0], "crf": key[1], "fill_ms": filled.milliseconds(key), **sent.row(key), **drawn.row(key)}
-        row["network_ms"] = row["bytes_total"] * 8 / (self.settings.bandwidth * 1000)
-        if key in drawn.clocked:
-            steps = (packed.wall_ms, filled.milliseconds(key), sent.clocked(key), drawn.clocked[key])
-            row["frame_ms"] = sum(steps) + row["network_ms"]
-        return row
 
     def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
         """Everything the report shows of a frame, by name."""

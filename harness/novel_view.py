@@ -46,8 +46,7 @@ class Seen:
 class NovelView(Seen):
     """The reference of one frame.
 
-    rgb: uint8 (h, w, 4).
-    missing: share of all pixels that show a triangle which is not in the PVS.
+    rgb: uint8 (h, w, 4). missing: share of all pixels that show a triangle which is not in the PVS.
     view_dependence: mean FLIP between it as shaded for the server's eye and for the client's; None without FLIP.
     milliseconds: device time of drawing it. shading_ns: of which the shading kernel takes so many nanoseconds for each
     covered pixel, None without any. metrics_ms: host time of what metrics need of it, once per frame.

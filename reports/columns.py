@@ -82,7 +82,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     _time("pvs_ms", "device time of finding the potentially visible set; measured when it was found, kept with it"),
     _time("structs_ms", "device time of building structures: sizes, places, lookups"),
     _time("gather_ms", "device time of computing the shading samples"),
-    _time("server_ms", "device time of all that packing launches: structs_ms + gather_ms"),
+    _time("server_ms", "device time of all launches that pack the frame: structs_ms + gather_ms where they are valid"),
     _time("serialise_ms", "host time of packing: wall_ms - server_ms, what it chooses, copies, writes and waits for"),
     _time(
         "fill_ms",
