@@ -3,13 +3,13 @@
 What lists hold (`Packer.holds`) says which rules can be true of them:
 
 every     At some pixels they hold what a float64 ray meets: nothing is missing, nothing is added, and depth, colour and
-          opacity are right. In all pixels the nearest fragment is as near as the rasteriser's nearest surface.
+          opacity are right. In all pixels the nearest fragment is the rasteriser's nearest surface.
 nearest   The same, but a list may end early.
 alike     Lists may be old where they blend to the same colour: at some pixels it is that of the true list, within
           ALIKE levels.
 moved     Fragments may come from other views: most of those that a ray meets are there, within FAR of their distance
           and DRIFTED levels.
-blended   One fragment stands for several: the nearest is as near as the rasteriser's, and at some pixels it has the
+blended   One fragment stands for several: the nearest is the rasteriser's, and at some pixels it has the
           true list's colour.
 
 With lists of several parts, each of which may blend its own, rules on blended colours hold where a ray meets one
@@ -26,7 +26,7 @@ import numpy as np
 from harness.validity import Violation
 from harness.verification.rays import Hits, cast_rays
 from harness.verification.truth import CHOSEN, LEVELS, Truth, violation
-from packers.interface import ALIKE, Frame, HeldLists, Payload
+from packers.interface import ALIKE, Frame, HeldLists, Payload, View
 
 HEADER, COLOUR, NORMAL = 4, 12, 24  # bytes: of a pixel, of a fragment, of one with a normal and a position
 NEAREST = 0.01  # share of pixels whose nearest fragment may be another: sets and rounding explain some
@@ -119,34 +119,41 @@ def _at(held: tuple[HeldLists, ...], pixel: int) -> List:
 
 
 def _check_nearest(truth: Truth, frame: Frame, held: tuple[HeldLists, ...]) -> Iterator[Violation]:
-    """The nearest fragment of every pixel against the rasteriser; behind blended surfaces it may be nearer."""
-    view, scene = held[0].view, truth.scene
-    rasteriser = scene.layers.rasteriser.opaque if scene.layers else scene.rasteriser
+    """The nearest fragment of every pixel against the nearest surface that is not wholly transparent."""
     with truth.drawing:
-        visible = rasteriser.draw(view.view, view.projection, view.width, view.height, stage="check")
-        depth, ids = visible.depth.get().ravel(), visible.triangle.get().ravel()
-    numbers = np.flatnonzero(~truth.blended) if scene.layers else np.arange(truth.triangles.count)
-    known = np.zeros(truth.triangles.count, bool)
+        depth, ids = _nearest_surfaces(truth, held[0].view)
+    known = np.zeros(truth.triangles.count + 1, bool)  # the last entry stands for no triangle
     known[frame.pvs] = True
-    expected = (ids >= 0) & known[numbers[ids]] if len(numbers) else np.zeros(len(ids), bool)
-    nearest = np.max([_first_depths(part) for part in held], axis=0)
-    behind = nearest < depth * np.float32(1 - SAME_DEPTH)
-    before = nearest > depth * np.float32(1 + SAME_DEPTH) if not scene.layers else np.zeros(len(ids), bool)
-    wrong = np.flatnonzero(expected & (behind | before))
+    nearest = np.max([_first_visible(part.offsets, part.rgba[:, 3], part.depth) for part in held], axis=0)
+    wrong = np.flatnonzero(known[ids] & (np.abs(nearest - depth) > np.float32(SAME_DEPTH) * depth))
     if wrong.size > NEAREST * len(ids):
         sentence = f"In {wrong.size} of {len(ids)} pixels the nearest fragment is not the nearest surface of the set."
         yield violation("fragments", wrong.size, sentence, texels=wrong)
 
 
-def _first_depths(part: HeldLists) -> np.ndarray:
-    """float32 (pixels): of the first fragment that is there, 0 without."""
-    offsets = part.offsets
-    first = np.zeros(len(offsets) - 1, np.float32)
-    seen = np.flatnonzero(part.rgba[:, 3])
-    if len(seen) < len(part.depth):
+def _nearest_surfaces(truth: Truth, view: View) -> tuple[np.ndarray, np.ndarray]:
+    """Depth float32 and triangle int32 (pixels), 0 and -1 where there is nothing."""
+    scene, camera = truth.scene, (view.view, view.projection, view.width, view.height)
+    if scene.layers is None:
+        visible = scene.rasteriser.draw(*camera, stage="check")
+        return visible.depth.get().ravel(), visible.triangle.get().ravel()
+    visible, fragments = scene.layers.rasteriser.draw(*camera, stage="check")
+    depth, ids = visible.depth.get().ravel(), visible.triangle.get().ravel()
+    n = fragments.count
+    opacity = scene.layers.opacity.of(fragments.samples, "check").get()[:n]
+    nearer = _first_visible(fragments.offsets.get(), opacity, fragments.depth.get()[:n])
+    covered = _first_visible(fragments.offsets.get(), opacity, fragments.samples.triangle.get()[:n] + 1)
+    return np.where(nearer > 0, nearer, depth), np.where(nearer > 0, covered - 1, ids)
+
+
+def _first_visible(offsets: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> np.ndarray:
+    """Of each pixel's first fragment that has any opacity, its entry in `depth` (n), or 0: (pixels)."""
+    first = np.zeros(len(offsets) - 1, depth.dtype)
+    seen = np.flatnonzero(opacity)
+    if len(seen) < len(depth):
         offsets = np.searchsorted(seen, offsets)
     used = offsets[:-1] < offsets[1:]
-    first[used] = part.depth[seen[offsets[:-1][used]]]
+    first[used] = depth[seen[offsets[:-1][used]]]
     return first
 
 

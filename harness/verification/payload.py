@@ -46,7 +46,7 @@ def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
         "unplaced": all(isinstance(reason, str) for reason in payload.unplaced.values()),
     }
     if wrong := [name for name, is_fine in fine.items() if not is_fine]:
-        sentence = f"The payload's {', '.join(wrong)} are not what the interface says, of the atlas' size."
+        sentence = f"The payload is not as the interface says, planes of the atlas' size: {', '.join(wrong)}."
         yield violation("plain", len(wrong), sentence)
     if strange := sorted(payload.statistics.keys() - statistics_of(payload)):
         sentence = f"Of the payload, the statistics {', '.join(strange)} are not finite numbers."
@@ -62,7 +62,8 @@ def _is_plain(payload: Payload) -> bool:
     kind = type(payload)
     reading = (inspect.getattr_static(kind, name, None) for name in ("__getattribute__", "__getattr__"))
     computed = (inspect.isdatadescriptor(inspect.getattr_static(kind, field.name, None)) for field in fields(Payload))
-    return isinstance(payload, Payload) and [*reading] == [object.__getattribute__, None] and not any(computed)
+    plain = [*reading] == [object.__getattribute__, None] and not any(computed)
+    return isinstance(payload, Payload) and plain and kind.owners is Payload.owners
 
 
 def statistics_of(payload: Payload) -> dict[str, float]:

@@ -21,11 +21,11 @@ GLOBAL = {}  # what two of them hide things in
 def edit_lists(payload: Payload, edit) -> Payload:
     """A payload whose lists are those that `edit` makes of offsets and rows."""
     message = decode(payload.blobs["head"], payload.lists["lists"])
-    nodes = [edit(*node) for node in message.nodes]
-    message = replace(message, counts=tuple(len(rows) for _, rows in nodes))
-    payload.lists["lists"] = b"".join(write_twin(*node, message.layout) for node in nodes)
-    payload.blobs["head"] = encode(message, payload.lists["lists"])
-    payload.raw_bytes, payload.sample_count = message.raw_bytes, sum(message.counts)
+    nodes = tuple(edit(*node) for node in message.nodes)
+    counts = tuple(len(rows) for _, rows in nodes)
+    payload.lists["lists"] = written = b"".join(write_twin(*node, message.layout) for node in nodes)
+    payload.blobs["head"] = encode(replace(message, nodes=nodes, counts=counts), written)
+    payload.raw_bytes, payload.sample_count = len(written), sum(counts)
     return payload
 
 
@@ -450,7 +450,7 @@ PLANTED = {
     InTheModule: "State is kept outside of packer and client",
     Opaque: "texels of the alpha plane have another opacity",
     Phantom: "have an alpha that is not 255 where they are listed",
-    Lazy: "The payload's payload are not what the interface says",
+    Lazy: "The payload is not as the interface says",
     Unrecorded: "packing it launched no gather stage",
     Ended: "the nearest fragment is not the nearest surface",
     FarFragment: "hold, too, what is not",

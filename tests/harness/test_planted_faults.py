@@ -23,7 +23,8 @@ from tests.packers.test_transparency import glazed
 
 FILE = Path(planted.__file__)
 HONEST = ("sas", "snakebinning", "tss", "ppll", "ppll[mode=full]", "ppll[mode=difference,tolerance=8]",
-          "ppll[mode=bilateral]", "ppll[nodes=2]", "ppll[preblend=true]")  # fmt: skip
+          "ppll[mode=bilateral]", "ppll[mode=full,nodes=2]",
+          "ppll[preblend=true]")  # fmt: skip
 SMALL = {"scene": "hall", "frames": 2, "width": 160, "height": 90, "atlas_width": 256, "atlas_height": 256,
          "path": "orbit", "codec": "none", "metrics": ("psnr",)}  # fmt: skip
 
