@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.fragments.blend import blend_layers
-from kernels.fragments.layered import LayeredRasteriser, numbered
+from kernels.fragments.layered import LayeredRasteriser
+from kernels.fragments.order import order_fragments
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -24,7 +25,7 @@ def shade_fragments(shader: Shader, fragments: Fragments, eye: np.ndarray, stage
     device, n = shader.device, fragments.count
     colours = device.recycled((1, n, 4), np.uint8)
     if n:
-        shader.shade(numbered(device, fragments, stage).samples, eye, colours, stage)
+        shader.shade(order_fragments(device, fragments, f"{stage}/order"), eye, colours, stage)
     return colours
 
 
