@@ -107,24 +107,29 @@ def show_catalogue() -> None:
 
 
 # Column of summary.csv, heading, factor, format; where the console is narrow, the last ones are left out.
+def _kilobytes(value: float) -> str:
+    """With a decimal where it tells something."""
+    return f"{value:,.1f}" if value < 1000 else f"{value:,.0f}"
+
+
 WORK = (
-    ("server_ms_median", "server ms", 1, "{:,.1f}"),
-    ("flip_median", "FLIP", 1, "{:.4f}"),
-    ("samples_median", "samples", 1, "{:,.0f}"),
-    ("frame_ms_median", "frame ms", 1, "{:,.1f}"),
-    ("fill_median", "fill", 1, "{:.2f}"),
-    ("coherence_median", "cohere", 1, "{:.2f}"),
-    ("dssim_median", "DSSIM", 1, "{:.4f}"),
+    ("server_ms_median", "server ms", 1, "{:,.1f}".format),
+    ("flip_median", "FLIP", 1, "{:.4f}".format),
+    ("samples_median", "samples", 1, "{:,.0f}".format),
+    ("frame_ms_median", "frame ms", 1, "{:,.1f}".format),
+    ("fill_median", "fill", 1, "{:.2f}".format),
+    ("coherence_median", "cohere", 1, "{:.2f}".format),
+    ("dssim_median", "DSSIM", 1, "{:.4f}".format),
 )
 SIZES = (
-    ("bytes_total_mean", "kB/frame", 1e-3, "{:,.1f}"),
-    ("bytes_total_kbit_s", "kbit/s", 1, "{:,.0f}"),
-    ("bytes_total_max", "largest", 1e-3, "{:,.1f}"),
-    ("bytes_total_key", "keyframe", 1e-3, "{:,.1f}"),
-    ("bytes_video_mean", "video", 1e-3, "{:,.1f}"),
-    ("bytes_alpha_mean", "alpha", 1e-3, "{:,.1f}"),
-    ("bytes_metadata_mean", "meta", 1e-3, "{:,.1f}"),
-    ("bytes_geometry_mean", "geom", 1e-3, "{:,.1f}"),
+    ("bytes_total_mean", "kB/frame", 1e-3, _kilobytes),
+    ("bytes_total_kbit_s", "kbit/s", 1, "{:,.0f}".format),
+    ("bytes_total_max", "largest", 1e-3, _kilobytes),
+    ("bytes_total_key", "keyframe", 1e-3, _kilobytes),
+    ("bytes_video_mean", "video", 1e-3, _kilobytes),
+    ("bytes_alpha_mean", "alpha", 1e-3, _kilobytes),
+    ("bytes_metadata_mean", "meta", 1e-3, _kilobytes),
+    ("bytes_geometry_mean", "geom", 1e-3, _kilobytes),
 )
 NOTE_WORDS = {"scene": "note", "rare": "not seen", "warning": "warning"}
 SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", "sample/pixel", "{:.2f}"))  # statistics
@@ -173,7 +178,7 @@ def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]
 def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tuple) -> list[str]:
     """One line of a table: the method's label, its coding, and the columns of a row of summary.csv."""
     coding = f"{row['codec']} {row['crf']}" if row["crf"] is not None else row["codec"] or ""
-    cells = ["" if row.get(name) is None else form.format(row[name] * scale) for name, _, scale, form in columns]
+    cells = ["" if row.get(name) is None else form(row[name] * scale) for name, _, scale, form in columns]
     return [escape(labels[row["method"], row["variant"]]), coding, *cells]
 
 
