@@ -91,14 +91,15 @@ def check_fragments(
         yield from _check_nearest(truth, frame, held)
     pixel = truth.generator(frame.index, method).integers(0, view.width * view.height, CHOSEN)
     hits = cast_rays(truth, view, frame.pvs, pixel % view.width, pixel // view.width)
-    colours = truth.shade(hits.triangle, hits.bary, hits.footprint, view.eye)
     lists = [_at(held, number) for number in pixel]
+    if holds in ("every", "nearest"):
+        yield from _check_exactly(truth, hits, lists, pixel, view.eye, holds == "nearest")
+        return
+    colours = truth.shade(hits.triangle, hits.bary, hits.footprint, view.eye)
     if holds == "moved":
         yield from _check_moved(hits, colours, lists)
-    elif holds in ("alike", "blended"):
-        yield from _check_blends(hits, colours, lists, pixel, len(held) > 1, ALIKE if holds == "alike" else 0)
     else:
-        yield from _check_exactly(truth, hits, lists, pixel, view.eye, holds == "nearest")
+        yield from _check_blends(hits, colours, lists, pixel, len(held) > 1, ALIKE if holds == "alike" else 0)
 
 
 @dataclass(frozen=True)
@@ -148,13 +149,13 @@ def _nearest_surfaces(truth: Truth, view: View) -> tuple[np.ndarray, np.ndarray]
 
 def _first_visible(offsets: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> np.ndarray:
     """Of each pixel's first fragment that has any opacity, its entry in `depth` (n), or 0: (pixels)."""
-    first = np.zeros(len(offsets) - 1, depth.dtype)
-    seen = np.flatnonzero(opacity)
-    if len(seen) < len(depth):
-        offsets = np.searchsorted(seen, offsets)
-    used = offsets[:-1] < offsets[1:]
-    first[used] = depth[seen[offsets[:-1][used]]]
-    return first
+    if not opacity.all():
+        seen = np.flatnonzero(opacity)
+        offsets, depth = np.searchsorted(seen, offsets), depth[seen]
+    if not len(depth):
+        return np.zeros(len(offsets) - 1, depth.dtype)
+    first = depth[np.minimum(offsets[:-1], len(depth) - 1)]
+    return np.where(offsets[:-1] < offsets[1:], first, first.dtype.type(0))
 
 
 def _check_exactly(
