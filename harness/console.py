@@ -106,12 +106,12 @@ def show_catalogue() -> None:
     console.print(table)
 
 
-# Column of summary.csv, heading, factor, format; where the console is narrow, the last ones are left out.
 def _kilobytes(value: float) -> str:
     """With a decimal where it tells something."""
     return f"{value:,.1f}" if value < 1000 else f"{value:,.0f}"
 
 
+# Column of summary.csv, heading, factor, format; where the console is narrow, the last ones are left out.
 WORK = (
     ("server_ms_median", "server ms", 1, "{:,.1f}".format),
     ("flip_median", "FLIP", 1, "{:.4f}".format),

@@ -30,7 +30,7 @@ def test_the_first_size_is_everything_sent(tmp_path: Path, capsys: pytest.Captur
     lines = capsys.readouterr().out.splitlines()
     (head,) = [n for n, line in enumerate(lines) if "kB/frame" in line]
     assert lines[head].split() == ["method", "codec", "kB/frame", "kbit/s", "largest", "keyframe", "video", "meta"]
-    assert lines[head + 1].split() == ["sas", "h264", "25", "50.0", "24,000", "90.0", "1,000.0", "10.0", "40.0"]
+    assert lines[head + 1].split() == ["sas", "h264", "25", "50.0", "24,000", "90.0", "1,000", "10.0", "40.0"]
     assert "not seen sas: none of its 4 frames holds an atlas reset." in lines
 
 
