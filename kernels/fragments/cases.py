@@ -12,6 +12,7 @@ from kernels.fragments.build import Builder, Fragments, build_twin
 from kernels.fragments.layered import LayeredRasteriser, numbered
 from kernels.fragments.layers import Layers, mark_layers_twin
 from kernels.fragments.opacity import opacity_twin
+from kernels.fragments.order import order_fragments, order_twin
 from kernels.inputs.fragments import glass_opacity, random_lists
 from kernels.raster.cases import PROJECTION, VIEW, camera, room
 from kernels.raster.rasteriser import Rasteriser
@@ -66,6 +67,26 @@ def building(device: Device, kind: str, size: int) -> Trial:
         return [Result(present, np.ones(len(own))), Result(depth[mine], expected[twins])]
 
     return Trial({"n": run().count, "t": triangles.count, "pixels": view.width * view.height}, run, results)
+
+
+# Each field of a sample read and written once, but no texel read.
+@case({"order.order_fragments": Cost("n", "36*n + 4*pixels")}, 480, 96)
+def ordering(device: Device, kind: str, size: int) -> Trial:
+    _, fragments = fragments_of(device, kind, size)
+    before, n = fragments.samples, fragments.count
+
+    def results() -> list[Result]:
+        ordered = order_fragments(device, fragments, "order")
+        offsets, triangle, _, _ = host(fragments)
+        places = order_twin(offsets, triangle, fragments.width)
+        fields = [
+            (getattr(ordered, name).get()[:n], getattr(before, name).get()[:n][places].astype(np.float64))
+            for name in ("triangle", "bary1", "bary2", "footprint")
+        ]
+        return [Result(ordered.texel.get()[:n], places), *(Result(*field) for field in fields)]
+
+    counts = {"n": n, "pixels": fragments.pixels}
+    return Trial(counts, lambda: order_fragments(device, fragments, "order"), results)
 
 
 OPACITY = {

@@ -1,6 +1,5 @@
-// What shading needs to know of 8 samples: attributes interpolated lane by lane with one float8 per sample, because
-// neighbouring samples mostly share their triangle, then turned into one float8 per attribute. Table layouts:
-// shade/tables.py.
+// What shading needs to know of 8 samples, one float8 per attribute. Neighbouring samples mostly share their triangle, so
+// each triangle is read once and interpolated for all lanes. Table layouts: shade/tables.py.
 #include "shade/vector.cl"
 #include "texture/sample.cl"
 
@@ -12,13 +11,6 @@
         __global const float *lights, __global const float *shadow_maps, __global const float *environment
 #define SURFACE_ARGUMENTS                                                                                              \
     vertices, extras, indices, faces, materials, TEXTURE_ARGUMENTS, lights, shadow_maps, environment
-
-// Column i of 8 rows.
-#define COLUMN8(rows, i)                                                                                               \
-    (float8)(rows[0].s##i, rows[1].s##i, rows[2].s##i, rows[3].s##i, rows[4].s##i, rows[5].s##i, rows[6].s##i,         \
-             rows[7].s##i)
-
-#define COLUMNS8(rows, i, j, k) {COLUMN8(rows, i), COLUMN8(rows, j), COLUMN8(rows, k)}
 
 // What the lanes' triangles say about their samples. `face` is the unnormalised geometric normal.
 typedef struct {
@@ -36,94 +28,63 @@ typedef struct {
 #endif
 } surface8;
 
-// A triangle's rows of the tables; `normal` is unnormalised, with the UV scale in w.
-typedef struct {
-    float8 corner, side1, side2, material;
-    float4 normal;
-#if NORMAL_MAPS || EMISSIVE
-    float8 more;
-#endif
-#if EXTRAS
-    float8 extra, extra1, extra2;
-#endif
-} triangle_rows;
+// Columns i, j and k at three corners, given as the first and the sides from it to the others, interpolated.
+#define BETWEEN(i, a, p, q) ((a.s##i + bary1 * p.s##i) + bary2 * q.s##i)
+#define BETWEEN3(i, j, k, a, p, q) {BETWEEN(i, a, p, q), BETWEEN(j, a, p, q), BETWEEN(k, a, p, q)}
 
-INLINE triangle_rows rows_of(int id, SURFACE_PARAMETERS)
+// What one triangle and its material say about 8 samples of it.
+INLINE surface8 surface_of(const int id, const float8 bary1, const float8 bary2, SURFACE_PARAMETERS)
 {
-    triangle_rows t;
     const int a = indices[3 * id], b = indices[3 * id + 1], c = indices[3 * id + 2];
     const int2 record = faces[id];
-    t.corner = vertices[a];
-    const float8 p = vertices[b] - t.corner, q = vertices[c] - t.corner;
-    t.side1 = p;
-    t.side2 = q;
-    t.normal = (float4)(p.s1 * q.s2 - p.s2 * q.s1, p.s2 * q.s0 - p.s0 * q.s2, p.s0 * q.s1 - p.s1 * q.s0,
-                        as_float(record.y));
-    t.material = materials[2 * record.x];
-#if NORMAL_MAPS || EMISSIVE
-    t.more = materials[2 * record.x + 1];
-#endif
-#if EXTRAS
-    t.extra = extras[a];
-    t.extra1 = extras[b] - t.extra;
-    t.extra2 = extras[c] - t.extra;
-#endif
-    return t;
-}
-
-// What the samples' triangles and materials say about them.
-INLINE surface8 fetch8(const int *triangle, const float *bary1, const float *bary2, SURFACE_PARAMETERS)
-{
-    float8 point[8], base[8];
-    float4 face[8];
-#if NORMAL_MAPS || EMISSIVE
-    float8 more[8];
-#endif
-#if EXTRAS
-    float8 extra[8];
-#endif
-    triangle_rows t;
-    int previous = -1;
-    for (int lane = 0; lane < 8; lane++) {
-        if (triangle[lane] != previous) {
-            previous = triangle[lane];
-            t = rows_of(previous, SURFACE_ARGUMENTS);
-        }
-        point[lane] = t.corner + bary1[lane] * t.side1 + bary2[lane] * t.side2;
-        face[lane] = t.normal;
-        base[lane] = t.material;
-#if NORMAL_MAPS || EMISSIVE
-        more[lane] = t.more;
-#endif
-#if EXTRAS
-        extra[lane] = t.extra + bary1[lane] * t.extra1 + bary2[lane] * t.extra2;
-#endif
-    }
+    const float8 corner = vertices[a], p = vertices[b] - corner, q = vertices[c] - corner;
+    const float8 base = materials[2 * record.x];
     surface8 s;
-    s.position = (vector8)COLUMNS8(point, 0, 1, 2);
-    s.normal = (vector8)COLUMNS8(point, 3, 4, 5);
-    s.u = COLUMN8(point, 6);
-    s.v = COLUMN8(point, 7);
-    s.face = (vector8)COLUMNS8(face, 0, 1, 2);
-    s.uv_scale = COLUMN8(face, 3);
-    s.colour = (vector8)COLUMNS8(base, 0, 1, 2);
-    s.base_texture = COLUMN8(base, 3);
-    s.roughness = COLUMN8(base, 4);
-    s.metallic = COLUMN8(base, 5);
-    s.double_sided = COLUMN8(base, 6);
+    s.position = (vector8)BETWEEN3(0, 1, 2, corner, p, q);
+    s.normal = (vector8)BETWEEN3(3, 4, 5, corner, p, q);
+    s.u = BETWEEN(6, corner, p, q);
+    s.v = BETWEEN(7, corner, p, q);
+    s.face = (vector8){p.s1 * q.s2 - p.s2 * q.s1, p.s2 * q.s0 - p.s0 * q.s2, p.s0 * q.s1 - p.s1 * q.s0};
+    s.uv_scale = as_float(record.y);
+    s.colour = (vector8){base.s0, base.s1, base.s2};
+    s.base_texture = base.s3;
+    s.roughness = base.s4;
+    s.metallic = base.s5;
+    s.double_sided = base.s6;
 #if NORMAL_MAPS || EMISSIVE
-    s.emissive = (vector8)COLUMNS8(more, 0, 1, 2);
-    s.emissive_texture = COLUMN8(more, 3);
-    s.normal_texture = COLUMN8(more, 4);
-    s.normal_scale = COLUMN8(more, 5);
+    const float8 more = materials[2 * record.x + 1];
+    s.emissive = (vector8){more.s0, more.s1, more.s2};
+    s.emissive_texture = more.s3;
+    s.normal_texture = more.s4;
+    s.normal_scale = more.s5;
+#endif
+#if EXTRAS
+    const float8 extra = extras[a], along1 = extras[b] - extra, along2 = extras[c] - extra;
 #endif
 #if NORMAL_MAPS
-    s.tangent = (vector8)COLUMNS8(extra, 0, 1, 2);
-    s.bitangent_sign = COLUMN8(extra, 3);
+    s.tangent = (vector8)BETWEEN3(0, 1, 2, extra, along1, along2);
+    s.bitangent_sign = BETWEEN(3, extra, along1, along2);
 #endif
 #if VERTEX_COLOURS
-    s.colour = times8(s.colour, (vector8)COLUMNS8(extra, 4, 5, 6));
+    s.colour = times8(s.colour, (vector8)BETWEEN3(4, 5, 6, extra, along1, along2));
 #endif
+    return s;
+}
+
+// What the samples' triangles and materials say about them: one triangle after the other, each for all lanes at once.
+INLINE surface8 fetch8(const int *triangle, const float *bary1, const float *bary2, SURFACE_PARAMETERS)
+{
+    const int8 ids = LOAD_INT8(triangle);
+    surface8 s = surface_of(triangle[0], LOAD8(bary1), LOAD8(bary2), SURFACE_ARGUMENTS);
+    for (uint left = bits_of(ids != triangle[0]); left;) {
+        const int id = triangle[31 - (int)clz(left & (0u - left))];
+        const int8 lanes = ids == id;
+        const surface8 other = surface_of(id, LOAD8(bary1), LOAD8(bary2), SURFACE_ARGUMENTS);
+        UNROLL
+        for (int i = 0; i < (int)(sizeof(surface8) / sizeof(float8)); i++)
+            ((float8 *)&s)[i] = lanes ? ((const float8 *)&other)[i] : ((float8 *)&s)[i];
+        left &= ~bits_of(lanes);
+    }
     return s;
 }
 

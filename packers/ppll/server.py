@@ -66,12 +66,14 @@ class ListRenderer:
 
     def _shaded(self, fragments: Fragments, view: View, normals: bool) -> NodeLists:
         device, built = self.device, fragments
+        offsets = built.offsets.get()  # before shading is queued, so that the host counts while the device shades
         opacity = self.opacity.of(built.samples, "structs/opacity") if self.opacity else None
         if opacity is not None or self.depth.limits:
             limits = (self.depth.layers, self.depth.threshold)
             fragments, opacity = limit_fragments(device, fragments, opacity, *limits, "structs/limit")
         n = fragments.count
         colours = shade_fragments(self.scene.shader, fragments, view.eye, "gather/shade")
+        layers = np.bincount(np.diff(offsets))
         if normals:
             surface = (self.scene.triangles, self.scene.shader.arguments[0], view.projection)
             rows, words = normal_rows(device, fragments, colours, opacity, *surface, "gather/rows"), NORMAL_WORDS
@@ -80,7 +82,6 @@ class ListRenderer:
         lists = Lists(fragments.width, fragments.height, n, words, fragments.offsets, rows)
         if self.preblend:
             lists = blended_into_one(device, lists)
-        layers = np.bincount(np.diff(built.offsets.get()))
         return NodeLists(lists, built.count, layers)
 
 
