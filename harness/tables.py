@@ -169,7 +169,7 @@ def _run(command: str, folder: Path) -> None:
             words[place + 1] = scene_file(words[place + 1])
     done = subprocess.run(
         [sys.executable, "-m", "harness", *words, "--out", str(folder)],
-        check=False, stdout=subprocess.DEVNULL, env=os.environ | {"COLUMNS": "80"},
+        check=False, stdout=subprocess.DEVNULL, env=os.environ | {"COLUMNS": "80", "PYTHONSAFEPATH": "1"},
     )  # fmt: skip
     if done.returncode not in (0, 1) or not folder.is_dir():
         raise InputError(f"`{command}` ended with exit code {done.returncode}: its table stays as it was.")

@@ -12,6 +12,7 @@ import numpy as np
 from arithmetic import draws
 from harness.validity import FIRST, Violation
 from kernels.fragments.opacity import opacity_twin
+from kernels.samples import Samples
 from kernels.shade.shade import shade_twin
 from kernels.triangles import Triangles
 
@@ -80,8 +81,9 @@ class Truth:
     ) -> np.ndarray:
         """int (n): levels by which colours uint8 (n, 3) differ from those of surface points, as for `shade`.
 
-        Where rounding decides (at a shadow's edge, between texels), the nearest colour close by counts; any does on
-        triangles too thin to have a side in float32.
+        Where rounding decides (at a shadow's edge, between texels, on triangles that reach far beyond the scene), the
+        nearest colour close by counts, or what the shading function itself gives the point here; any does on triangles
+        too thin to have a side in float32.
         """
         triangle, bary, footprint = points
         off = np.where(self.is_flat(triangle), 0, _apart(colours, self.shade(*points, eye)))
@@ -89,7 +91,19 @@ class Truth:
         for nudge in NUDGES if far.size else ():
             near = self.shade(triangle[far], bary[far] + nudge, footprint[far], eye)
             off[far] = np.minimum(off[far], _apart(colours[far], near))
+        far = np.flatnonzero(off > LEVELS)
+        if far.size:
+            off[far] = _apart(colours[far], self._rounded(triangle[far], bary[far], footprint[far], eye))
         return off
+
+    def _rounded(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray, eye: np.ndarray) -> np.ndarray:
+        """As `shade`, in float32: the shading kernel, launched from here."""
+        device, count = self.scene.device, len(triangle)
+        with self.drawing:
+            samples = Samples.upload(device, triangle, *bary.T, footprint, np.arange(count))
+            colours = device.zeros((1, count, 4), np.uint8)
+            self.scene.shader.shade(samples, eye, colours, stage="check")
+            return colours.get()[0, :, :3]
 
 
 def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
