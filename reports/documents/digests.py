@@ -75,7 +75,9 @@ def sweep_parts(folders: Sequence[Path]) -> Parts:
     for (_, coding), own in sweep.groups(points).items():
         for cost in ("server_ms", "samples", "bytes_total"):
             says = sweep_words.verdict(sweep.candidates(own, cost, "flip")[1], cost, "flip")
-            winner = {"coding": sweep_words.CODING_NAMES[coding], "cost": sweep_words.COST_NAMES[cost][0], "says": says}
+            name, unit = sweep_words.COST_NAMES[cost][:2]
+            says = says.removeprefix(f"Lowest FLIP error by {name} ({unit}): ")  # which is what the table's head says
+            winner = {"coding": sweep_words.CODING_NAMES[coding], "cost": f"{name}, {unit}", "says": says}
             winners.append(winner | {"machine": cost == "server_ms"})
     return {"cells": list(cells.values()), "winners": winners}
 
