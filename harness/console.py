@@ -70,10 +70,10 @@ def make_table(title: str, *columns: str) -> Table:
 
 def show_catalogue() -> None:
     """Print packers with their parameters, scenes, paths, devices and metrics."""
-    from harness.metrics import METRICS
     from harness.plugins import find_packers
     from kernels.device import kernels_digest
     from kernels.runtime.opencl import find_devices, noted_death
+    from reports.columns import MEASURES
     from scenes.load import list_scenes
     from scenes.paths import list_paths
 
@@ -101,8 +101,8 @@ def show_catalogue() -> None:
     console.print(table)
     console.print()
     table = make_table("metrics", "name", "unit", "better", "meaning")
-    for metric in METRICS:
-        table.add_row(metric.name, metric.unit, metric.better, metric.meaning)
+    for measure in MEASURES:
+        table.add_row(measure.name, measure.unit, measure.better, measure.meaning)
     console.print(table)
 
 

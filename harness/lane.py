@@ -401,7 +401,7 @@ class Lane:
         found = validity.check(frame, payload, owners, self.lossless, visible, gaps=gaps)
         found += verified.found + self.isolation
         status, reason = _verdict(frame, payload, found)
-        packing = Clocked.of(packed.wall_ms, sum(packed.stages.values()))
+        packing = Clocked.of(packed.wall_ms, packed.total())
         common = {
             "status": status,
             "reason": reason,

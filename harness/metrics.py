@@ -1,10 +1,9 @@
-"""Quality and cost columns: what each means, its unit and better direction, and the picture metrics of a frame."""
+"""The picture metrics of a frame, together."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -24,50 +23,6 @@ if TYPE_CHECKING:
     from packers.skips import Skips
 
 
-@dataclass(frozen=True)
-class Metric:
-    """One quality or cost column: its name in frames.csv, unit, better direction, meaning; "" for a pure number."""
-
-    name: str
-    unit: str
-    better: Literal["lower", "higher"]
-    meaning: str
-
-
-METRICS: tuple[Metric, ...] = (
-    Metric("flip", "", "lower", "mean FLIP error of the novel view at 67.02 pixels per degree, 0..1"),
-    Metric("view_dependence", "", "lower", "mean FLIP that shading for the server's eye costs every method"),
-    Metric("dssim", "", "lower", "(1 - SSIM) / 2 on BT.601 luma, 11x11 Gaussian window, 0..1"),
-    Metric("iwssim", "", "higher", "information content weighted SSIM on BT.601 luma, 5 scales, up to 1"),
-    Metric("psnr", "dB", "higher", "peak signal-to-noise ratio over R, G, B; empty where the pictures are identical"),
-    Metric("delta_e", "CIEDE2000", "lower", "mean colour difference; about 1 is just noticeable"),
-    Metric("stretch_l2", "pixels/texel", "lower", "root mean square stretch over the visible pixels; 1 is one to one"),
-    Metric("stretch_linf", "pixels/texel", "lower", "largest stretch of a visible pixel; above 1 is undersampled"),
-    Metric("coherence", "share", "higher", "texels with the same owner as in the last frame"),
-    Metric("coherence_bytes", "share", "higher", "payload bytes unchanged since the last frame"),
-    Metric("fill", "share", "higher", "owned texels of the atlas"),
-    Metric("samples", "samples", "lower", "shading samples computed for the frame"),
-    Metric("missing_px", "share", "lower", "novel-view pixels whose triangle is not in the potentially visible set"),
-    Metric("holes_px", "share", "lower", "novel-view pixels the client leaves empty and the reference does not"),
-    Metric("compression_ratio", "share", "lower", "video bytes / (3 bytes * atlas texels)"),
-    Metric("bytes_video", "bytes", "lower", "video packets of the frame"),
-    Metric("bytes_alpha", "bytes", "lower", "packets of the opacity plane, where there is one"),
-    Metric("bytes_metadata", "bytes", "lower", "metadata of the frame after LZ4"),
-    Metric("bytes_geometry", "bytes", "lower", "potentially visible triangles of the frame after LZ4"),
-    Metric("bytes_total", "bytes", "lower", "everything sent for the frame"),
-    Metric("structs_ms", "ms", "lower", "device time of the structures: what goes where"),
-    Metric("gather_ms", "ms", "lower", "device time of gathering: computing the samples"),
-    Metric("server_ms", "ms", "lower", "device time of packing"),
-    Metric("serialise_ms", "ms", "lower", "host time of packing"),
-    Metric("fill_ms", "ms", "lower", "host time of reading planes back and filling unowned texels"),
-    Metric("encode_ms", "ms", "lower", "processor time of encoding everything sent"),
-    Metric("network_ms", "ms", "lower", "everything sent, at the network's bandwidth"),
-    Metric("decode_ms", "ms", "lower", "processor time of decoding it"),
-    Metric("receive_ms", "ms", "lower", "host time of the client's taking the payload"),
-    Metric("draw_host_ms", "ms", "lower", "host time of the client's drawing"),
-    Metric("client_ms", "ms", "lower", "device time of the client: taking the payload and drawing the novel view"),
-    Metric("frame_ms", "ms", "lower", "the frame from packing to picture, clocked from outside"),
-)
 PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 
 

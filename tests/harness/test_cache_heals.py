@@ -143,7 +143,7 @@ DAMAGE = {
 }
 
 
-def heals(kind: Kind, damage: Callable[[Path], None]) -> None:
+def assert_heals(kind: Kind, damage: Callable[[Path], None]) -> None:
     """Assert that a damaged file is noticed, made again with the same value, and good from then on."""
     fresh = kind.use()
     assert len(kind.made) == 1
@@ -160,13 +160,13 @@ def test_what_is_damaged_is_made_again(kind: Kind, damage: str):
         pytest.skip("root reads everything, and so does Windows")
     if damage == "pipe" and not hasattr(os, "mkfifo"):
         pytest.skip("there are no pipes with names here")
-    heals(kind, DAMAGE[damage])
+    assert_heals(kind, DAMAGE[damage])
 
 
 def test_a_reader_that_does_not_check_is_seen(kind: Kind, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr("zlib.crc32", lambda *_: 0)
     with pytest.raises(AssertionError):
-        heals(kind, DAMAGE["within"])
+        assert_heals(kind, DAMAGE["within"])
 
 
 def test_a_cache_that_cannot_be_made_only_takes_time(kind: Kind, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from harness.metrics import METRICS, PICTURE_METRICS, Metrics
+from harness.metrics import PICTURE_METRICS, Metrics
 from kernels.inputs.pictures import damaged, flat, on_device, rendering
+from reports.columns import BY_NAME, MEASURES
 
 
 @pytest.fixture(scope="module")
@@ -13,10 +14,11 @@ def metrics(device):
 
 
 def test_every_metric_says_what_it_is():
-    names = [metric.name for metric in METRICS]
+    names = [measure.name for measure in MEASURES]
     assert len(set(names)) == len(names)
     assert set(PICTURE_METRICS) <= set(names)
-    assert all(metric.better in ("lower", "higher") and len(metric.meaning) > 10 for metric in METRICS)
+    assert all(len(measure.meaning) > 10 for measure in MEASURES)
+    assert all(BY_NAME[name].better in ("lower", "higher") for name in PICTURE_METRICS)
 
 
 def test_worse_pictures_get_worse_numbers(device, metrics):
@@ -31,9 +33,8 @@ def test_worse_pictures_get_worse_numbers(device, metrics):
         )
         for s in (3, 20)
     )
-    better = {metric.name: metric.better for metric in METRICS}
     for name in PICTURE_METRICS:
-        assert (mild[name] < strong[name]) == (better[name] == "lower")
+        assert (mild[name] < strong[name]) == (BY_NAME[name].better == "lower")
 
 
 def test_identical_pictures(device, metrics):
