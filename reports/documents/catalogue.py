@@ -197,6 +197,44 @@ THESIS = Source(
     },
     scenes=("stanford_bunny/bunny.ply", "stanford_dragon/dragon_100k.obj", "stanford_buddha/buddha_54k.obj"),
 )
+LIMITED = Source(
+    "ppll-limited",
+    tuple(
+        f"bench run --method ppll --method 'ppll[mode=full]' --scene {scene} --size {size} --frames 3 --metrics flip"
+        for scene in ("hall", "village")
+        for size in ("480x270", "960x540")
+    ),
+    digests.limit_parts,
+    {
+        ROWS: Part(
+            ("scene", "size"),
+            (
+                _words("scene", "{scene}"),
+                _words("client", "{size}"),
+                *_numbers(bytes_total_full="bytes, full: ,.0f", bytes_total_ratio="limited / full: .2f"),
+                *_numbers(flip_full="FLIP, full: .4f", flip="limited: .4f"),
+                *_numbers(holes_px_full="holes, full: .2%", holes_px="limited: .2%"),
+                *_numbers(server_ratio="server time, limited / full: .2f"),
+            ),
+            ("server_ratio",),
+        )
+    },
+)
+RESETS = Source(
+    "resets",
+    ("bench run --scene village --method sas --size 160x90 --atlas 512x512 --crf 25 --frames 110 --metrics flip",),
+    digests.reset_parts,
+    {
+        ROWS: Part(
+            ("frames",),
+            (
+                *_numbers(frames="frames: d", median="median kB: .1f", mean="kB/frame: .1f", kbit_s="kbit/s: ,.0f"),
+                Column("largest kB", ("{max:.1f} (frame {largest})",)),
+                *_numbers(key="keyframe kB: .1f"),
+            ),
+        )
+    },
+)
 STRESS = Source(
     "stress",
     ("bench stress --quick",),
@@ -288,7 +326,9 @@ SOURCES: dict[str, Source] = {
         STRATEGIES,
         SLANTED,
         SPEED,
+        LIMITED,
         THESIS,
+        RESETS,
         CLAIMS,
     )
 }

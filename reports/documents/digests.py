@@ -13,6 +13,7 @@ from reports import sweep, sweep_words
 from reports.claims import CONFIRMED, NOT_CONFIRMED, NOT_MEASURABLE, NOT_MEASURED, UNDECIDED, Claim, Judged
 from reports.claims_report import short, why_not, write_claims
 from reports.columns import BY_NAME, KERNEL_COLUMNS, MEASURED_STATUSES, STRESS_COLUMNS, Column
+from reports.csv_files import summarise
 from reports.documents.kept import ROWS, Parts, Row
 from reports.kernels import compare_variants
 from reports.store import Store
@@ -164,6 +165,34 @@ def speed_parts(folders: Sequence[Path]) -> Parts:
         for key in lanes.keys:
             names = ("structs_share", "gather_over_shading")
             rows.append({"scene": lanes.scene, "method": key[0]} | {n: lanes.statistic(key, n) for n in names})
+    return {ROWS: rows}
+
+
+def limit_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of linked lists as they are by default and in full: what ending them early saves and costs."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        full = next(key for key in lanes.keys if "mode=full" in key[1])
+        limited = next(key for key in lanes.keys if key != full)
+        row: Row = {"scene": lanes.scene, "size": f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"}
+        for end, key in (("_full", full), ("", limited)):
+            row |= {f"{name}{end}": lanes.median(key, name) for name in ("bytes_total", "flip", "holes_px")}
+        row |= {f"{name}_ratio": _ratio(row[name], row[f"{name}_full"]) for name in ("bytes_total", "flip")}
+        rows.append(row | {"server_ratio": _ratio(*(lanes.median(key, "server_ms") for key in (limited, full)))})
+    return {ROWS: rows}
+
+
+def reset_parts(folders: Sequence[Path]) -> Parts:
+    """What one method sends in the first 12 frames of a run and in all of them, and the frame that sends most."""
+    (folder,) = folders
+    coded = [row for row in Lanes(folder).rows if row["codec"] != "none"]
+    rows = []
+    for count in (12, len(coded)):
+        (summary,) = summarise(coded[:count])
+        largest = max(coded[1:count], key=lambda row: row["bytes_total"])
+        sizes = {name: summary[f"bytes_total_{name}"] / 1000 for name in ("median", "mean", "max", "key")}
+        sizes |= {"frames": count, "kbit_s": summary["bytes_total_kbit_s"], "largest": largest["frame"]}
+        rows.append(sizes | {"max_over_median": sizes["max"] / sizes["median"]})
     return {ROWS: rows}
 
 

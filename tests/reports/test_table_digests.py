@@ -1,4 +1,4 @@
-"""Rows of the documents' tables from planted results of the stress test and of the kernels' benchmark."""
+"""Rows of the documents' tables from planted results."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from kernels.case import find_cases
 from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
 from reports.csv_files import write_csv
 from reports.documents.catalogue import SOURCES
-from reports.documents.digests import BROKEN_STAGES, kernel_parts, stress_parts
+from reports.documents.digests import BROKEN_STAGES, kernel_parts, limit_parts, reset_parts, stress_parts
 from reports.documents.markdown import table_text
+from reports.store import Store
+from tests.reports.synthetic import COMMON
 
 
 def row_of(columns: tuple, **values: Any) -> dict[str, Any]:
@@ -55,3 +57,25 @@ def test_the_kernels_tables_count_kernels_and_compare_variants(tmp_path: Path):
 
 def test_the_stages_that_relaxed_arithmetic_breaks_are_cases():
     assert set(BROKEN_STAGES) <= {case.name for case in find_cases()}
+
+
+def test_resets_are_told_from_the_first_twelve_frames(tmp_path: Path):
+    with Store(tmp_path) as store:
+        for frame in range(20):
+            total = {0: 90_000, 15: 30_000}.get(frame, 10_000)
+            row = COMMON | {"codec": "h264", "crf": 25, "status": "ok", "bytes_total": total}
+            store.commit_frame("sas", "", frame, [row])
+    first, whole = reset_parts([tmp_path])["rows"]
+    assert (first["frames"], first["median"], first["max"], first["key"]) == (12, 10, 10, 90)
+    assert (whole["frames"], whole["median"], whole["max"], whole["largest"]) == (20, 10, 30, 15)
+    assert (whole["mean"], whole["max_over_median"]) == ((18 * 10 + 30) / 19, 3)
+
+
+def test_limited_lists_are_told_from_full_ones(tmp_path: Path):
+    with Store(tmp_path) as store:
+        for variant, total, flip in (("mode=depth-limited", 400, 0.2), ("mode=full", 1000, 0.1)):
+            measured = {"bytes_total": total, "flip": flip, "holes_px": 0.0, "server_ms": total / 100}
+            store.commit_frame("ppll", variant, 0, [COMMON | measured | {"codec": "none", "status": "ok"}])
+    (row,) = limit_parts([tmp_path])["rows"]
+    assert (row["bytes_total_full"], row["bytes_total"], row["flip_full"], row["flip"]) == (1000, 400, 0.1, 0.2)
+    assert (row["bytes_total_ratio"], row["flip_ratio"], row["server_ratio"], row["size"]) == (0.4, 2, 0.4, "320x180")
