@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from datetime import date, datetime
 from pathlib import Path
 from typing import Any
@@ -85,10 +86,18 @@ def write_tables(
             if kept is not None:
                 write_kept(source.name, kept, root)
                 console.print(f"[bold]{source.name}[/]  {duration(kept.about['seconds'] or 0)}")
-    finally:  # also of those that were measured before somebody stops it
-        for name in write_documents(Book(sources, root)):
-            console.print(f"written  {name}", soft_wrap=True)
+    except BaseException:  # also of those that were measured before somebody stops it
+        with suppress(DocumentError):  # what stopped it is what to tell
+            _write(sources, root)
+        raise
+    _write(sources, root)
     return well
+
+
+def _write(sources: Mapping[str, Source], root: Path) -> None:
+    """Write all documents from the kept data."""
+    for name in write_documents(Book(sources, root)):
+        make_console().print(f"written  {name}", soft_wrap=True)
 
 
 def _tried(source: Source) -> Kept | None:

@@ -272,6 +272,7 @@ KERNELS = Source(
             ("relaxed",),
         ),
         "errors": Part(("case", "input")),
+        "roofs": Part(("kernel",), machine=("share",)),
         "facts": Part(("name",)),
     },
 )
@@ -304,6 +305,7 @@ CLAIMS = Source(
         ),
         "values": Part(("id", "run")),
         "counts": Part(("verdict", "timed")),
+        "sets": Part(("run",)),
     }
     | {f"why-{method}": WHY_NOT for method in METHODS},
     scenes=tuple(

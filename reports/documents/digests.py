@@ -16,6 +16,7 @@ from reports.columns import BY_NAME, KERNEL_COLUMNS, MEASURED_STATUSES, STRESS_C
 from reports.csv_files import summarise
 from reports.documents.kept import ROWS, Parts, Row
 from reports.kernels import compare_variants
+from reports.store import FILE as RESULTS
 from reports.store import Store
 from reports.stress import magnitude, matrix
 
@@ -138,6 +139,7 @@ def switch_parts(folders: Sequence[Path]) -> Parts:
         row: Row = {"variant": (labels or ["defaults" if method == "snakebinning" else method])[0]}
         names = ("samples", "fill", "coherence", "bytes_metadata", "flip", "dssim")
         row |= {name: lanes.median((method, variant), name) for name in names}
+        row["unwritten_lookups"] = lanes.statistic((method, variant), "unwritten_lookups")
         rows[row["variant"]] = row | {"bytes_video": lanes.median((method, variant), "bytes_video", True)}
     return {ROWS: [rows[name] for name in ("defaults", *SWITCHES) if name in rows]
             + [row for name, row in rows.items() if name not in ("defaults", *SWITCHES)]}  # fmt: skip
@@ -250,7 +252,8 @@ def stress_parts(folders: Sequence[Path]) -> Parts:
 
 
 def kernel_parts(folders: Sequence[Path]) -> Parts:
-    """What build variants cost and gain, and the errors of every stage in the default one."""
+    """What build variants cost and gain, the errors of every stage in the default one, and how near each of its kernels
+    comes to what the device copies or computes at best."""
     (folder,) = folders
     rows = _typed(folder / "kernels.csv", KERNEL_COLUMNS)
     variants = [row | {name: len(row[name]) for name in ("worse", "better")} for row in compare_variants(rows)]
@@ -265,11 +268,17 @@ def kernel_parts(folders: Sequence[Path]) -> Parts:
             errors.append({"case": row["case"], "input": row["input"]} | {name: row[name] for name in names})
         if row["case"] in BROKEN_STAGES and row["input"] == "typical" and row["variant"] in ("default", "relaxed"):
             broken.append({"case": row["case"], row["variant"]: _wrong_text(row)})
+    usual = (row for row in rows if (row["input"], row["variant"]) == ("typical", "default"))
+    roofs = [{"kernel": r["kernel"], "share": _nearer(r["copy_share"], r["arithmetic_share"])} for r in usual]
     pairs = groupby(sorted(broken, key=lambda row: row["case"]), lambda row: row["case"])
     broken = [{name: value for row in own for name, value in row.items()} for _, own in pairs]
     facts = {"kernels": len({row["kernel"] for row in rows}), "stages": len({row["case"] for row in rows})}
     named = [{"name": name, "value": value} for name, value in facts.items()]
-    return {"variants": variants, "broken": broken, "errors": errors, "facts": named}
+    return {"variants": variants, "broken": broken, "errors": errors, "roofs": roofs, "facts": named}
+
+
+def _nearer(*shares: float | None) -> float | None:
+    return max((share for share in shares if share is not None), default=None)
 
 
 def _wrong_text(row: Row) -> str:
@@ -280,8 +289,8 @@ def _wrong_text(row: Row) -> str:
 
 
 def claim_parts(folders: Sequence[Path]) -> Parts:
-    """Claims with all places where they were measured; values place by place; how many of each verdict; and for each
-    method why claims are not confirmed."""
+    """Claims with all places where they were measured; values place by place; how many of each verdict; what sets the
+    runs see; and for each method why claims are not confirmed."""
     (folder,) = folders
     results, _ = write_claims(folder)
     machine = {result.claim.id: _of_machine(result.claim) for result in results}
@@ -309,7 +318,17 @@ def claim_parts(folders: Sequence[Path]) -> Parts:
         f"why-{method}": [row | {"machine": machine[row["id"]]} for row in why_not(folder, method)]
         for method in sorted({name for result in results for name in result.claim.methods})
     }
-    return {ROWS: claims, "values": values, "counts": counted} | why
+    return {ROWS: claims, "values": values, "counts": counted, "sets": _visible_sets(folder)} | why
+
+
+def _visible_sets(folder: Path) -> list[Row]:
+    """Triangles of the first visible set of each run below a folder."""
+    rows = []
+    for run in sorted(file.parent for file in folder.glob(f"*/{RESULTS}")):
+        first = next((row for row in Lanes(run).rows if row["pvs_triangles"]), None)
+        if first:
+            rows.append({"run": run.name, "triangles": first["pvs_triangles"]})
+    return rows
 
 
 def places_text(results: Sequence[Judged]) -> str:

@@ -41,8 +41,9 @@ def test_the_stress_table_has_the_ends_and_where_a_method_broke(tmp_path: Path):
 
 def test_the_kernels_tables_count_kernels_and_compare_variants(tmp_path: Path):
     usual = {"kernel": "atlas/lookup.a", "case": "atlas/lookup", "input": "typical", "values": 0, "whole_values": 200}
+    shares = {"copy_share": 0.1, "arithmetic_share": 0.2}
     rows = [
-        row_of(KERNEL_COLUMNS, **usual, variant="default", ms=2.0, misassigned=1),
+        row_of(KERNEL_COLUMNS, **usual, **shares, variant="default", ms=2.0, misassigned=1),
         row_of(KERNEL_COLUMNS, **usual, variant="relaxed", ms=1.0, misassigned=150),
         row_of(KERNEL_COLUMNS, **usual | {"kernel": "atlas/lookup.b"}, variant="default", ms=1.0, misassigned=1),
     ]
@@ -53,6 +54,7 @@ def test_the_kernels_tables_count_kernels_and_compare_variants(tmp_path: Path):
     line = "| `atlas/lookup` | 0.005 of the values wrong | 0.75 of the values wrong |"
     assert table_text(columns["broken"], parts["broken"]).splitlines()[-1] == line
     assert [row["misassigned"] for row in parts["errors"]] == [1]
+    assert parts["roofs"] == [{"kernel": "atlas/lookup.a", "share": 0.2}, {"kernel": "atlas/lookup.b", "share": None}]
 
 
 def test_the_stages_that_relaxed_arithmetic_breaks_are_cases():
