@@ -58,12 +58,18 @@ def cached_patches(scene: Scene) -> Patches:
     path = cache_root() / "patches" / f"{scene.content_hash}-{method}"
     content = read_checked(path)
     if content is not None:
-        packed = np.frombuffer(content, np.uint32)
-        return _with_members(scene.indices, (packed >> 4).astype(np.int32), (packed & 15).astype(np.uint8))
+        return _unpacked(np.frombuffer(content, np.int32), scene.triangle_count)
     found = find_patches(scene.positions, scene.indices)
-    packed = found.of_triangle.astype(np.uint32) << 4 | found.codes
-    write_checked(path, packed.tobytes())
+    packed = found.of_triangle << 4 | found.codes
+    write_checked(path, b"".join(part.tobytes() for part in (packed, found.members, found.points)))
     return found
+
+
+def _unpacked(words: np.ndarray, triangles: int) -> Patches:
+    """Patches from int32 words: of each triangle its patch << 4 | code, then the members and points of all patches."""
+    packed, tables = words[:triangles], words[triangles:]
+    members, points = np.split(tables, [3 * len(tables) // 8])
+    return Patches(packed >> 4, (packed & 15).astype(np.uint8), members.reshape(-1, 3), points.reshape(-1, 5))
 
 
 def find_patches(positions: np.ndarray, indices: np.ndarray) -> Patches:
