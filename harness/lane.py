@@ -260,7 +260,7 @@ class Lane:
     def fill(self, payload: Payload) -> Filled:
         """Read the planes back; for a video codec, fill them first."""
         start = time.perf_counter()
-        planes = {name: plane.get() for name, plane in payload.planes.items()}
+        planes = {name: _fixed(plane.get()) for name, plane in payload.planes.items()}
         middle = time.perf_counter()
         filled = {name: self._filler(name, plane).fill(plane).get() for name, plane in self._coded(payload).items()}
         end = time.perf_counter()
@@ -290,12 +290,12 @@ class Lane:
             for key, frame in zip(self.keys()[1:], encode_all(self._streams(name, plane), plane), strict=True):
                 encoded.setdefault(key, {})[name] = frame
         plain = {name: plane[..., :3] for name, plane in filled.planes.items()}
-        shown = {name: frame.decoded for name, frame in encoded.get(self.display_key, {}).items()}
+        shown = {name: _fixed(frame.decoded) for name, frame in encoded.get(self.display_key, {}).items()}
         arriving = {("none", None): plain} | ({self.display_key: shown} if self.displayed else {})
         return Sent(
             {name: plane.shape[0] * plane.shape[1] for name, plane in plain.items()},
             encoded,
-            {key: Decoded(planes, received, shapes, fragments) for key, planes in arriving.items()},
+            {key: Decoded(planes, dict(received), shapes, dict(fragments)) for key, planes in arriving.items()},
             sum(map(len, lists.values())),
             payload.raw_bytes,
             sum(map(len, blobs.values())),
@@ -453,7 +453,7 @@ class Lane:
         """Holes, and what clients say that they show; of both clients, which may have received different planes."""
         start = time.perf_counter()
         for key, image in drawn.images.items():
-            known = (self.verifier.truth, frame, self.method, payload, novel, image)
+            known = (self.verifier.truth, frame, verified.draw, payload, novel, image)
             drawn.rows[key]["holes_px"], found = check_picture(*known)
             verified.found += found
         verified.milliseconds += (time.perf_counter() - start) * 1000
@@ -498,6 +498,12 @@ def _speed(packed: Packed, samples: int, novel: NovelView) -> dict[str, float]:
             "gather_over_shading": gather * 1e6 / samples / novel.shading_ns,
         }
     return found
+
+
+def _fixed(array: np.ndarray) -> np.ndarray:
+    """The array, which nobody writes to any more: what clients are given is what is checked."""
+    array.flags.writeable = False
+    return array
 
 
 def same_work(a: Frame, b: Frame) -> bool:

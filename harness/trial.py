@@ -278,9 +278,10 @@ def _check_frame(
     places = client.locate(seen.triangle, seen.bary)
     visible = None if places is None else (seen.triangle, seen.bary, places)
     planes = {name: plane.get() for name, plane in payload.planes.items()}
-    found = verifier.verify(frame, payload, planes, owners, client, stages).found
+    verified = verifier.verify(frame, payload, planes, owners, client, stages)
+    found = verified.found
     found += validity.check(frame, payload, owners, client, visible, gaps=gaps)
-    found += check_picture(stage.truth, frame, packer.name, payload, seen, client.draw(stage.views[index]))[1]
+    found += check_picture(stage.truth, frame, verified.draw, payload, seen, client.draw(stage.views[index]))[1]
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
         raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))

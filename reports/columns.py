@@ -96,8 +96,9 @@ FRAME_COLUMNS: tuple[Column, ...] = (
     _time("client_ms", "device time of the client: taking the payload and drawing the novel view"),
     _time(
         "frame_ms",
-        "the same frame clocked from outside, from the start of packing to the picture, with network_ms; wall_ms + "
-        "fill_ms + encode_ms + network_ms + decode_ms + receive_ms + draw_host_ms + client_ms make it up within 5 %",
+        "the frame from the start of packing to the picture: clocks around packing, filling, coding and drawing, each "
+        "as a whole, and network_ms; wall_ms + fill_ms + encode_ms + network_ms + decode_ms + receive_ms + "
+        "draw_host_ms + client_ms make it up within 5 %",
     ),
     _time("wall_ms", "host time of packing the frame, from start to end: server_ms + serialise_ms"),
     Column("bytes_total", "bytes", "bytes_video + bytes_alpha + bytes_metadata + bytes_geometry", "size", int, "lower"),

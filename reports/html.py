@@ -100,7 +100,7 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Latency": _joined(row, "{latency:g} ms"),
         "Atlas": _joined(next((r for r in rows if r["atlas_width"]), row), "{atlas_width} x {atlas_height} texels"),
         "Seed": _joined(row, "{seed}"),
-        "Triangles": notes["environment"].get("triangles", ""),
+        "Triangles": str(notes["environment"].get("triangles", "")).replace(",", THIN),
         "Scene hash": _joined(row, "{scene_hash:.12}"),
         "Path hash": _joined(row, "{path_hash:.12}"),
         "Device": notes["device"].get("name") or row["device"] or "",
@@ -195,7 +195,8 @@ def _budget(spent: list[Budget], rows: list[Row]) -> str:
         ),
         '<div class="chart" data-figure="budget"></div>',
         caption(
-            "The same in ms: the frame by a clock around all of it, how much of that its parts explain, the parts."
+            "The same in ms: the frame by clocks around packing, filling, coding and drawing, each as a whole, and the "
+            "network's time; how much of that the parts explain; the parts."
         ),
         budget_table(spent),
     )

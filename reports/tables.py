@@ -64,7 +64,10 @@ SIZE = (
     Shown("bytes_geometry", "geometry", "kB/frame", 1e-3, "mean"),
     Shown("compression_ratio", "video / raw", "%", 100, "mean"),
 )
-MARK = "Arrows point in the better direction; a method is marked where it beats every other, with 95 % confidence."
+MARK = (
+    "Arrows point in the better direction; a method is marked where it beats every other that has such a value, with "
+    "95 % confidence."
+)
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,8 @@ def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> li
         ("Work, time and use of the atlas per frame: medians of the measured frames, below them their 95 % interval, "
          f"mean and largest value. {MARK}",
          _measures(firsts, WORK, labels, frames, coding=False)),
-        ("Error of the client's picture against the reference, with and without video coding; numbers as above.",
+        ("Error of the client's picture against the reference, with and without video coding; numbers as above, marked "
+         "among those of the same coding.",
          _measures(judged, QUALITY, labels, frames)),
         ("Everything sent per frame at the displayed rate, then its parts: means over the frames after the keyframe, "
          "below them their medians. The keyframe, with which a client begins, stands apart.",
@@ -126,12 +130,14 @@ def _frames(rows: list[Row], key: Key) -> str:
 def _measures(
     lines: list[Line], columns: tuple[Shown, ...], labels: Labels, frames: dict[Key, str], coding: bool = True
 ) -> str:
+    """A line per method or, where some are shown in several codings, per coding, whose rivals are of the same."""
+    several = len({line.key for line in lines}) < len(lines)
     columns = tuple(c for c in columns if any(line.summary[f"{c.name}_{c.statistic}"] is not None for line in lines))
     head = ["<th>method</th>", "<th>coding</th>" if coding else "<th>frames ok</th>"]
     head += [_header(column) for column in columns]
     body = []
     for line in lines:
-        rivals = [other for other in lines if other.key != line.key and other.coding == line.coding]
+        rivals = [o for o in lines if o.key != line.key and (o.coding == line.coding or not several)]
         second = f"<td>{escape(coding_label(*line.coding))}</td>" if coding else frames[line.key]
         cells = [_cell(line, column, rivals) for column in columns]
         body.append(f"<tr><th>{escape(labels[line.key])}</th>{second}{''.join(cells)}</tr>")
@@ -161,6 +167,7 @@ def _cell(line: Line, column: Shown, rivals: list[Line]) -> str:
         below += [f"mean {found['mean']}", f"max {found['max']}"]
     elif column.statistic == "mean" and found["median"] != found["mean"]:
         below.append(f"median {found['median']}")
+    rivals = [rival for rival in rivals if rival.values(column.name)]
     judged = column.statistic in ("median", "mean") and rivals
     kind = ' class="best"' if judged and all(_beats(line, rival, column.name) for rival in rivals) else ""
     return f"<td{kind}>{found[column.statistic]}{''.join(f'<small>{text}</small>' for text in below)}</td>"

@@ -186,6 +186,8 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
     """
     try:
         lines = Path(file).read_text(encoding="utf-8").splitlines()
+    except FileNotFoundError as error:
+        raise PathError(f"There is no file {file}.") from error
     except (OSError, UnicodeDecodeError) as error:
         raise PathError(f"{file} cannot be read as text: {error}.") from error
     rows: list[tuple[int, list[float]]] = []

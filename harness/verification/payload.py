@@ -18,6 +18,7 @@ from packers.interface import ALPHA, Frame, Owners, Payload
 GROUPS = ("structs/", "gather/")
 OPACITY = 3  # levels of 255 that an opacity may be off
 BYTES = (bytes, bytearray, memoryview)
+LONGEST_NAME = 32  # letters, of a plane, a blob or lists
 
 
 def check_launches(stages: Iterable[str], samples: int) -> Iterator[Violation]:
@@ -41,6 +42,7 @@ def check_plain(frame: Frame, payload: Payload) -> Iterator[Violation]:
         and all(type(p) is device and p.dtype == np.uint8 and p.shape == shape for p in payload.planes.values()),
         "blobs": _all_of(payload.blobs, BYTES),
         "lists": _all_of(payload.lists, BYTES),
+        "names": all(_is_name(name) for parts in (payload.planes, payload.blobs, payload.lists) for name in parts),
         "geometry": type(payload.geometry) in BYTES,
         "samples": samples is None or (type(samples) is Samples and all(type(a) is device for a in _arrays(samples))),
         "unplaced": all(isinstance(reason, str) for reason in payload.unplaced.values()),
@@ -76,6 +78,10 @@ def _all_of(values: Any, kinds: tuple[type, ...]) -> bool:
     return type(values) is dict and all(type(value) in kinds for value in values.values())
 
 
+def _is_name(name: Any) -> bool:
+    return type(name) is str and name.isidentifier() and len(name) <= LONGEST_NAME
+
+
 def _arrays(samples: Samples) -> tuple:
     return samples.triangle, samples.bary1, samples.bary2, samples.footprint, samples.texel
 
@@ -88,15 +94,15 @@ def check_sample_count(payload: Payload, derived: int, share: float = 0.0) -> It
 
 
 def check_texels(
-    truth: Truth, frame: Frame, method: str, samples: Samples, owners: Owners, planes: Mapping[str, np.ndarray]
+    truth: Truth, frame: Frame, draw: str, samples: Samples, owners: Owners, planes: Mapping[str, np.ndarray]
 ) -> Iterator[Violation]:
     """Colours, and opacities, of some texels against float64.
 
-    owners: those of the samples. planes: uint8 (H, W, 4) on the host.
+    draw: names the random numbers that choose them. owners: those of the samples. planes: uint8 (H, W, 4) on the host.
     """
     if not samples.count:
         return
-    chosen = truth.generator(frame.index, method).integers(0, samples.count, CHOSEN)
+    chosen = truth.generator(frame.index, draw).integers(0, samples.count, CHOSEN)
     texel, triangle = owners.texel[chosen], owners.triangle[chosen]
     within = (texel >= 0) & (texel < frame.atlas_width * frame.atlas_height)
     within &= (triangle >= 0) & (triangle < truth.triangles.count)  # others break a rule of harness/validity.py

@@ -21,12 +21,15 @@ APART, FAR = 0.05, 0.75  # share of the distance; share of the pixels that may b
 
 
 def check_picture(
-    truth: Truth, frame: Frame, method: str, payload: Payload, novel: Seen, image: Image
+    truth: Truth, frame: Frame, draw: str, payload: Payload, novel: Seen, image: Image
 ) -> tuple[float, list[Violation]]:
     """The share of pixels that are holes, and what is wrong with what the client says.
 
     A hole is a pixel where the reference shows a surface, and the client nothing, or something that is not there.
+    draw: names the random numbers that choose pixels.
     """
+    if not _is_plain(truth, image, (novel.view.height, novel.view.width)):
+        return 1.0, [violation("pictures", 1, "What the client draws is no Image of device arrays of the view's size.")]
     known = np.zeros(truth.triangles.count + 1, bool)  # the last entry stands for no triangle
     known[frame.pvs] = True
     known[list(payload.unplaced)] = False
@@ -35,8 +38,19 @@ def check_picture(
             return 1.0, [violation("pictures", 1, "The client says neither which triangles it shows nor how far.")]
         depth = image.depth.get()
         holes = (novel.visibility >= 0) & ~(depth > 0)
-        return float(holes.mean()), list(_check_depth(truth, frame, method, novel, depth, known))
+        return float(holes.mean()), list(_check_depth(truth, frame, draw, novel, depth, known))
     return _check_ids(truth, novel, image.triangle.get(), known)
+
+
+def _is_plain(truth: Truth, image: Image, size: tuple[int, int]) -> bool:
+    """Whether it is there as the interface says, and nothing of it is computed when somebody looks at it."""
+    device = type(truth.triangles.positions)
+    if type(image) is not Image or type(image.rgb) is not device or image.rgb.shape != (*size, 4):
+        return False
+    said = [(image.triangle, np.int32), (image.depth, np.float32)]
+    return image.rgb.dtype == np.uint8 and all(
+        part is None or (type(part) is device and part.dtype == kind and part.shape == size) for part, kind in said
+    )
 
 
 def _check_ids(truth: Truth, novel: Seen, ids: np.ndarray, known: np.ndarray) -> tuple[float, list[Violation]]:
@@ -79,13 +93,13 @@ def _can_be_seen(truth: Truth, novel: Seen, triangle: np.ndarray, pixel: np.ndar
 
 
 def _check_depth(
-    truth: Truth, frame: Frame, method: str, novel: Seen, depth: np.ndarray, known: np.ndarray
+    truth: Truth, frame: Frame, draw: str, novel: Seen, depth: np.ndarray, known: np.ndarray
 ) -> Iterator[Violation]:
     """Depths that a client claims, at some pixels of surfaces that it was sent."""
     places = np.flatnonzero(known[novel.triangle])
     if not places.size:
         return
-    places = places[truth.generator(frame.index, method).integers(0, places.size, min(POINTS, places.size))]
+    places = places[truth.generator(frame.index, draw).integers(0, places.size, min(POINTS, places.size))]
     triangles = truth.triangles
     corners = triangles.host_positions[triangles.host_indices[novel.triangle[places]]].astype(np.float64)
     b1, b2 = novel.bary[places].T.astype(np.float64)

@@ -32,9 +32,9 @@ class Truth:
         self.scene, self.seed = scene, seed
         self.drawing = Lock()  # the rasteriser's: methods are checked side by side
 
-    def generator(self, frame: int, method: str) -> draws.Generator:
-        """Random numbers for one frame of a method."""
-        return draws.generator([self.seed, frame, zlib.crc32(method.encode())])
+    def generator(self, frame: int, name: str) -> draws.Generator:
+        """Random numbers for one frame, by name."""
+        return draws.generator([self.seed, frame, zlib.crc32(name.encode())])
 
     @property
     def triangles(self) -> Triangles:

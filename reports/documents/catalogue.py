@@ -39,7 +39,7 @@ SWEEP = {
                 "server ms",
                 ("{server_ms_median:.0f} ({server_ms_low:.0f} to {server_ms_high:.0f})", "{server_ms_median:.0f}"),
             ),
-            *_numbers(samples="samples: ,.0f", kbytes="kB: ,.0f", atlas_mb="MB: .1f"),
+            *_numbers(samples="samples: ,.0f", kbytes="kB/frame: ,.0f", atlas_mb="MB: .1f"),
             *_numbers(flip="FLIP, CRF 25: .4f", flip_lossless="FLIP, lossless: .4f", coherence="coherence: .3f"),
         ),
         SWEEP_TIMES,

@@ -13,7 +13,7 @@ from reports import sweep, sweep_words
 from reports.claims import CONFIRMED, NOT_CONFIRMED, NOT_MEASURABLE, NOT_MEASURED, UNDECIDED, Claim, Judged
 from reports.claims_report import short, why_not, write_claims
 from reports.columns import BY_NAME, KERNEL_COLUMNS, MEASURED_STATUSES, STRESS_COLUMNS, Column
-from reports.csv_files import summarise
+from reports.csv_files import after_keyframe, summarise
 from reports.documents.kept import ROWS, Parts, Row
 from reports.kernels import compare_variants
 from reports.store import FILE as RESULTS
@@ -24,8 +24,8 @@ BROKEN_STAGES = ("atlas/lookup", "sas/sides", "metrics/flip", "metrics/delta_e")
 
 
 class Lanes:
-    """The results of one run: medians over its frames, None where there is no value. keys: method and variant of each
-    lane, in the order of the rows."""
+    """The results of one run: medians over its frames, of sizes over those after the keyframe; None where there is no
+    value. keys: method and variant of each lane, in the order of the rows."""
 
     def __init__(self, folder: Path, first: int = 0) -> None:
         """first: the first frame that counts."""
@@ -40,7 +40,7 @@ class Lanes:
         rows = (
             row for row in self.rows if (row["method"], row["variant"]) == key and (row["codec"] != "none") == coded
         )
-        return _median(row[name] for row in rows)
+        return _median(after_keyframe(name, {row["frame"]: row[name] for row in rows}).values())
 
     def statistic(self, key: tuple[str, str] | None, name: str) -> float | None:
         """Of a statistic."""
@@ -70,8 +70,8 @@ def sweep_parts(folders: Sequence[Path]) -> Parts:
         row |= {f"{name}{end}": of[f"{name}_median"] for name in ("flip", "dssim", "psnr")}
         if coded:
             row |= {name: of[name] for name in ("server_ms_median", "server_ms_low", "server_ms_high", "repetitions")}
-            row |= {name: of[f"{name}_median"] for name in ("samples", "bytes_total", "atlas_mb")}
-            row["kbytes"] = row["bytes_total"] and row["bytes_total"] / 1000
+            row |= {name: of[f"{name}_median"] for name in ("samples", "atlas_mb")}
+            row["kbytes"] = of["bytes_total_mean"] and of["bytes_total_mean"] / 1000
             row |= {"status": of["status"], "coherence": coherence.get((of["method"], of["variant"], of["varied"]))}
     winners = []
     for (_, coding), own in sweep.groups(points).items():
