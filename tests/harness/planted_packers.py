@@ -11,7 +11,7 @@ from kernels.samples import Samples
 from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
 from packers.ppll import PerPixelLinkedLists
 from packers.ppll.client import ListClient
-from packers.ppll.wire import decode, encode
+from packers.ppll.wire import Message, decode, encode
 from packers.sas import ShadingAtlasStreaming
 from packers.sas.client import ShadingAtlasClient
 
@@ -20,12 +20,27 @@ GLOBAL = {}  # what two of them hide things in
 
 def edit_lists(payload: Payload, edit) -> Payload:
     """A payload whose lists are those that `edit` makes of offsets and rows."""
-    message = decode(payload.blobs["head"], payload.lists["lists"])
-    nodes = tuple(edit(*node) for node in message.nodes)
-    counts = tuple(len(rows) for _, rows in nodes)
-    payload.lists["lists"] = written = b"".join(write_twin(*node, message.layout) for node in nodes)
-    payload.blobs["head"] = encode(replace(message, nodes=nodes, counts=counts), written)
-    payload.raw_bytes, payload.sample_count = len(written), sum(counts)
+    return edit_views(payload, lambda message: [edit(*node) for node in message.nodes])
+
+
+def edit_views(payload: Payload, edit) -> Payload:
+    """A payload of which each view's nodes, offsets and rows, are those that `edit` makes of its message."""
+    messages = [
+        replace(message, nodes=tuple(nodes), counts=tuple(len(rows) for _, rows in nodes))
+        for message in decode(payload.blobs["head"], payload.lists["lists"])
+        for nodes in [edit(message)]
+    ]
+    return with_messages(payload, messages)
+
+
+def with_messages(payload: Payload, messages: list[Message]) -> Payload:
+    """A payload of these messages, one for each view."""
+    payload.lists["lists"] = written = b"".join(
+        write_twin(*node, message.layout) for message in messages for node in message.nodes
+    )
+    payload.blobs["head"] = encode(messages, written)
+    payload.raw_bytes = len(written)
+    payload.sample_count = sum(sum(message.counts) for message in messages)
     return payload
 
 

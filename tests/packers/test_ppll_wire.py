@@ -13,7 +13,7 @@ from packers.ppll.wire import MODES, Head, Message, WireError, decode
 def encode(message: Message) -> tuple[bytes, bytes]:
     """The head and the lists."""
     lists = b"".join(write_twin(*node, message.layout) for node in message.nodes)
-    return wire.encode(message, lists), lists
+    return wire.encode([message], lists), lists
 
 
 def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5) -> Message:
@@ -53,7 +53,7 @@ def test_what_was_sent_arrives(seed, layout, words, nodes, most):
     sent = message(seed, layout, words, nodes, most=most)
     head, lists = encode(sent)
     assert len(lists) == sent.raw_bytes  # before LZ4 both layouts are as long as the thesis' structures
-    got = decode(head, lists)
+    (got,) = decode(head, lists)
     assert (got.mode, got.layout, got.width, got.height) == (sent.mode, layout, sent.width, sent.height)
     assert (got.merge, got.threshold) == ("paper", 0.25)
     np.testing.assert_array_equal(got.view, sent.view)
@@ -118,7 +118,7 @@ def test_wrong_lists_with_a_right_checksum_do_no_harm(seed, layout):
         wrong[at] = rng.integers(256)
     head = head[:32] + np.uint32(zlib.crc32(wrong)).tobytes() + head[36:]
     try:
-        got = decode(head, bytes(wrong))
+        (got,) = decode(head, bytes(wrong))
     except WireError:
         return
     offsets, rows = got.nodes[0]
