@@ -316,8 +316,9 @@ class Image:
 class HeldLists:
     """Fragments of a list view, as a client holds them, whatever the wire format.
 
-    view: the camera that saw them, with the server's eye. Parts of equal views hold a pixel's fragments together. Where
-        there are several views, a ray has fragments only in the one that it belongs to, see packers/cell_views.py.
+    view: the camera that saw them, with the server's eye. Parts of equal views hold a pixel's fragments together. All
+        views together cover the frustum of the server's view; where there are several, a ray has fragments only in the
+        one that it belongs to, see packers/cell_views.py.
     offsets: int64 (height * width + 1), where each pixel's begin, row by row.
     rgba: uint8 (n, 4), nearest first; one of alpha 0 is not there. depth: float32 (n), near plane over distance.
     normals: whether they carry what lighting or moving them needs: 24 bytes each on the wire in place of 12.

@@ -239,7 +239,7 @@ def _check_decoy(truth: Truth, client: Client, view: View, sent: np.ndarray) -> 
     held = client.fragments()
     if held:
         for lists in list_views(held):
-            yield from _check_blend(truth, client, lists)
+            yield from _check_blend(truth, client, lists) if lists.owned.any() else ()
         return
     ids = _Shown.by(client, view).triangle
     if ids is not None and (strange := np.setdiff1d(ids[ids >= 0], sent)).size:

@@ -29,7 +29,7 @@ DEPTH_SHARE = 1e-4  # of a depth: less than this is no change of a list
 
 @dataclass
 class Held:
-    """What the display holds of one view, None before the first frame: its camera and each node's lists.
+    """What the display holds of one view: its camera, None before the first frame, and each node's lists.
 
     shown: by node, what blending the lists gives, where differences are of colours.
     """
@@ -144,7 +144,8 @@ class PerPixelLinkedLists(Packer):
         """The lists of the frame's set in the list views, as far as the display does not hold them."""
         views, device = list_views(frame), self.renderer.device
         rendered = self.renderer.render(views, frame.pvs_device, len(frame.pvs), self.mode == "bilateral")
-        self.held = self.held or [Held() for _ in views]
+        if len(self.held) != len(views):
+            self.held = [Held() for _ in views]
         encoders = {"difference": self._changed, "bilateral": self._unmatched}
         parts, heads = [], []
         for view, nodes, held in zip(views, rendered, self.held, strict=True):
