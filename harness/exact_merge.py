@@ -10,6 +10,7 @@ from statistics import median
 
 from harness.session import open_session
 from harness.settings import Settings
+from kernels.ppll.lists import Lists
 from packers.interface import Decoded
 from packers.ppll import PerPixelLinkedLists
 
@@ -27,11 +28,14 @@ def compare(scene: str, frames: int = FRAMES) -> tuple[int, list[float]]:
     for index in range(frames):
         payload = packer.pack(session.source.work(index % session.path.frames).frame)  # a turntable begins again
         display.receive(Decoded({}, payload.blobs, payload.geometry, payload.lists))
-        ends = zip(display.nodes, packer.held, strict=True)
-        pairs = ((a, b) for ours, theirs in ends for a, b in zip(ours.host(), theirs.host(), strict=True))
-        different += any(a.tobytes() != b.tobytes() for a, b in pairs)
+        ours, theirs = (lists for _, lists in display.held), (held.lists for held in packer.held)
+        different += [_bytes_of(lists) for lists in ours] != [_bytes_of(lists) for lists in theirs]
         shares.append(1 - payload.statistics["share_saved"])
     return different, shares
+
+
+def _bytes_of(lists: list[Lists]) -> list[bytes]:
+    return [array.tobytes() for part in lists for array in part.host()]
 
 
 def main(scenes: list[str]) -> int:

@@ -76,6 +76,7 @@ class FrameSource:
             atlas_width=settings.atlas_width,
             atlas_height=settings.atlas_height,
             seed=settings.seed,
+            frusta=self.frustum.split(pose, self.near),
         )
         return Work(frame, novel, pvs.milliseconds, pvs.views, moved, self.scene.skips.take())
 

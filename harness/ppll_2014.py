@@ -216,7 +216,7 @@ def bad_pixels(scene: ServerScene, name: str, size: tuple[int, int]) -> Iterator
         packer = PerPixelLinkedLists(mode="depth-limited" if layers else "full", layers=layers, opacity=2.0)
         packer.prepare(scene)
         payload = packer.pack(frame)
-        message = decode(payload.blobs["head"], payload.lists["lists"])
+        (message,) = decode(payload.blobs["head"], payload.lists["lists"])
         lists = Lists.upload(device, *size, *message.nodes[0])
         picture = device.zeros((lists.pixels, 4), np.uint8)
         blend_lists(device, lists.pixels, lists.offsets, lists.rows, lists.words, picture, picture, "blend")

@@ -124,6 +124,7 @@ class Stage:
                 predicted=(client_view(pose, case.fov, *case.size, case.near), views[index]),
                 atlas_width=case.atlas[0],
                 atlas_height=case.atlas[1],
+                frusta=frustum.split(pose, case.near),
             )
             for index, pose in enumerate(case.poses)
         ]

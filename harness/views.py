@@ -128,6 +128,11 @@ class CellFrustum:
                 views.append(_turned(pose, turn, tilt, wide, tan((top - bottom) / 2), near, density))
         return views
 
+    def split(self, pose: Pose, near: float) -> tuple[View, ...]:
+        """The frusta at the client's density where one view is too wide for the cell, else none (Frame.frusta)."""
+        views = self.frusta(pose, near, self.density)
+        return tuple(views) if len(views) > 1 else ()
+
     def contains(self, server: Pose, client: View) -> bool:
         """Whether the four corner rays of a client view lie inside the frustum."""
         corners = np.array([[x, y, -1.0] for x in (-1, 1) for y in (-1, 1)])

@@ -170,6 +170,8 @@ class Frame:
     predicted: client views predicted for the latency, nearest first.
     atlas_width, atlas_height: the plane to fill, in texels.
     seed: for methods that need random numbers.
+    frusta: where the cell's frustum is wider or higher than 100 degrees, views from the server's eye that cover it
+        together, each turned to its part and at the client's density at its own centre; else none. See `cell_views`.
     """
 
     index: int
@@ -183,6 +185,16 @@ class Frame:
     atlas_width: int
     atlas_height: int
     seed: int = 0
+    frusta: tuple[View, ...] = ()
+
+    @property
+    def cell_views(self) -> tuple[View, ...]:
+        """What to draw the cell from, seen from the server's eye: its frusta, or the server's view where that will do.
+
+        The pictures of several overlap; which of them a ray belongs to says packers/cell_views.py. Other eyes of the
+        cell see other surfaces: the set has what is seen from all of them.
+        """
+        return self.frusta or (self.server,)
 
     def shade(self, samples: Samples) -> dict[str, Array]:
         """The frame's planes: every sample's colour at its texel of "atlas", not multiplied by its opacity, and in
@@ -271,7 +283,7 @@ class Client(ABC):
         """Draw `view` from what was received."""
 
     def fragments(self) -> tuple[HeldLists, ...]:
-        """The lists that it holds after `receive`, one for each part that was sent apart; none where there is an atlas.
+        """The lists that it holds after `receive`, one for each view and part that was sent apart; none of an atlas.
 
         They must come from decoded bytes: the harness holds them against the scene.
         """
@@ -304,7 +316,10 @@ class Image:
 class HeldLists:
     """Fragments of a list view, as a client holds them, whatever the wire format.
 
-    view: the camera that saw them. offsets: int64 (height * width + 1), where each pixel's begin, row by row.
+    view: the camera that saw them, with the server's eye. Parts of equal views hold a pixel's fragments together. All
+        views together cover the frustum of the server's view; where there are several, a ray has fragments only in the
+        one that it belongs to, see packers/cell_views.py.
+    offsets: int64 (height * width + 1), where each pixel's begin, row by row.
     rgba: uint8 (n, 4), nearest first; one of alpha 0 is not there. depth: float32 (n), near plane over distance.
     normals: whether they carry what lighting or moving them needs: 24 bytes each on the wire in place of 12.
     """

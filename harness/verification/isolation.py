@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from harness.validity import Violation
-from harness.verification.lists import blended
+from harness.verification.lists import ListView, blended, list_views
 from harness.verification.truth import LEVELS, Truth, violation
 from packers.interface import ALPHA, Client, ClientScene, Decoded, Frame, Packer, Payload, ServerScene, View
 
@@ -238,7 +238,8 @@ def _check_decoy(truth: Truth, client: Client, view: View, sent: np.ndarray) -> 
     """A client that was sent few triangles shows no others, and one that was sent lists shows these."""
     held = client.fragments()
     if held:
-        yield from _check_blend(truth, client, held)
+        for lists in list_views(held):
+            yield from _check_blend(truth, client, lists) if lists.owned.any() else ()
         return
     ids = _Shown.by(client, view).triangle
     if ids is not None and (strange := np.setdiff1d(ids[ids >= 0], sent)).size:
@@ -246,14 +247,15 @@ def _check_decoy(truth: Truth, client: Client, view: View, sent: np.ndarray) -> 
         yield violation("isolated", strange.size, sentence, strange)
 
 
-def _check_blend(truth: Truth, client: Client, held: tuple) -> Iterator[Violation]:
+def _check_blend(truth: Truth, client: Client, lists: ListView) -> Iterator[Violation]:
     """Seen from where they were made, lists show their blend over the sky, within LEVELS, but for few pixels."""
-    view, device = held[0].view, truth.scene.device
+    view, held, device = lists.view, lists.parts, truth.scene.device
     sky = device.empty((view.height, view.width, 4), np.uint8)
     truth.scene.shader.sky(view.view, view.projection, sky, stage="check/sky")
     behind = sky.get().reshape(-1, 4)[:, :3].astype(np.float64)
     shown = _Shown.by(client, view).rgb.reshape(-1, 3)
-    pixel = truth.generator(0, "blend").integers(0, len(shown), PIXELS)
+    places = np.flatnonzero(lists.owned)
+    pixel = places[truth.generator(0, "blend").integers(0, places.size, PIXELS)]
     off = np.empty(PIXELS)
     for number, at in enumerate(pixel):
         spans = [slice(part.offsets[at], part.offsets[at + 1]) for part in held]

@@ -13,25 +13,29 @@ blended   One fragment stands for several: the nearest is the rasteriser's, and 
           true list's colour.
 
 With lists of several parts, each of which may blend its own, rules on blended colours hold where a ray meets one
-surface.
+surface. With lists of several views, each ray of the cell's frustum is in the picture of the view that it belongs to,
+and in other views it has no fragments.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 
+from arithmetic.matrices import product
 from harness.validity import Violation
 from harness.verification.rays import Hits, cast_rays
 from harness.verification.truth import CHOSEN, LEVELS, Truth, violation
+from packers.cell_views import owned_pixels, owners
 from packers.interface import ALIKE, Frame, HeldLists, Payload, View
 
 HEADER, COLOUR, NORMAL = 4, 12, 24  # bytes: of a pixel, of a fragment, of one with a normal and a position
 NEAREST = 0.01  # share of pixels whose nearest fragment may be another: sets and rounding explain some
 SAME_DEPTH = 1e-4  # relative
 FEW = 3  # of the chosen pixels, where lists may differ: what rounding does to masks and slivers
+STRAY = 0.01  # share of moved fragments that may be of other views' rays: the published merge misses some
 FAR, DRIFTED = 0.1, 64 + LEVELS  # of moved fragments: share of the distance, levels
 LOST = 0.25  # share of surfaces that moved fragments may lack: those that have just come into view
 OPACITY = 3  # levels
@@ -79,27 +83,96 @@ def check_bytes(payload: Payload, held: tuple[HeldLists, ...], before: int, hold
         yield violation("raw bytes", size - HEADER * pixels - each * fragments, sentence)
 
 
+@dataclass(frozen=True)
+class ListView:
+    """A view's lists: its parts, and which pixels' rays belong to it, bool (pixels)."""
+
+    view: View
+    parts: tuple[HeldLists, ...]
+    owned: np.ndarray
+
+
+def list_views(held: tuple[HeldLists, ...]) -> list[ListView]:
+    """The parts by the views that they are of, in the order of these."""
+    parts: dict[bytes, list[HeldLists]] = {}
+    for part in held:
+        size = np.array([part.view.width, part.view.height], np.float64)
+        parts.setdefault(part.view.view.tobytes() + part.view.projection.tobytes() + size.tobytes(), []).append(part)
+    views = [some[0].view for some in parts.values()]
+    owned = [owned_pixels(views, number).ravel() for number in range(len(views))]
+    return [ListView(*of) for of in zip(views, map(tuple, parts.values()), owned, strict=True)]
+
+
 def check_fragments(
     truth: Truth, frame: Frame, method: str, holds: str, held: tuple[HeldLists, ...]
 ) -> Iterator[Violation]:
     """The rules for what such lists hold."""
-    view = held[0].view
-    if not np.allclose(view.eye, frame.server.eye, rtol=1e-9, atol=1e-6 * frame.cell_radius):
+    views, eye = list_views(held), held[0].view.eye
+    if not all(np.allclose(of.view.eye, frame.server.eye, rtol=1e-9, atol=1e-6 * frame.cell_radius) for of in views):
         yield violation("fragments", 1, "The lists are seen from another eye than the frame's server view.")
         return
+    yield from _check_views(truth, frame, method, holds, views)
     if holds in ("every", "nearest", "blended"):
-        yield from _check_nearest(truth, frame, held)
-    pixel = truth.generator(frame.index, method).integers(0, view.width * view.height, CHOSEN)
-    hits = cast_rays(truth, view, frame.pvs, pixel % view.width, pixel // view.width)
-    lists = [_at(held, number) for number in pixel]
+        yield from _check_nearest(truth, frame, views)
+    number, pixel = _chosen(truth, frame, method, views)
+    hits = _cast(truth, frame, views, number, pixel)
+    lists = [_at(views[of].parts, at) for of, at in zip(number, pixel, strict=True)]
     if holds in ("every", "nearest"):
-        yield from _check_exactly(truth, hits, lists, pixel, view.eye, holds == "nearest")
+        yield from _check_exactly(truth, hits, lists, pixel, eye, holds == "nearest")
         return
-    colours = truth.shade(hits.triangle, hits.bary, hits.footprint, view.eye)
+    colours = truth.shade(hits.triangle, hits.bary, hits.footprint, eye)
     if holds == "moved":
         yield from _check_moved(hits, colours, lists)
     else:
-        yield from _check_blends(hits, colours, lists, pixel, len(held) > 1, ALIKE if holds == "alike" else 0)
+        in_parts = len(held) > len(views)
+        yield from _check_blends(hits, colours, lists, pixel, in_parts, ALIKE if holds == "alike" else 0)
+
+
+def _check_views(truth: Truth, frame: Frame, method: str, holds: str, views: list[ListView]) -> Iterator[Violation]:
+    """That views cover the cell's frustum, and that each ray has fragments in one of them only."""
+    x, y = truth.generator(frame.index, f"rays of {method}").random((2, CHOSEN)) * 2 - 1
+    x[:4], y[:4] = (-1, -1, 1, 1), (-1, 1, -1, 1)  # the corners
+    (scale_x, scale_y), (shift_x, shift_y) = frame.server.projection[[0, 1], [0, 1]], frame.server.projection[:2, 2]
+    rays = np.stack([(x + shift_x) / scale_x, (y + shift_y) / scale_y, -np.ones(CHOSEN)], axis=1)
+    rays = product(rays, frame.server.view[:3, :3])
+    owner = owners([of.view for of in views], rays)
+    inside = np.stack([_is_in_picture(of.view, rays) for of in views])[owner, np.arange(CHOSEN)]
+    if not inside.all():
+        sentence = f"{np.count_nonzero(~inside)} of {CHOSEN} rays of the cell's frustum are in no picture of lists."
+        yield violation("fragments", np.count_nonzero(~inside), sentence)
+    stray, count = 0, count_fragments(tuple(part for of in views for part in of.parts))
+    for of in views if len(views) > 1 else ():
+        for part in of.parts:
+            pixel = np.repeat(np.arange(len(of.owned)), np.diff(part.offsets))
+            stray += np.count_nonzero((part.rgba[:, 3] > 0) & ~of.owned[pixel])
+    if stray > (STRAY * count if holds == "moved" else 0):
+        sentence = f"{stray} of {count} fragments lie on rays that belong to another view than theirs."
+        yield violation("once", stray, sentence)
+
+
+def _is_in_picture(view: View, rays: np.ndarray) -> np.ndarray:
+    """bool (n), of rays (n, 3) in scene axes."""
+    x, y, _, w = product(rays, product(view.projection[:, :3], view.view[:3, :3]).T).T
+    return (w > 0) & (np.maximum(np.abs(x), np.abs(y)) <= w * (1 + 1e-9))
+
+
+def _chosen(truth: Truth, frame: Frame, method: str, views: list[ListView]) -> tuple[np.ndarray, np.ndarray]:
+    """Some pixels whose rays belong to their views: int (CHOSEN) each, the view's number and the pixel."""
+    places = [np.flatnonzero(of.owned) for of in views]
+    ends = np.cumsum([len(of) for of in places])
+    at = truth.generator(frame.index, method).integers(0, int(ends[-1]), CHOSEN)
+    number = np.searchsorted(ends, at, side="right")
+    return number, np.array([places[of][place - ends[of]] for of, place in zip(number, at, strict=True)])
+
+
+def _cast(truth: Truth, frame: Frame, views: list[ListView], number: np.ndarray, pixel: np.ndarray) -> Hits:
+    """What the rays through pixels of views meet; a ray's number is that of its pixel among them."""
+    found = []
+    for at in np.unique(number):
+        view, some = views[at].view, np.flatnonzero(number == at)
+        hits = cast_rays(truth, view, frame.pvs, pixel[some] % view.width, pixel[some] // view.width)
+        found.append(replace(hits, ray=some[hits.ray]))
+    return Hits(*(np.concatenate([getattr(hits, field.name) for hits in found]) for field in fields(Hits)))
 
 
 @dataclass(frozen=True)
@@ -110,25 +183,29 @@ class List:
     depth: np.ndarray
 
 
-def _at(held: tuple[HeldLists, ...], pixel: int) -> List:
-    spans = [slice(part.offsets[pixel], part.offsets[pixel + 1]) for part in held]
-    rgba = np.concatenate([part.rgba[span] for part, span in zip(held, spans, strict=True)])
-    depth = np.concatenate([part.depth[span] for part, span in zip(held, spans, strict=True)]).astype(np.float64)
+def _at(parts: tuple[HeldLists, ...], pixel: int) -> List:
+    spans = [slice(part.offsets[pixel], part.offsets[pixel + 1]) for part in parts]
+    rgba = np.concatenate([part.rgba[span] for part, span in zip(parts, spans, strict=True)])
+    depth = np.concatenate([part.depth[span] for part, span in zip(parts, spans, strict=True)]).astype(np.float64)
     seen = np.flatnonzero(rgba[:, 3] > 0)
     order = seen[np.argsort(-depth[seen], kind="stable")]
     return List(rgba[order], depth[order])
 
 
-def _check_nearest(truth: Truth, frame: Frame, held: tuple[HeldLists, ...]) -> Iterator[Violation]:
+def _check_nearest(truth: Truth, frame: Frame, views: list[ListView]) -> Iterator[Violation]:
     """The nearest fragment of every pixel against the nearest surface that is not wholly transparent."""
-    with truth.drawing:
-        depth, ids = _nearest_surfaces(truth, held[0].view)
     known = np.zeros(truth.triangles.count + 1, bool)  # the last entry stands for no triangle
     known[frame.pvs] = True
-    nearest = np.max([_first_visible(part.offsets, part.rgba[:, 3], part.depth) for part in held], axis=0)
-    wrong = np.flatnonzero(known[ids] & (np.abs(nearest - depth) > np.float32(SAME_DEPTH) * depth))
-    if wrong.size > NEAREST * len(ids):
-        sentence = f"In {wrong.size} of {len(ids)} pixels the nearest fragment is not the nearest surface of the set."
+    found = []
+    for of in views:
+        with truth.drawing:
+            depth, ids = _nearest_surfaces(truth, of.view)
+        nearest = np.max([_first_visible(part.offsets, part.rgba[:, 3], part.depth) for part in of.parts], axis=0)
+        off = known[ids] & (np.abs(nearest - depth) > np.float32(SAME_DEPTH) * depth)
+        found.append(np.flatnonzero(off & of.owned))
+    wrong, pixels = np.concatenate(found), sum(np.count_nonzero(of.owned) for of in views)
+    if wrong.size > NEAREST * pixels:
+        sentence = f"In {wrong.size} of {pixels} pixels the nearest fragment is not the nearest surface of the set."
         yield violation("fragments", wrong.size, sentence, texels=wrong)
 
 

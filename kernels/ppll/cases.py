@@ -55,14 +55,15 @@ def limiting(device: Device, kind: str, size: int) -> Trial:
     _, fragments = fragments_of(device, kind, size)
     levels = [0, 51, 102, 127, 128] if kind == "adversarial" else [0, 1, 100, 128, 255]
     opacity = seeded(kind).choice(levels, fragments.count).astype(np.int32)
-    uploaded = device.upload(opacity)
+    uploaded, limits = device.upload(opacity), (4, 0.8)
+    spans = np.sort(seeded(kind).integers(0, size + 1, (fragments.height, 2)).astype(np.int32), axis=1)
 
     def run() -> tuple:
-        return limit_fragments(device, fragments, uploaded, 4, 0.8, "limit")
+        return limit_fragments(device, fragments, uploaded, *limits, spans, "limit")
 
     def results() -> list[Result]:
         kept, left = run()
-        expected = limit_twin(fragments.offsets.get(), opacity, 4, 0.8)
+        expected = limit_twin(fragments.offsets.get(), opacity, *limits, spans, fragments.width)
         found, wanted = np.zeros((2, fragments.pixels), np.int64)
         found[:] = np.diff(kept.offsets.get())
         np.add.at(wanted, host(fragments)[3][expected], 1)
@@ -237,18 +238,19 @@ def splatting(device: Device, kind: str, size: int) -> Trial:
     rng, shape = seeded(kind), (size, size * 2 // 3)
     lists = [random_lists(device, rng, *shape, most_layers(kind))]
     shift = 0.3 if kind == "adversarial" else 0.05
-    views = (np.eye(4), perspective(80, 1.5)), (look_at((shift, 0, 0), (shift, 0, -5)), perspective(60, 1.5))
+    taken = [((np.eye(4), perspective(80, 1.5)), lists)]
+    seen = (look_at((shift, 0, 0), (shift, 0, -5)), perspective(60, 1.5))
     background = rng.integers(0, 256, (*shape[::-1], 4)).astype(np.uint8)
     uploaded, picture = device.upload(background), device.upload(background)
     depth = device.empty(shape[::-1], np.float32)
 
     def run() -> None:
-        draw_lists(device, lists, *views, picture, depth, "splat")
+        draw_lists(device, taken, seen, picture, depth, "splat")
 
     def results() -> list[Result]:
         picture.set(uploaded.get())
         run()
-        expected, distances = draw_lists_twin(lists, *views, background)
+        expected, distances = draw_lists_twin(taken, seen, background)
         return [Result(picture.get()[..., :3], expected), Result(depth.get(), distances)]
 
     return Trial({"n": lists[0].count, "pixels": lists[0].pixels}, run, results)

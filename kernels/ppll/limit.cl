@@ -27,13 +27,16 @@ INLINE int is_last(const int kept, const int layers, const float through, const 
     return kept >= layers || 1.0f - through >= threshold;
 }
 
-__kernel void count_kept(const int pixels, __global const int *offsets, const int layers, const float threshold,
-                         __global int *counts OPACITY_PARAMETER)
+// spans: in each row, the first pixel that keeps any, and the one behind the last.
+__kernel void count_kept(const int pixels, const int width, __global const int *offsets, __global const int2 *spans,
+                         const int layers, const float threshold, __global int *counts OPACITY_PARAMETER)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
         return;
-    const int end = offsets[pixel + 1];
+    const int row = pixel / width, column = pixel - row * width;
+    const int2 span = spans[row];
+    const int end = column >= span.x && column < span.y ? offsets[pixel + 1] : 0;
     int kept = 0;
     float through = 1.0f;
     for (int at = next_kept(offsets[pixel], end OPACITY_ARGUMENT); at < end;

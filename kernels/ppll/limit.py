@@ -21,19 +21,27 @@ NO_THRESHOLD = 2.0  # opacity reaches 1 at most
 
 
 def limit_fragments(
-    device: Device, fragments: Fragments, opacity: Array | None, layers: int, threshold: float, stage: str
+    device: Device,
+    fragments: Fragments,
+    opacity: Array | None,
+    layers: int,
+    threshold: float,
+    spans: np.ndarray,
+    stage: str,
 ) -> tuple[Fragments, Array | None]:
     """The visible fragments, at most `layers` per pixel and none behind the one at which opacity reaches `threshold`.
 
-    opacity: int32 (n), 0..255; None where every fragment is opaque. Returns the fragments kept and their opacity.
+    opacity: int32 (n), 0..255; None where every fragment is opaque. spans: int32 (height, 2), in each row the first
+    pixel that keeps any, and the one behind the last. Returns the fragments kept and their opacity.
     """
     blended = () if opacity is None else (opacity,)
     kernels = device.build("ppll/limit.cl", BLENDED=len(blended))
     pixels = fragments.pixels
     counts = device.recycled(pixels + 1, np.int32)
     device.fill(counts[pixels:], 0, stage)
-    limits = (int(layers), float(threshold))
-    device.launch(stage, kernels.count_kept, pixels, pixels, fragments.offsets, *limits, counts, *blended)
+    lists = (pixels, fragments.width, fragments.offsets)
+    limits = (device.upload(spans), int(layers), float(threshold))
+    device.launch(stage, kernels.count_kept, pixels, *lists, *limits, counts, *blended)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
     source = device.recycled(total, np.int32)
     device.launch(stage, kernels.list_kept, pixels, pixels, fragments.offsets, offsets, source, *blended)
@@ -51,10 +59,14 @@ def _arrays(samples: Samples) -> tuple[Array, ...]:
     return samples.triangle, samples.texel, samples.bary1, samples.bary2, samples.footprint
 
 
-def limit_twin(offsets: np.ndarray, opacity: np.ndarray, layers: int, threshold: float) -> np.ndarray:
-    """Which fragments are kept, int64 (m) ascending; offsets int (P + 1), opacity 0..255 (n)."""
+def limit_twin(
+    offsets: np.ndarray, opacity: np.ndarray, layers: int, threshold: float, spans: np.ndarray, width: int
+) -> np.ndarray:
+    """Which fragments are kept, int64 (m) ascending; offsets int (P + 1), opacity 0..255 (n), spans int (rows, 2)."""
     kept = []
-    for first, end in itertools.pairwise(offsets):
+    for pixel, (first, end) in enumerate(itertools.pairwise(offsets)):
+        if not spans[pixel // width, 0] <= pixel % width < spans[pixel // width, 1]:
+            continue
         through, taken = 1.0, 0
         for at in range(first, end):
             if opacity[at] == 0:

@@ -12,13 +12,14 @@
 #define MEMBERS 16 // of a group
 
 // Where list fragments are seen: points: column, row, distance, half the side of the square (< 0: not seen);
-// also each one's distance as a sorting key, its pixel in the lists and its colour. `at` is the first place to write.
+// also each one's distance as a sorting key, its pixel in the lists and its colour. `at` is the first place to write,
+// `first_pixel` the number of the lists' first pixel among those of all list views.
 // turn: rows of the 3 x 4 matrix from list eye space to the view's eye space. lens: columns and rows per tangent and
 // the image's centre. size: pixels of the view per list pixel at equal distance.
 __kernel void place_points(const int pixels, const int width, __global const int *offsets, __global const uint *rows,
                            const int words, const float4 rays, const float near, const float4 turn_x,
                            const float4 turn_y, const float4 turn_z, const float4 lens, const float size, const int at,
-                           __global float4 *points, __global float *keys, __global int *sources,
+                           const int first_pixel, __global float4 *points, __global float *keys, __global int *sources,
                            __global uint *colours)
 {
     const int pixel = get_global_id(0);
@@ -48,7 +49,7 @@ __kernel void place_points(const int pixels, const int width, __global const int
         const float half_side = 0.5f * (words == 2 ? OVERLAP : LOOSE_OVERLAP) * (spread > 1.0f ? spread : 1.0f);
         points[at + i] = (float4)(column, line, distance, seen ? (half_side < WIDEST ? half_side : WIDEST) : -1.0f);
         keys[at + i] = distance;
-        sources[at + i] = pixel;
+        sources[at + i] = first_pixel + pixel;
         colours[at + i] = row[0];
     }
 }

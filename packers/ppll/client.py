@@ -1,4 +1,4 @@
-"""The display: it holds each node's lists, merges what arrives, and draws them from where the client is."""
+"""The display: it holds each view's and node's lists, merges what arrives, and draws them from where the client is."""
 
 from __future__ import annotations
 
@@ -13,55 +13,64 @@ from packers.ppll.wire import Message, WireError, decode
 
 
 class ListClient(Client):
-    """Draws the lists it holds over the sky."""
+    """Draws the lists it holds over the sky. held: of each list view its camera, and the lists of each node."""
 
     def __init__(self, scene: ClientScene) -> None:
         self.device = scene.device
         self.sky = scene.sky
-        self.nodes: list[Lists] = []
+        self.held: list[tuple[View, list[Lists]]] = []
 
     def receive(self, payload: Decoded) -> None:
         """Take a frame's lists: all of them, or what changed."""
-        message = decode(payload.blobs["head"], payload.lists["lists"])
+        messages = decode(payload.blobs["head"], payload.lists["lists"])
+        arrived = [self._upload(message) for message in messages]
+        if self.held and messages[0].mode in ("difference", "bilateral"):
+            if _sizes(arrived) != _sizes(self.held):
+                raise WireError("The differences are to lists of another size, views or nodes than those held.")
+            pairs = zip(messages, self.held, arrived, strict=True)
+            arrived = [self._merged(message, held, changes) for message, held, changes in pairs]
+        self.held = arrived
+
+    def _upload(self, message: Message) -> tuple[View, list[Lists]]:
         size = (message.width, message.height)
-        arrived = [Lists.upload(self.device, *size, *node) for node in message.nodes]
-        if self.nodes and message.mode in ("difference", "bilateral"):
-            if size != (self.nodes[0].width, self.nodes[0].height) or len(arrived) != len(self.nodes):
-                raise WireError("The differences are to lists of another size, or of other nodes, than those held.")
-            held = zip(self.nodes, arrived, strict=True)
-            merge = self._moved_and_merged if message.mode == "bilateral" else self._spliced
-            arrived = [merge(old, new, message) for old, new in held]
-        self.nodes = arrived
-        self.taken = (message.view, message.projection)
+        lists = [Lists.upload(self.device, *size, *node) for node in message.nodes]
+        return View(message.view, message.projection, *size), lists
 
-    def _spliced(self, held: Lists, changes: Lists, message: Message) -> Lists:
-        return splice_lists(self.device, held, changes, "client/merge")
-
-    def _moved_and_merged(self, held: Lists, changes: Lists, message: Message) -> Lists:
-        moved = move_lists(
-            self.device, held, turning(self.taken[0], message.view), message.projection, "client/transform"
-        )
-        accepting = message.threshold if message.merge == "paper" else None
-        return merge_differences(self.device, moved, changes, accepting, "client/merge")
+    def _merged(
+        self, message: Message, held: tuple[View, list[Lists]], changes: tuple[View, list[Lists]]
+    ) -> tuple[View, list[Lists]]:
+        """A view's lists, of which `changes` arrived."""
+        (before, lists), (view, changed) = held, changes
+        pairs = zip(lists, changed, strict=True)
+        if message.mode == "difference":
+            return view, [splice_lists(self.device, old, new, "client/merge") for old, new in pairs]
+        turn, accepting = turning(before.view, view.view), message.threshold if message.merge == "paper" else None
+        moved = ((move_lists(self.device, old, turn, view.projection, "client/transform"), new) for old, new in pairs)
+        return view, [merge_differences(self.device, old, new, accepting, "client/merge") for old, new in moved]
 
     def draw(self, view: View) -> Image:
-        """The view: sky, and over it all nodes' fragments, merged by depth."""
+        """The view: sky, and over it all views' and nodes' fragments, merged by depth."""
         rgb = self.device.empty((view.height, view.width, 4), np.uint8)
         self.sky(view.view, view.projection, rgb, stage="client/sky")
         depth = self.device.empty((view.height, view.width), np.float32)
-        draw_lists(self.device, self.nodes, self.taken, (view.view, view.projection), rgb, depth, "client")
+        held = [((taken.view, taken.projection), lists) for taken, lists in self.held]
+        draw_lists(self.device, held, (view.view, view.projection), rgb, depth, "client")
         return Image(rgb, None, depth)
 
     def fragments(self) -> tuple[HeldLists, ...]:
-        """Each node's lists."""
-        return tuple(self._neutral(lists) for lists in self.nodes)
+        """Each view's and node's lists."""
+        return tuple(_neutral(view, part) for view, lists in self.held for part in lists)
 
-    def _neutral(self, lists: Lists) -> HeldLists:
-        offsets, rows = lists.host()
-        view = View(*self.taken, lists.width, lists.height)
-        rgba = np.ascontiguousarray(rows[:, 0]).view(np.uint8).reshape(-1, 4)
-        last = np.ascontiguousarray(rows[:, -1]).view(np.float32)
-        if lists.words == COLOUR_WORDS:
-            return HeldLists(view, offsets.astype(np.int64), rgba, last)
-        depth = np.float32(view.projection[2, 3]) / np.maximum(last, np.finfo(np.float32).tiny)
-        return HeldLists(view, offsets.astype(np.int64), rgba, depth, normals=True)
+
+def _sizes(held: list[tuple[View, list[Lists]]]) -> list[list[tuple[int, int]]]:
+    return [[(part.width, part.height) for part in lists] for _, lists in held]
+
+
+def _neutral(view: View, lists: Lists) -> HeldLists:
+    offsets, rows = lists.host()
+    rgba = np.ascontiguousarray(rows[:, 0]).view(np.uint8).reshape(-1, 4)
+    last = np.ascontiguousarray(rows[:, -1]).view(np.float32)
+    if lists.words == COLOUR_WORDS:
+        return HeldLists(view, offsets.astype(np.int64), rgba, last)
+    depth = np.float32(view.projection[2, 3]) / np.maximum(last, np.finfo(np.float32).tiny)
+    return HeldLists(view, offsets.astype(np.int64), rgba, depth, normals=True)

@@ -5,6 +5,8 @@ See README.md in this folder for what is as published and what is ours.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,6 +25,18 @@ if TYPE_CHECKING:
     from pyopencl.array import Array
 
 DEPTH_SHARE = 1e-4  # of a depth: less than this is no change of a list
+
+
+@dataclass
+class Held:
+    """What the display holds of one view: its camera, None before the first frame, and each node's lists.
+
+    shown: by node, what blending the lists gives, where differences are of colours.
+    """
+
+    view: View | None = None
+    lists: list[Lists] = field(default_factory=list)
+    shown: dict[int, Array] = field(default_factory=dict)
 
 
 class PerPixelLinkedLists(Packer):
@@ -114,9 +128,7 @@ class PerPixelLinkedLists(Packer):
         layers = self.layers or (6 if limited else EVERY_LAYER)
         depth = Depth(layers, self.opacity if limited else NO_THRESHOLD)
         self.renderer = ListRenderer(scene, self.nodes, depth, self.preblend)
-        self.held: list[Lists] = []
-        self.shown: dict[int, Array] = {}  # by node, what blending `held` gives, where differences are of colours
-        self.view: View | None = None
+        self.held: list[Held] = []
 
     @property
     def holds(self) -> str:
@@ -129,15 +141,35 @@ class PerPixelLinkedLists(Packer):
         return self.mode in ("full", "depth-limited")
 
     def pack(self, frame: Frame) -> Payload:
-        """The lists of the frame's set in the list view, as far as the display does not hold them."""
-        view = list_view(frame)
-        device = self.renderer.device
-        nodes = self.renderer.render(view, frame.pvs_device, len(frame.pvs), self.mode == "bilateral")
-        lists = [node.lists for node in nodes]
+        """The lists of the frame's set in the list views, as far as the display does not hold them."""
+        views, device = list_views(frame), self.renderer.device
+        rendered = self.renderer.render(views, frame.pvs_device, len(frame.pvs), self.mode == "bilateral")
+        if len(self.held) != len(views):
+            self.held = [Held() for _ in views]
         encoders = {"difference": self._changed, "bilateral": self._unmatched}
-        sent = encoders[self.mode](lists, view) if self.mode in encoders else lists
-        self.view = view
-        head = Head(
+        parts, heads = [], []
+        for view, nodes, held in zip(views, rendered, self.held, strict=True):
+            lists = [node.lists for node in nodes]
+            sent = encoders[self.mode](lists, view, held) if self.mode in encoders else lists
+            held.view = view
+            heads.append(self._head(view, sent))
+            parts += sent
+        written = device.download(write_lists(device, parts, self.layout, "structs/wire"))
+        deleted = sum(count_deleted(device, part, "structs/count") for part in parts) if self.mode in encoders else 0
+        nodes = [node for nodes in rendered for node in nodes]
+        return Payload(
+            planes={},
+            blobs={"head": encode(heads, written)},
+            geometry=b"",
+            sample_count=sum(node.lists.count for node in nodes),
+            statistics=statistics(nodes, heads, deleted),
+            lists={"lists": written},
+            raw_bytes=sum(head.raw_bytes for head in heads),
+        )
+
+    def _head(self, view: View, sent: list[Lists]) -> Head:
+        """What is said of one view's lists, a part for each node."""
+        return Head(
             mode=self.mode,
             layout=self.layout,
             width=view.width,
@@ -149,66 +181,59 @@ class PerPixelLinkedLists(Packer):
             merge=self.merge,
             threshold=self.threshold,
         )
-        written = device.download(write_lists(device, sent, self.layout, "structs/wire"))
-        deleted = sum(count_deleted(device, part, "structs/count") for part in sent) if self.mode in encoders else 0
-        return Payload(
-            planes={},
-            blobs={"head": encode(head, written)},
-            geometry=b"",
-            sample_count=sum(part.count for part in lists),
-            statistics=statistics(nodes, head, deleted),
-            lists={"lists": written},
-            raw_bytes=head.raw_bytes,
-        )
 
     def details(self, payload: Payload) -> dict[str, np.ndarray]:
         """What was sent: `header` uint32 (h, w, 2), offset and count, and `fragments` uint32 (n, words), of node 0.
 
-        Those of further nodes have its number behind their name. `list_view` and `list_projection` float64 (4, 4) are
-        the lists' camera.
+        Those of further nodes have its number behind their name, and those of further views `_view1`, `_view2` behind
+        that. `list_view` and `list_projection` float64 (4, 4) are the lists' camera.
         """
-        message = decode(payload.blobs["head"], payload.lists["lists"])
-        arrays = {"list_view": message.view, "list_projection": message.projection}
-        for node, (offsets, rows) in enumerate(message.nodes):
-            header = np.stack([offsets[:-1], np.diff(offsets)], axis=1).astype(np.uint32)
-            arrays[f"header{node or ''}"] = header.reshape(message.height, message.width, 2)
-            arrays[f"fragments{node or ''}"] = rows
+        arrays = {}
+        for number, message in enumerate(decode(payload.blobs["head"], payload.lists["lists"])):
+            behind = f"_view{number}" if number else ""
+            arrays |= {f"list_view{behind}": message.view, f"list_projection{behind}": message.projection}
+            for node, (offsets, rows) in enumerate(message.nodes):
+                header = np.stack([offsets[:-1], np.diff(offsets)], axis=1).astype(np.uint32)
+                arrays[f"header{node or ''}{behind}"] = header.reshape(message.height, message.width, 2)
+                arrays[f"fragments{node or ''}{behind}"] = rows
         return arrays
 
-    def _held(self, lists: list[Lists]) -> list[Lists]:
-        """What the display holds of each node: nothing at first."""
+    def _fill(self, held: Held, lists: list[Lists]) -> None:
+        """Before the first frame the display holds empty lists."""
         device = self.renderer.device
-        return self.held or [Lists.empty(device, part.width, part.height, part.words) for part in lists]
+        held.lists = held.lists or [Lists.empty(device, part.width, part.height, part.words) for part in lists]
 
-    def _unmatched(self, lists: list[Lists], view: View) -> list[Lists]:
-        """What moving the lists held does not give of each node's; `held` becomes what an exact merge gives."""
-        device, sent, held = self.renderer.device, [], self._held(lists)
-        turn = turning(self.view.view if self.view else view.view, view.view)
+    def _unmatched(self, lists: list[Lists], view: View, held: Held) -> list[Lists]:
+        """What moving a view's lists held does not give of each node's; `held` becomes what an exact merge gives.
+
+        What moves to rays of another view is removed here and inserted there, as if it were new.
+        """
+        self._fill(held, lists)
+        device, sent = self.renderer.device, []
+        turn = turning(held.view.view if held.view else view.view, view.view)
         for node, part in enumerate(lists):
-            moved = move_lists(device, held[node], turn, view.projection, "structs/transform")
+            moved = move_lists(device, held.lists[node], turn, view.projection, "structs/transform")
             changes = find_differences(device, moved, part, self.threshold, self.drift, "structs/match")
-            held[node] = apply_differences(device, moved, changes, part, "structs/hold")
+            held.lists[node] = apply_differences(device, moved, changes, part, "structs/hold")
             sent.append(changes)
-        self.held = held
         return sent
 
-    def _changed(self, lists: list[Lists], view: View) -> list[Lists]:
-        """What changed of each node's lists; `held` becomes what the display then holds."""
-        device = self.renderer.device
-        still = self.view is not None and np.array_equal(self.view.matrix, view.matrix)
+    def _changed(self, lists: list[Lists], view: View, held: Held) -> list[Lists]:
+        """What changed of each node's lists of a view; `held` becomes what the display then holds."""
+        self._fill(held, lists)
+        device, sent = self.renderer.device, []
+        still = held.view is not None and np.array_equal(held.view.matrix, view.matrix)
         tolerance = 0 if still else self.tolerance
-        self.held = self._held(lists)
-        sent = []
         for node, part in enumerate(lists):
-            held = self.held[node]
+            before = held.lists[node]
             if self.detect == "list":
-                changed = changed_lists(device, part, held, tolerance, DEPTH_SHARE, "structs/difference")
+                changed = changed_lists(device, part, before, tolerance, DEPTH_SHARE, "structs/difference")
             else:
-                if node not in self.shown:
-                    self.shown[node] = self._picture(held)
-                pictures = (self.shown[node], self._picture(part))
+                if node not in held.shown:
+                    held.shown[node] = self._picture(before)
+                pictures = (held.shown[node], self._picture(part))
                 changed = changed_colours(device, part, *pictures, tolerance, "structs/difference")
-            self.held[node] = splice_lists(device, held, changed, "structs/hold")
+            held.lists[node] = splice_lists(device, before, changed, "structs/hold")
             sent.append(changed)
         return sent
 
@@ -226,24 +251,25 @@ class PerPixelLinkedLists(Packer):
         return ListClient(scene)
 
 
-def list_view(frame: Frame) -> View:
-    """The view that lists belong to: the server's, widened by less than two pixels so that its pixels are the client's
-    when the client has not moved. Without a predicted client view, the server's own."""
+def list_views(frame: Frame) -> tuple[View, ...]:
+    """The views that lists belong to: the cell's. One alone is widened by less than two pixels so that its pixels are
+    the client's when the client has not moved; not without a predicted client view."""
     server = frame.server
-    if not frame.predicted:
-        return server
+    if len(frame.cell_views) > 1 or not frame.predicted:
+        return frame.cell_views
     client = frame.predicted[0]
     width = client.width + 2 * max(0, -(-(server.width - client.width) // 2))
     height = client.height + 2 * max(0, -(-(server.height - client.height) // 2))
     projection = server.projection.copy()
     projection[0, 0] = client.projection[0, 0] * client.width / width
     projection[1, 1] = client.projection[1, 1] * client.height / height
-    return View(server.view, projection, width, height)
+    return (View(server.view, projection, width, height),)
 
 
-def statistics(nodes: list[NodeLists], head: Head, deleted: int) -> dict[str, float]:
-    """What the report shows of a frame's lists, over all nodes."""
-    built, sent = sum(node.built for node in nodes), sum(head.counts)
+def statistics(nodes: list[NodeLists], heads: Sequence[Head], deleted: int) -> dict[str, float]:
+    """What the report shows of a frame's lists, over all views and nodes."""
+    built, sent = sum(node.built for node in nodes), sum(sum(head.counts) for head in heads)
+    header_bytes = sum(head.header_bytes for head in heads)
     longest = max(len(node.pixels_by_layers) for node in nodes)
     histogram = sum(np.pad(node.pixels_by_layers, (0, longest - len(node.pixels_by_layers))) for node in nodes)
     layers = {f"pixels_of_{k}_layers": int(n) for k, n in enumerate(histogram[:16])}
@@ -255,7 +281,7 @@ def statistics(nodes: list[NodeLists], head: Head, deleted: int) -> dict[str, fl
         "fragments_sent": sent,
         "fragments_deleted": deleted,
         "share_saved": 1 - sent / built if built else 0.0,
-        "header_bytes": head.header_bytes,
-        "list_bytes": head.raw_bytes - head.header_bytes,
-        "padded_bytes": head.padded_bytes,
+        "header_bytes": header_bytes,
+        "list_bytes": sum(head.raw_bytes for head in heads) - header_bytes,
+        "padded_bytes": sum(head.padded_bytes for head in heads),
     }

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
 from kernels.ppll.lists import Lists
 from kernels.ppll.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows
 from kernels.raster.camera import Camera
+from packers.cell_views import owned_pixels, owned_spans
 from packers.interface import ServerScene, View
 
 if TYPE_CHECKING:
@@ -34,8 +36,8 @@ class Depth:
 
 @dataclass(frozen=True)
 class NodeLists:
-    """One node's lists of a frame. built: fragments before limiting; pixels_by_layers: int (n), pixels that have 0, 1,
-    2 ... of them."""
+    """One node's lists of a view. built: fragments before limiting; pixels_by_layers: int (n), pixels that have 0, 1,
+    2 ... of them; both of the rays that belong to the view."""
 
     lists: Lists
     built: int
@@ -53,27 +55,30 @@ class ListRenderer:
         self.of_triangle = self.device.upload(deal_objects(host.material_ids, nodes))
         self.opacity = scene.layers.opacity if scene.layers else None
 
-    def render(self, view: View, pvs: Array, count: int, normals: bool) -> list[NodeLists]:
-        """The lists of the `count` triangles in `pvs` seen from a view, for each node."""
-        camera = Camera.of(view.view, view.projection, view.width, view.height)
+    def render(self, views: Sequence[View], pvs: Array, count: int, normals: bool) -> list[list[NodeLists]]:
+        """The lists of the `count` triangles in `pvs`: for each view, of the rays that belong to it, and each node."""
         members = self.builder.members(pvs, count, self.of_triangle, "structs/members")
-        bins, picture = self.builder.bins(camera, "structs/build")
         lists = []
-        for node in range(1, self.nodes + 1):
-            fragments = self.builder.build(bins, picture, members, node, "structs/build")
-            lists.append(self._shaded(fragments, view, normals))
+        for number, view in enumerate(views):
+            camera = Camera.of(view.view, view.projection, view.width, view.height)
+            bins, picture = self.builder.bins(camera, "structs/build")
+            nodes = (
+                self.builder.build(bins, picture, members, node, "structs/build") for node in range(1, self.nodes + 1)
+            )
+            lists.append([self._shaded(fragments, views, number, normals) for fragments in nodes])
         return lists
 
-    def _shaded(self, fragments: Fragments, view: View, normals: bool) -> NodeLists:
-        device, built = self.device, fragments
-        offsets = built.offsets.get()  # before shading is queued, so that the host counts while the device shades
-        opacity = self.opacity.of(built.samples, "structs/opacity") if self.opacity else None
-        if opacity is not None or self.depth.limits:
-            limits = (self.depth.layers, self.depth.threshold)
+    def _shaded(self, fragments: Fragments, views: Sequence[View], number: int, normals: bool) -> NodeLists:
+        device, view, offsets = self.device, views[number], fragments.offsets.get()
+        opacity = self.opacity.of(fragments.samples, "structs/opacity") if self.opacity else None
+        if opacity is not None or self.depth.limits or len(views) > 1:
+            limits = (self.depth.layers, self.depth.threshold, owned_spans(views, number))
             fragments, opacity = limit_fragments(device, fragments, opacity, *limits, "structs/limit")
         n = fragments.count
         colours = shade_fragments(self.scene.shader, fragments, view.eye, "gather/shade")
-        layers = np.bincount(np.diff(offsets))
+        layers = np.diff(offsets)  # counted on the host while the device shades
+        if len(views) > 1:
+            layers = layers[owned_pixels(views, number).ravel()]
         if normals:
             surface = (self.scene.triangles, self.scene.shader.arguments[0], view.projection)
             rows, words = normal_rows(device, fragments, colours, opacity, *surface, "gather/rows"), NORMAL_WORDS
@@ -82,7 +87,7 @@ class ListRenderer:
         lists = Lists(fragments.width, fragments.height, n, words, fragments.offsets, rows)
         if self.preblend:
             lists = blended_into_one(device, lists)
-        return NodeLists(lists, built.count, layers)
+        return NodeLists(lists, int(layers.sum(dtype=np.int64)), np.bincount(layers))
 
 
 def blended_into_one(device: object, lists: Lists) -> Lists:

@@ -9,7 +9,10 @@ The head (metadata), little-endian:
     uint32 (n)    fragments of each node
     float64 (32)  view and projection of the lists
 
-The lists, node after node:
+Lists of several views have one such head after the other, which differ in sizes, numbers of fragments, matrices and
+checksums only.
+
+The lists, view after view and node after node:
 
     uint32 (h, w)     1 + the first fragment of each pixel, 0 where it has none
     fragments         colour fragments (12 bytes): RGBA, depth, next. Normal fragments (24 bytes): RGBA, normal, x, y,
@@ -23,8 +26,10 @@ written on the device (kernels/ppll/wire.py); here are their head and the readin
 
 from __future__ import annotations
 
+import itertools
 import zlib
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -37,6 +42,7 @@ VERSION = 1
 HEAD = 4 + 10 * 4
 MATRICES = 32 * 8
 LARGEST_SIDE = 16384
+MOST_PIXELS = LARGEST_SIDE * LARGEST_SIDE  # of all views
 MOST_NODES = 255
 MOST_FRAGMENTS = 1 << 28
 WORDS = (2, 5)  # of colour fragments, and of normal fragments, which bilateral differences consist of
@@ -48,7 +54,7 @@ class WireError(ValueError):
 
 @dataclass(frozen=True, kw_only=True)
 class Head:
-    """What the head says of one frame's lists.
+    """What is said of the lists of one view in one frame.
 
     words: uint32 of a fragment without `next`. counts: fragments of each node. merge, threshold: how bilateral
     differences are applied, see kernels.ppll.match.
@@ -83,13 +89,19 @@ class Head:
 
 @dataclass(frozen=True, kw_only=True)
 class Message(Head):
-    """One frame's lists as they arrive: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
+    """One view's lists as they arrive: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
 
     nodes: tuple[tuple[np.ndarray, np.ndarray], ...]
 
 
-def encode(head: Head, lists: bytes) -> bytes:
-    """The bytes of the head that goes with these bytes of lists."""
+def encode(heads: Sequence[Head], lists: bytes) -> bytes:
+    """The bytes of the heads, one for each view, that go with these bytes of lists."""
+    ends = np.cumsum([0, *(head.raw_bytes for head in heads)]).tolist()
+    parts = (memoryview(lists)[start:end] for start, end in itertools.pairwise(ends))
+    return b"".join(_encode_head(head, part) for head, part in zip(heads, parts, strict=True))
+
+
+def _encode_head(head: Head, lists: memoryview) -> bytes:
     numbers = [VERSION, MODES.index(head.mode), LAYOUTS.index(head.layout), head.width, head.height]
     numbers += [head.words, len(head.counts), zlib.crc32(lists), MERGES.index(head.merge)]
     numbers += [int(np.float32(head.threshold).view(np.uint32)), *head.counts]
@@ -97,34 +109,54 @@ def encode(head: Head, lists: bytes) -> bytes:
     return b"PPLL" + np.array(numbers, "<u4").tobytes() + matrices.tobytes()
 
 
-def decode(head: bytes, lists: bytes) -> Message:
-    """The message of a head and its lists. Raises WireError for anything that `encode` cannot have written; nothing
-    larger than the input is allocated before it is known to fit."""
-    if len(head) < HEAD + MATRICES or head[:4] != b"PPLL":
+def decode(head: bytes, lists: bytes) -> tuple[Message, ...]:
+    """The messages of heads and their lists, one for each view. Raises WireError for anything that `encode` cannot have
+    written; nothing larger than the input is allocated before it is known to fit."""
+    heads, checksums, at = [], [], 0
+    while at < len(head) or not heads:
+        one, checksum, at = _decode_head(head, at)
+        heads.append(one)
+        checksums.append(checksum)
+    if any(_shared(one) != _shared(heads[0]) for one in heads):
+        raise WireError("The lists' heads differ in more than views have of their own.")
+    if sum(one.width * one.height for one in heads) > MOST_PIXELS:
+        raise WireError("The lists' heads claim more pixels than lists can have.")
+    ends = np.cumsum([0, *(one.raw_bytes for one in heads)]).tolist()
+    if ends[-1] != len(lists):
+        raise WireError(f"The lists have {len(lists)} bytes where their head announces {ends[-1]}.")
+    parts = [memoryview(lists)[start:end] for start, end in itertools.pairwise(ends)]
+    if any(zlib.crc32(part) != checksum for part, checksum in zip(parts, checksums, strict=True)):
+        raise WireError("The lists are damaged: their checksum differs.")
+    return tuple(_decode_lists(*pair) for pair in zip(heads, parts, strict=True))
+
+
+def _shared(head: Head) -> tuple:
+    """What is the same in the heads of all views."""
+    return head.mode, head.layout, head.words, len(head.counts), head.merge, head.threshold
+
+
+def _decode_head(head: bytes, at: int) -> tuple[Head, int, int]:
+    """The head that begins at a byte, the checksum of its lists, and where the next one begins."""
+    if len(head) < at + HEAD + MATRICES or head[at : at + 4] != b"PPLL":
         raise WireError("The lists' head is truncated or damaged.")
-    numbers = np.frombuffer(head, "<u4", 9, 4).astype(int).tolist()
+    numbers = np.frombuffer(head, "<u4", 9, at + 4).astype(int).tolist()
     version, mode, layout, width, height, words, nodes, checksum, merge = numbers
-    threshold = float(np.frombuffer(head, "<f4", 1, 40)[0])
+    threshold = float(np.frombuffer(head, "<f4", 1, at + 40)[0])
     known = mode < len(MODES) and layout < len(LAYOUTS) and merge < len(MERGES) and 0 <= threshold <= 1
     if version != VERSION or not known or words != WORDS[MODES[mode] == "bilateral"]:
         raise WireError("The lists' head names a version, mode, layout or merge that this client does not know.")
     if not (1 <= width <= LARGEST_SIDE and 1 <= height <= LARGEST_SIDE and 1 <= nodes <= MOST_NODES):
         raise WireError(f"The lists' head claims {width} x {height} pixels of {nodes} nodes, which is out of range.")
-    if len(head) != HEAD + 4 * nodes + MATRICES:
+    end = at + HEAD + 4 * nodes + MATRICES
+    if len(head) < end:
         raise WireError("The lists' head is not as long as its number of nodes requires.")
-    counts = np.frombuffer(head, "<u4", nodes, HEAD).astype(np.int64)
-    sizes = 4 * width * height + counts * (words + 1) * 4
-    if counts.max() > MOST_FRAGMENTS or int(sizes.sum()) != len(lists):
-        raise WireError(f"The lists have {len(lists)} bytes where their head announces {int(sizes.sum())}.")
-    if zlib.crc32(lists) != checksum:
-        raise WireError("The lists are damaged: their checksum differs.")
-    matrices = np.frombuffer(head, "<f8", 32, HEAD + 4 * nodes).reshape(2, 4, 4).astype(np.float64)
+    counts = np.frombuffer(head, "<u4", nodes, at + HEAD).astype(np.int64)
+    if counts.max() > MOST_FRAGMENTS:
+        raise WireError(f"The lists' head announces {counts.max()} fragments of a node, which is out of range.")
+    matrices = np.frombuffer(head, "<f8", 32, end - MATRICES).reshape(2, 4, 4).astype(np.float64)
     if not np.isfinite(matrices).all():
         raise WireError("The lists' matrices are not finite.")
-    ends = np.cumsum(sizes)
-    parts = [lists[end - size : end] for end, size in zip(ends.tolist(), sizes.tolist(), strict=True)]
-    decoded = [_decode_node(part, LAYOUTS[layout], width * height, words) for part in parts]
-    return Message(
+    decoded = Head(
         mode=MODES[mode],
         layout=LAYOUTS[layout],
         width=width,
@@ -135,11 +167,20 @@ def decode(head: bytes, lists: bytes) -> Message:
         counts=tuple(counts.tolist()),
         merge=MERGES[merge],
         threshold=threshold,
-        nodes=tuple(decoded),
     )
+    return decoded, checksum, end
 
 
-def _decode_node(data: bytes, layout: str, pixels: int, words: int) -> tuple[np.ndarray, np.ndarray]:
+def _decode_lists(head: Head, lists: memoryview) -> Message:
+    """One view's lists, whose length and checksum are right."""
+    pixels = head.width * head.height
+    ends = np.cumsum([0, *(4 * (pixels + count * (head.words + 1)) for count in head.counts)]).tolist()
+    parts = (lists[start:end] for start, end in itertools.pairwise(ends))
+    nodes = tuple(_decode_node(part, head.layout, pixels, head.words) for part in parts)
+    return Message(**{field.name: getattr(head, field.name) for field in fields(Head)}, nodes=nodes)
+
+
+def _decode_node(data: memoryview, layout: str, pixels: int, words: int) -> tuple[np.ndarray, np.ndarray]:
     count = (len(data) // 4 - pixels) // (words + 1)
     if layout == "shuffled":
         used = unshuffle(data, np.uint32, pixels)

@@ -9,9 +9,9 @@ import numpy as np
 from kernels.ppll.wire import write_twin
 from kernels.samples import Samples
 from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
-from packers.ppll import PerPixelLinkedLists
+from packers.ppll import PerPixelLinkedLists, server
 from packers.ppll.client import ListClient
-from packers.ppll.wire import decode, encode
+from packers.ppll.wire import Message, decode, encode
 from packers.sas import ShadingAtlasStreaming
 from packers.sas.client import ShadingAtlasClient
 
@@ -20,12 +20,27 @@ GLOBAL = {}  # what two of them hide things in
 
 def edit_lists(payload: Payload, edit) -> Payload:
     """A payload whose lists are those that `edit` makes of offsets and rows."""
-    message = decode(payload.blobs["head"], payload.lists["lists"])
-    nodes = tuple(edit(*node) for node in message.nodes)
-    counts = tuple(len(rows) for _, rows in nodes)
-    payload.lists["lists"] = written = b"".join(write_twin(*node, message.layout) for node in nodes)
-    payload.blobs["head"] = encode(replace(message, nodes=nodes, counts=counts), written)
-    payload.raw_bytes, payload.sample_count = len(written), sum(counts)
+    return edit_views(payload, lambda message: [edit(*node) for node in message.nodes])
+
+
+def edit_views(payload: Payload, edit) -> Payload:
+    """A payload of which each view's nodes, offsets and rows, are those that `edit` makes of its message."""
+    messages = [
+        replace(message, nodes=tuple(nodes), counts=tuple(len(rows) for _, rows in nodes))
+        for message in decode(payload.blobs["head"], payload.lists["lists"])
+        for nodes in [edit(message)]
+    ]
+    return with_messages(payload, messages)
+
+
+def with_messages(payload: Payload, messages: list[Message]) -> Payload:
+    """A payload of these messages, one for each view."""
+    payload.lists["lists"] = written = b"".join(
+        write_twin(*node, message.layout) for message in messages for node in message.nodes
+    )
+    payload.blobs["head"] = encode(messages, written)
+    payload.raw_bytes = len(written)
+    payload.sample_count = sum(sum(message.counts) for message in messages)
     return payload
 
 
@@ -430,6 +445,74 @@ class SayingNothing(ShadingAtlasStreaming):
 
 
 # What the reason of each must say.
+class OtherRays(PerPixelLinkedLists):
+    """Each of its views has all that its picture shows, also on rays that belong to another."""
+
+    name = "other-rays"
+
+    def pack(self, frame):
+        spans = server.owned_spans
+        server.owned_spans = lambda views, number: np.tile(
+            np.array([0, views[number].width], np.int32), (views[number].height, 1)
+        )
+        try:
+            return super().pack(frame)
+        finally:
+            server.owned_spans = spans
+
+
+class ViewLess(PerPixelLinkedLists):
+    """Sends no lists of the last view."""
+
+    name = "view-less"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        return with_messages(payload, decode(payload.blobs["head"], payload.lists["lists"])[:-1])
+
+
+class ViewEmpty(PerPixelLinkedLists):
+    """The last view's lists are empty."""
+
+    name = "view-empty"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        *others, last = decode(payload.blobs["head"], payload.lists["lists"])
+        nodes = tuple((offsets * 0, rows[:0]) for offsets, rows in last.nodes)
+        return with_messages(payload, [*others, replace(last, nodes=nodes, counts=(0,) * len(nodes))])
+
+
+class ViewInverted(PerPixelLinkedLists):
+    """The last view's fragments have inverted colours."""
+
+    name = "view-inverted"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        *others, last = decode(payload.blobs["head"], payload.lists["lists"])
+        nodes = tuple((offsets, rows ^ np.uint32([0xFFFFFF, 0])) for offsets, rows in last.nodes)
+        return with_messages(payload, [*others, replace(last, nodes=nodes)])
+
+
+class ViewPretending(PerPixelLinkedLists):
+    """Its client shows nothing of the last view's lists."""
+
+    name = "view-pretending"
+
+    def client(self, scene):
+        return ViewPretendingClient(scene)
+
+
+class ViewPretendingClient(ListClient):
+    def draw(self, view):
+        held, self.held = self.held, self.held[:-1]
+        try:
+            return super().draw(view)
+        finally:
+            self.held = held
+
+
 PLANTED = {
     Renamed: "Packing launched free/of-charge",
     FewerSamples: "samples and has",
@@ -458,4 +541,19 @@ PLANTED = {
     Padded: "more than",
     Pretending: "does not show the blend of the lists",
     SayingNothing: "neither which triangles it shows nor how far",
+}
+
+# In a view cell that takes several views.
+PLANTED_WIDE = {
+    MoreRawBytes: "uncompressed bytes",
+    LeftOut: "nearest",
+    InvertedLists: "colour or cover otherwise",
+    FarFragment: "hold, too",
+    Ended: "nearest",
+    Pretending: "does not show the blend",
+    OtherRays: "belong to another view",
+    ViewLess: "in no picture",
+    ViewEmpty: "nearest",
+    ViewInverted: "colour or cover otherwise",
+    ViewPretending: "does not show the blend",
 }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,8 @@ HONEST = ("sas", "snakebinning", "tss", "ppll", "ppll[mode=full]", "ppll[mode=di
           "ppll[preblend=true]")  # fmt: skip
 SMALL = {"scene": "hall", "frames": 2, "width": 160, "height": 90, "atlas_width": 256, "atlas_height": 256,
          "path": "orbit", "codec": "none", "metrics": ("psnr",)}  # fmt: skip
+
+WIDE = SMALL | {"cell_radius": 0.3, "cell_fov": 160, "path": "walk"}
 
 
 def shiny_room() -> Scene:
@@ -63,6 +66,32 @@ def stage(small_scene, device) -> Stage:
     opened = open_session(Settings(methods=("sas",), **SMALL), device)
     works = [opened.source.work(index) for index in range(2)]
     return Stage(opened.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
+
+
+@pytest.fixture(scope="module")
+def wide_stage(small_scene, device) -> Stage:
+    opened = open_session(Settings(methods=("ppll",), **WIDE), device)
+    works = [opened.source.work(index) for index in range(2)]
+    return Stage(opened.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
+
+
+@pytest.mark.parametrize("packer", planted.PLANTED_WIDE, ids=lambda packer: packer.name)
+def test_a_fault_in_lists_of_several_views_is_invalid_with_its_reason(wide_stage, packer):
+    found = [try_method(wide_stage, packer, again=0), try_isolation(wide_stage, packer)]
+    assert "invalid" in [one.status for one in found]
+    assert planted.PLANTED_WIDE[packer] in " ".join(one.sentence for one in found), found
+
+
+def test_honest_lists_of_several_views_are_ok_in_a_run_and_in_the_kit(wide_stage, small_scene, tmp_path):
+    lists = [name for name in HONEST if name.startswith("ppll")]
+    assert run(Settings(methods=("sas", *lists), **WIDE), tmp_path / "wide")
+    with Store(tmp_path / "wide", must_exist=True) as store:
+        rows = store.rows()
+    assert len(rows) == 2 * len(lists) + 2
+    assert {(row["status"], row["reason"]) for row in rows} == {("ok", None)}
+    for make in (PerPixelLinkedLists, partial(PerPixelLinkedLists, mode="bilateral")):
+        assert try_method(wide_stage, make, again=0).status == "ok"
+        assert try_isolation(wide_stage, make).status == "ok"
 
 
 @pytest.mark.parametrize("packer", planted.PLANTED, ids=lambda packer: packer.name)

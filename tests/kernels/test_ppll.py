@@ -156,9 +156,11 @@ def test_limits_keep_what_the_twin_keeps(device, layers, threshold):
     rng = np.random.default_rng(9)
     fragments = build(device, random_soup(device, rng, 400), Camera.of(VIEW, perspective(), *SIZE))
     opacity = rng.choice([0, 1, 100, 128, 255], fragments.count).astype(np.int32)
-    kept, left = limit_fragments(device, fragments, device.upload(opacity), layers, threshold, "limit")
+    spans = np.sort(rng.integers(0, SIZE[0] + 1, (SIZE[1], 2)).astype(np.int32), axis=1)
+    spans[::2] = 0, SIZE[0]
+    kept, left = limit_fragments(device, fragments, device.upload(opacity), layers, threshold, spans, "limit")
     before, after = host(fragments), host(kept)
-    expected = limit_twin(before[0], opacity, layers, threshold)
+    expected = limit_twin(before[0], opacity, layers, threshold, spans, SIZE[0])
     for a, b in zip(before[1:], after[1:], strict=True):
         np.testing.assert_array_equal(a[expected], b)
     np.testing.assert_array_equal(left.get()[: kept.count], opacity[expected])
@@ -170,10 +172,11 @@ def test_opaque_fragments_are_limited_to_the_nearest(device):
     fragments = build(
         device, random_soup(device, np.random.default_rng(10), 400), Camera.of(VIEW, perspective(), *SIZE)
     )
-    kept, opacity = limit_fragments(device, fragments, None, EVERY_LAYER, 1.0, "limit")
+    spans = np.tile(np.array([0, SIZE[0]], np.int32), (SIZE[1], 1))
+    kept, opacity = limit_fragments(device, fragments, None, EVERY_LAYER, 1.0, spans, "limit")
     assert opacity is None
     np.testing.assert_array_equal(np.diff(kept.offsets.get()), np.diff(fragments.offsets.get()) > 0)
-    every, _ = limit_fragments(device, fragments, None, EVERY_LAYER, NO_THRESHOLD, "limit")
+    every, _ = limit_fragments(device, fragments, None, EVERY_LAYER, NO_THRESHOLD, spans, "limit")
     assert every.count == fragments.count
 
 
@@ -296,12 +299,14 @@ def views(shift):
 def test_reprojection_equals_its_twin(device):
     """Within one level, but for pixels where a point's square ends within rounding of the pixel's centre."""
     rng = np.random.default_rng(16)
-    parts = [random_lists(device, rng, most=4) for _ in range(2)]
+    parts, others = ([random_lists(device, rng, most=4) for _ in range(count)] for count in (2, 1))
     taken, view = views(0.05)
+    beside = (look_at((0, 0, 0), (2, 1, -3)), taken[1])
     background = rng.integers(0, 256, (14, 20, 4)).astype(np.uint8)
     picture, depth = device.upload(background), device.empty((14, 20), np.float32)
-    draw_lists(device, parts, taken, view, picture, depth, "draw")
-    expected, distances = draw_lists_twin(parts, taken, view, background)
+    held = [(taken, parts), (beside, others)]
+    draw_lists(device, held, view, picture, depth, "draw")
+    expected, distances = draw_lists_twin(held, view, background)
     error = np.abs(picture.get()[..., :3] - expected).max(axis=-1)
     assert (error > 1).mean() < 0.01
     assert (np.abs(depth.get() - distances) > 1e-6 * distances).mean() < 0.01
@@ -318,7 +323,7 @@ def test_where_nothing_moved_reprojection_is_the_blend(device):
     inputs = (lists.pixels, lists.offsets, lists.rows, lists.words, expected, expected)
     blend_lists(device, *inputs, "blend")
     depth = device.empty((lists.height, lists.width), np.float32)
-    draw_lists(device, [lists], taken, taken, picture, depth, "draw")
+    draw_lists(device, [(taken, [lists])], taken, picture, depth, "draw")
     assert np.abs(picture.get().astype(int) - expected.get()).max() <= 1
     np.testing.assert_array_equal(depth.get().ravel() > 0, np.diff(lists.host()[0]) > 0)
 
@@ -330,6 +335,6 @@ def test_reprojection_is_the_same_for_every_work_group_size(device, monkeypatch)
     for local_size in (64, 1, 7, 256):
         monkeypatch.setattr(device, "local_size", local_size)
         picture, depth = device.zeros((70, 100, 4), np.uint8), device.empty((70, 100), np.float32)
-        draw_lists(device, [lists, replace(lists)], taken, view, picture, depth, "draw")
+        draw_lists(device, [(taken, [lists, replace(lists)])], view, picture, depth, "draw")
         pictures.append(picture.get().tobytes() + depth.get().tobytes())
     assert len(set(pictures)) == 1

@@ -12,7 +12,7 @@ from harness.upload import upload_scene
 from kernels.triangles import Triangles
 from packers.interface import Decoded, Frame, Payload, ServerScene
 from packers.ppll import PerPixelLinkedLists
-from packers.ppll.packer import list_view
+from packers.ppll.packer import list_views
 from packers.ppll.wire import decode
 from scenes.features import find_features
 from scenes.head_motion import HeadMotion
@@ -101,17 +101,17 @@ def test_a_novel_view_comes_close(request, name):
 
 def test_list_views_have_the_clients_pixels(opaque):
     made = frame(opaque)
-    view, client = list_view(made), made.predicted[0]
+    (view,), client = list_views(made), made.predicted[0]
     assert view.width >= made.server.width
     assert (view.width - client.width) % 2 == (view.height - client.height) % 2 == 0
     assert view.pixels_per_tangent == pytest.approx(client.pixels_per_tangent, rel=1e-12)
-    assert list_view(replace(made, predicted=())) is made.server
+    assert list_views(replace(made, predicted=())) == (made.server,)
 
 
 def test_payload_counts_what_the_thesis_counts(glass):
     stream = Stream(glass, mode="full")
     payload = stream.send(frame(glass))
-    message = decode(payload.blobs["head"], payload.lists["lists"])
+    (message,) = decode(payload.blobs["head"], payload.lists["lists"])
     (offsets, rows), pixels = message.nodes[0], message.width * message.height
     assert payload.raw_bytes == 4 * pixels + 12 * len(rows) == len(payload.lists["lists"])
     assert payload.sample_count == payload.statistics["fragments_sent"] == len(rows)
@@ -135,7 +135,7 @@ def test_limits_bound_bytes_and_layers(glass):
         stream = Stream(glass, mode="depth-limited", layers=layers)
         payload = stream.send(made)
         assert stream.layers(payload).max() <= layers
-        view = list_view(made)
+        (view,) = list_views(made)
         pixels = view.width * view.height
         assert 4 * pixels <= payload.raw_bytes <= pixels * (4 + 12 * layers)
         sizes.append(payload.raw_bytes)
@@ -172,7 +172,7 @@ def test_the_blended_reference_is_that_of_sorted_lists(glass):
     made = replace(made, server=view, pvs=np.arange(glass.triangles.count, dtype=np.int32))
     made = replace(made, pvs_device=glass.device.upload(made.pvs))
     payload = Stream(glass, mode="full").send(made)
-    offsets, rows = decode(payload.blobs["head"], payload.lists["lists"]).nodes[0]
+    offsets, rows = decode(payload.blobs["head"], payload.lists["lists"])[0].nodes[0]
     sky = glass.device.empty((view.height, view.width, 4), np.uint8)
     glass.shader.sky(view.view, view.projection, sky)
     expected = blend_twin(offsets, rows[:, :1].copy().view(np.uint8), sky.get().reshape(-1, 4))
@@ -218,7 +218,7 @@ def test_what_tolerance_omits_is_sent_when_the_camera_stands_still(glass):
     rest = loose.send(frame(glass, 1)).statistics["fragments_sent"]
     assert rest > 0
     made = frame(glass, 1)
-    view = list_view(made)
+    (view,) = list_views(made)
     pictures = [rgb(stream.client.draw(view)) for stream in (exact, loose)]
     assert np.abs(pictures[0] - pictures[1]).max() <= 1
 
@@ -243,6 +243,12 @@ def same_lists(a, b) -> bool:
     return all(x.tobytes() == y.tobytes() for x, y in zip(a.host(), b.host(), strict=True))
 
 
+def both_ends(stream: Stream) -> tuple[list, list]:
+    """What the client holds and what the packer takes it to hold, part by part."""
+    client = [part for _, lists in stream.client.held for part in lists]
+    return client, [part for held in stream.packer.held for part in held.lists]
+
+
 @pytest.mark.parametrize("name", ["opaque", "glass"])
 @pytest.mark.parametrize("parameters", [{}, {"nodes": 2, "layers": 4, "layout": "shuffled"}])
 def test_the_exact_merge_reproduces_what_the_sender_holds(request, name, parameters):
@@ -254,8 +260,8 @@ def test_the_exact_merge_reproduces_what_the_sender_holds(request, name, paramet
         made = frame(scene, step)
         sent = stream.send(made).statistics
         full.send(made)
-        assert all(same_lists(*pair) for pair in zip(stream.client.nodes, stream.packer.held, strict=True))
-        pictures = [rgb(each.client.draw(list_view(made))) for each in (stream, full)]
+        assert all(same_lists(*pair) for pair in zip(*both_ends(stream), strict=True))
+        pictures = [rgb(each.client.draw(list_views(made)[0])) for each in (stream, full)]
         assert np.abs(pictures[0] - pictures[1]).mean() < 4
         assert sent["fragments_sent"] < 2 * sent["fragments_kept"]
     assert sent["fragments_deleted"] > 0
@@ -276,8 +282,9 @@ def test_the_published_merge_leaves_bad_pixels(glass):
         stream = Stream(glass, mode="bilateral", merge=merge, threshold=threshold)
         for step in range(4):
             stream.send(frame(glass, 0.5 * step))
-        held = [same_lists(*pair) for pair in zip(stream.client.nodes, stream.packer.held, strict=True)]
-        rows = [np.unique(part.host()[1], axis=0) for part in (stream.client.nodes[0], stream.packer.held[0])]
+        ends = both_ends(stream)
+        held = [same_lists(*pair) for pair in zip(*ends, strict=True)]
+        rows = [np.unique(parts[0].host()[1], axis=0) for parts in ends]
         shared = len(np.unique(np.concatenate(rows), axis=0))
         bad.append(0 if all(held) else 2 * shared - len(rows[0]) - len(rows[1]))
     assert bad[0] == 0 < bad[1] < bad[2]
@@ -285,7 +292,7 @@ def test_the_published_merge_leaves_bad_pixels(glass):
 
 def test_normal_fragments_take_24_bytes(glass):
     payload = Stream(glass, mode="bilateral").send(frame(glass))
-    message = decode(payload.blobs["head"], payload.lists["lists"])
+    (message,) = decode(payload.blobs["head"], payload.lists["lists"])
     sent = payload.statistics["fragments_sent"]
     assert payload.raw_bytes == 4 * message.width * message.height + 24 * sent
     assert payload.statistics["padded_bytes"] == 4 * message.width * message.height + 32 * sent

@@ -1,5 +1,7 @@
 """The wire format: what was sent arrives, in both layouts, and nothing else is accepted."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -10,10 +12,10 @@ from packers.ppll import wire
 from packers.ppll.wire import MODES, Head, Message, WireError, decode
 
 
-def encode(message: Message) -> tuple[bytes, bytes]:
-    """The head and the lists."""
-    lists = b"".join(write_twin(*node, message.layout) for node in message.nodes)
-    return wire.encode(message, lists), lists
+def encode(*views: Message) -> tuple[bytes, bytes]:
+    """The heads and the lists."""
+    lists = b"".join(write_twin(*node, view.layout) for view in views for node in view.nodes)
+    return wire.encode(views, lists), lists
 
 
 def message(seed=0, layout="paper", words=2, nodes=1, pixels=(9, 7), most=5) -> Message:
@@ -53,7 +55,7 @@ def test_what_was_sent_arrives(seed, layout, words, nodes, most):
     sent = message(seed, layout, words, nodes, most=most)
     head, lists = encode(sent)
     assert len(lists) == sent.raw_bytes  # before LZ4 both layouts are as long as the thesis' structures
-    got = decode(head, lists)
+    (got,) = decode(head, lists)
     assert (got.mode, got.layout, got.width, got.height) == (sent.mode, layout, sent.width, sent.height)
     assert (got.merge, got.threshold) == ("paper", 0.25)
     np.testing.assert_array_equal(got.view, sent.view)
@@ -61,6 +63,50 @@ def test_what_was_sent_arrives(seed, layout, words, nodes, most):
     for (offsets, rows), (expected_offsets, expected_rows) in zip(got.nodes, sent.nodes, strict=True):
         np.testing.assert_array_equal(offsets, expected_offsets)
         np.testing.assert_array_equal(rows, expected_rows)
+
+
+def several(count: int, layout: str = "paper", words: int = 2, nodes: int = 2) -> list[Message]:
+    """Messages of views of different sizes in one mode."""
+    views = [message(number, layout, words, nodes, pixels=(9 - number, 5 + number)) for number in range(count)]
+    return [replace(view, mode=views[0].mode) for view in views]
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("words", [2, 5])
+def test_lists_of_several_views_arrive_view_by_view(layout, words):
+    sent = several(4, layout, words)
+    head, lists = encode(*sent)
+    assert head == b"".join(encode(view)[0] for view in sent)
+    assert len(lists) == sum(view.raw_bytes for view in sent)
+    for got, view in zip(decode(head, lists), sent, strict=True):
+        assert (got.width, got.height, got.counts) == (view.width, view.height, view.counts)
+        np.testing.assert_array_equal(got.projection, view.projection)
+        for one, expected in zip(got.nodes, view.nodes, strict=True):
+            assert [array.tobytes() for array in one] == [array.tobytes() for array in expected]
+
+
+def test_heads_of_several_views_must_fit_their_lists_and_each_other():
+    views = several(3)
+    head, lists = encode(*views)
+    size = len(head) // 3
+    heads = [head[at : at + size] for at in range(0, len(head), size)]
+    assert not refused(b"".join(heads), lists)
+    assert refused(b"".join(heads[:2]), lists)  # a view less
+    assert refused(b"".join([*heads, heads[0]]), lists)  # a view more
+    assert refused(b"".join([heads[1], heads[0], heads[2]]), lists)  # the lists of another view
+    for changes in ({"mode": "difference"}, {"layout": "shuffled"}, {"merge": "exact"}, {"threshold": 0.5}):
+        assert refused(*encode(views[0], replace(views[1], **changes), views[2]))
+    fewer = replace(views[2], nodes=views[2].nodes[:1], counts=views[2].counts[:1])
+    assert refused(*encode(views[0], views[1], fewer))
+
+
+def test_all_views_together_are_no_larger_than_one_may_be():
+    head, lists = encode(*several(2, nodes=1))
+    size = np.array([wire.LARGEST_SIDE] * 2, "<u4").tobytes()
+    half = len(head) // 2
+    huge = head[:16] + size + head[24 : half + 16] + size + head[half + 24 :]
+    with pytest.raises(WireError, match="more pixels"):
+        decode(huge, lists)
 
 
 def test_sizes_are_those_of_the_thesis():
@@ -85,9 +131,9 @@ def refused(head: bytes, lists: bytes) -> bool:
 
 
 @settings(max_examples=150, deadline=None)
-@given(data=st.data(), layout=st.sampled_from(LAYOUTS), words=st.sampled_from([2, 5]))
-def test_damage_is_refused(data, layout, words):
-    head, lists = encode(message(3, layout, words, 2))
+@given(data=st.data(), layout=st.sampled_from(LAYOUTS), words=st.sampled_from([2, 5]), views=st.integers(1, 3))
+def test_damage_is_refused(data, layout, words, views):
+    head, lists = encode(*several(views, layout, words))
     kind = data.draw(st.sampled_from(["truncate", "flip", "extend", "noise", "head"]))
     if kind == "truncate":
         assert refused(head, lists[: data.draw(st.integers(0, len(lists) - 1))])
@@ -118,7 +164,7 @@ def test_wrong_lists_with_a_right_checksum_do_no_harm(seed, layout):
         wrong[at] = rng.integers(256)
     head = head[:32] + np.uint32(zlib.crc32(wrong)).tobytes() + head[36:]
     try:
-        got = decode(head, bytes(wrong))
+        (got,) = decode(head, bytes(wrong))
     except WireError:
         return
     offsets, rows = got.nodes[0]
