@@ -205,7 +205,7 @@ def try_isolation(stage: Stage, make: Callable[[], Packer]) -> Finding:
     def isolated() -> Finding:
         if reason := make().skip(stage.server.host):
             return Finding("ok", f"skipped: {reason}")
-        found = check_isolation(stage.truth, make, stage.frames[0], stage.views[0])
+        found = check_isolation(stage.truth, make, stage.frames[-1], stage.views[-1])
         return Finding("invalid" if found else "ok", " ".join(one.sentence for one in found))
 
     return _caught(isolated)

@@ -30,7 +30,7 @@ SEGMENTS: tuple[tuple[str, tuple[str, ...], str], ...] = (
 class Budget:
     """Mean milliseconds of a method's frames after the keyframe, as displayed.
 
-    parts: by the segment's name; None where nothing was measured. whole: the same frames by the clocks around their steps.
+    parts: by the segment's name; None where nothing was measured. whole: the same by clocks around their steps.
     """
 
     label: str
@@ -81,7 +81,7 @@ def budget_figure(found: list[Budget]) -> Figure | None:
 
 
 def budget_table(found: list[Budget]) -> str:
-    """Milliseconds: the frame by the clocks around its steps, the sum of its parts and their share of that, the parts."""
+    """Milliseconds: the frame by clocks around its steps, the sum of its parts, their share of that, and the parts."""
     head = ["method", "coding", "clocked", "sum", "explained", *(name for name, _, _ in SEGMENTS)]
     lines = []
     for budget in found:

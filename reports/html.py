@@ -15,7 +15,7 @@ from reports.budget import Budget, budget_figure, budget_table, budgets, visible
 from reports.csv_files import replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
-from reports.tables import NONE, folded_lists, headline_tables, number, ranges, table
+from reports.tables import NONE, THIN, folded_lists, headline_tables, number, ranges, table
 
 NOTES = ("environment", "device", "warning", "rare", "skipped", "skip", "saved", "scene", "prepare_ms")
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")

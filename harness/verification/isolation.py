@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+import zlib
 from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -40,7 +41,7 @@ def check_references(client: Client, scene: ServerScene, forbidden: dict[int, st
     """
     seen = {id(value) for value in (scene.device, scene.shader.sky, scene.mask)}
     steps = deque([Step(client, "client")])
-    while steps and len(seen) < MOST:
+    while steps and len(seen) < MOST:  # numbers and texts do not count
         step = steps.popleft()
         if id(step.value) in seen or isinstance(step.value, (*PLAIN, type, ModuleType, BuiltinFunctionType)):
             continue
@@ -50,6 +51,8 @@ def check_references(client: Client, scene: ServerScene, forbidden: dict[int, st
             yield violation("isolated", 1, f"The client holds {name}: {step.path}.")
             return
         steps.extend(_next_steps(step))
+    if steps:
+        yield violation("isolated", 1, f"The client holds over {MOST:,} objects: too many to tell what it shares.")
 
 
 def _forbidden_kind(value: Any) -> str | None:
@@ -90,6 +93,7 @@ def _next_steps(step: Step) -> Iterator[Step]:
         yield from _of_function(value, path)
     elif isinstance(value, np.ndarray):
         yield Step(value.base, f"{path}.base")
+        yield Step(value.tolist() if value.dtype == object else None, path)
     elif not type(value).__module__.startswith(("pyopencl", "numpy")):
         yield from (Step(part, f"{path}.{name}") for name, part in getattr(value, "__dict__", {}).items())
         for name in _slots(value):
@@ -143,18 +147,27 @@ def shared_state(kinds: tuple[type, ...]) -> dict[str, Any]:
 
 
 def _is_data(name: str, value: Any) -> bool:
-    return not (name.startswith(("__", "_abc")) or callable(value) or isinstance(value, (ModuleType, property)))
+    """Functions are: they have defaults and attributes."""
+    own = isinstance(value, FunctionType) or not callable(value)
+    return own and not (name.startswith(("__", "_abc")) or isinstance(value, (ModuleType, property)))
 
 
-def _print_of(value: Any) -> Any:
-    """What changes when a container does."""
-    if isinstance(value, np.ndarray):
-        return id(value), value.tobytes() if value.nbytes < MOST else value.nbytes
+def _print_of(value: Any, depth: int = 4) -> Any:
+    """What changes when a container does, or something in it."""
+    if isinstance(value, np.ndarray) and value.dtype != object:
+        return id(value), zlib.crc32(np.ascontiguousarray(value))
+    if depth == 0:
+        return id(value)
     if isinstance(value, dict):
-        return id(value), tuple((key, id(part)) for key, part in value.items())
-    if isinstance(value, (list, tuple, set, deque)):
-        return id(value), tuple(id(part) for part in value)
-    return id(value), tuple(getattr(value, "__dict__", ()))
+        return id(value), tuple((key, _print_of(part, depth - 1)) for key, part in value.items())
+    if isinstance(value, (list, tuple, set, deque, np.ndarray)):
+        return id(value), tuple(_print_of(part, depth - 1) for part in value)
+    if isinstance(value, FunctionType):
+        parts = (value.__defaults__, value.__kwdefaults__, value.__dict__)
+        return id(value), tuple(_print_of(part, depth - 1) for part in parts)
+    if isinstance(value, (*PLAIN, type, ModuleType)):
+        return id(value)
+    return id(value), _print_of(getattr(value, "__dict__", None), depth - 1)
 
 
 def check_shared_state(before: dict[str, Any], after: dict[str, Any]) -> Iterator[Violation]:

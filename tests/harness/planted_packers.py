@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import zlib
 from dataclasses import replace
 
 import numpy as np
 
+from arithmetic import draws
+from harness.verification.truth import CHOSEN
 from kernels.ppll.wire import write_twin
 from kernels.samples import Samples
 from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
@@ -15,7 +18,7 @@ from packers.ppll.wire import Message, decode, encode
 from packers.sas import ShadingAtlasStreaming
 from packers.sas.client import ShadingAtlasClient
 
-GLOBAL = {}  # what two of them hide things in
+GLOBAL, NESTED = {}, {"inside": {}}  # what some of them hide things in
 
 
 def edit_lists(payload: Payload, edit) -> Payload:
@@ -288,6 +291,165 @@ class InTheModuleClient(ShadingAtlasClient):
         super().receive(Decoded(payload.planes, payload.blobs, GLOBAL[key]))
 
 
+class InTheModuleLater(InTheModule):
+    """The same, but from the second frame on."""
+
+    name = "in-the-module-later"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        if not frame.index:
+            payload.geometry = payload.geometry[:1] + GLOBAL[0, len(frame.pvs)]
+        return payload
+
+    def client(self, scene):
+        return InTheModuleLaterClient(scene)
+
+
+class InTheModuleLaterClient(InTheModuleClient):
+    def receive(self, payload):
+        if payload.geometry[0]:
+            super().receive(payload)
+        else:
+            ShadingAtlasClient.receive(self, replace(payload, geometry=payload.geometry[1:]))
+
+
+class InNames(ShadingAtlasStreaming):
+    """All but the plane is the name of an empty blob."""
+
+    name = "in-names"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        payload.blobs = {f"{payload.blobs['locations'].hex()}_{payload.geometry.hex()}": b""}
+        payload.geometry = b""
+        return payload
+
+    def client(self, scene):
+        return InNamesClient(scene)
+
+
+class InNamesClient(ShadingAtlasClient):
+    def receive(self, payload):
+        (name,) = payload.blobs
+        locations, geometry = (bytes.fromhex(part) for part in name.split("_"))
+        super().receive(Decoded(payload.planes, {"locations": locations}, geometry))
+
+
+class Counting(ShadingAtlasStreaming):
+    """Names of its blobs count its frames."""
+
+    name = "counting"
+    since = 1
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        payload.blobs[f"frame_{frame.index}"] = b""
+        return payload
+
+
+class Foreseen(ShadingAtlasStreaming):
+    """Shades only the texels that the frame's number and the seed would choose, if they chose."""
+
+    name = "foreseen"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        texel = payload.samples.texel.get()[: payload.samples.count]
+        seed = [frame.seed, frame.index, zlib.crc32(self.name.encode())]
+        chosen = texel[draws.generator(seed).integers(0, len(texel), CHOSEN)]
+        plane = payload.planes["atlas"].get()
+        flat = plane.reshape(-1, 4)
+        kept = flat[chosen].copy()
+        flat[texel, :3] = 128
+        flat[chosen] = kept
+        payload.planes["atlas"].set(plane)
+        return payload
+
+
+class Deferred(ShadingAtlasStreaming):
+    """Its client draws when somebody looks at the picture."""
+
+    name = "deferred"
+
+    def client(self, scene):
+        client = super().client(scene)
+        draw = client.draw
+        client.draw = lambda view: DeferredImage(lambda: draw(view))
+        return client
+
+
+class DeferredImage:
+    depth = None
+
+    def __init__(self, work):
+        self.work = work
+
+    rgb = property(lambda self: self.work().rgb)
+    triangle = property(lambda self: self.work().triangle)
+
+
+class InAnArray(Renderer):
+    """Its client holds the scene among the objects of an array."""
+
+    name = "in-an-array"
+
+    def client(self, scene):
+        client = ShadingAtlasStreaming.client(self, scene)
+        client.held = np.array([self.scene, None], object)
+        return client
+
+
+class BehindMany(Renderer):
+    """Its client holds the scene behind more than anybody looks through."""
+
+    name = "behind-many"
+
+    def client(self, scene):
+        client = ShadingAtlasStreaming.client(self, scene)
+        client.held = [[] for _ in range(30_000)] + [self.scene]
+        return client
+
+
+class Nested(ShadingAtlasStreaming):
+    """Its metadata lies deep in what a module holds."""
+
+    name = "nested"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        NESTED["inside"]["locations"] = payload.blobs.pop("locations")
+        return payload
+
+    def client(self, scene):
+        client = super().client(scene)
+        read = client.read
+        client.read = lambda blobs: read(NESTED["inside"])
+        return client
+
+
+class InADefault(ShadingAtlasStreaming):
+    """Its metadata is the default argument of a function."""
+
+    name = "in-a-default"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        mail(payload.blobs.pop("locations"))
+        return payload
+
+    def client(self, scene):
+        client = super().client(scene)
+        read = client.read
+        client.read = lambda blobs: read({"locations": mail()})
+        return client
+
+
+def mail(letter=None, box=[None]):  # noqa: B006
+    box[0] = letter or box[0]
+    return box[0]
+
+
 class Opaque(ShadingAtlasStreaming):
     """Its alpha plane says that nothing is seen through anything."""
 
@@ -531,6 +693,15 @@ PLANTED = {
     InStatistics: "The client holds the payload before it was sent: client.read",
     InTheClass: "State is kept outside of packer and client, in InTheClassClient.locations",
     InTheModule: "State is kept outside of packer and client",
+    InTheModuleLater: "State is kept outside of packer and client",
+    InNames: "not as the interface says, planes of the atlas' size: names",
+    Counting: "other names than in the first frame",
+    Foreseen: "levels from what float64 shading gives them",
+    Deferred: "no Image of device arrays",
+    InAnArray: "The client holds the server's scene",
+    BehindMany: "too many to tell what it shares",
+    Nested: "State is kept outside of packer and client",
+    InADefault: "State is kept outside of packer and client",
     Opaque: "texels of the alpha plane have another opacity",
     Phantom: "have an alpha that is not 255 where they are listed",
     Lazy: "The payload is not as the interface says",

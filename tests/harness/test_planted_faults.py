@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from harness.settings import Settings
 from harness.trial import Stage, try_isolation, try_method
 from packers.ppll import PerPixelLinkedLists
 from packers.sas import ShadingAtlasStreaming
+from packers.sas.client import ShadingAtlasClient
 from reports.store import Store
 from scenes.features import find_features
 from scenes.model import Material, Scene, Texture
@@ -119,3 +121,30 @@ def test_who_is_honest_is_ok_in_the_kit(stage):
     for make in (ShadingAtlasStreaming, PerPixelLinkedLists):
         assert try_method(stage, make, again=0).status == "ok"
         assert try_isolation(stage, make).status == "ok"
+
+
+class SharingClient(ShadingAtlasClient):
+    """Leaves its planes to the other client of its lane, if it can, and writes to them, if it can."""
+
+    def receive(self, payload):
+        super().receive(replace(payload, planes=payload.blobs.pop("left", payload.planes)))
+        payload.blobs["left"] = payload.planes
+        assert not any(plane.flags.writeable for plane in payload.planes.values())
+
+
+class Sharing(ShadingAtlasStreaming):
+    name = "sharing"
+
+    def client(self, scene):
+        return SharingClient(scene)
+
+
+def test_clients_of_a_lane_share_nothing_that_they_receive(small_scene, tmp_path):
+    settings = Settings(
+        methods=("sas", f"{__file__}:Sharing"), **SMALL | {"codec": "h264", "crf": (35,), "display_crf": 35}
+    )
+    assert run(settings, tmp_path / "run")
+    with Store(tmp_path / "run", must_exist=True) as store:
+        quality = {(row["method"], row["frame"], row["codec"]): row["psnr"] for row in store.rows()}
+    assert len(quality) == 8
+    assert all(value == quality["sas", *key[1:]] for key, value in quality.items())
