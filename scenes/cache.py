@@ -38,7 +38,7 @@ def scene_key(options: dict, files: Iterable[Path]) -> str:
     sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__file__).parent.glob("*.py"))]
     for file in [*sources, *files]:
         content = file.read_bytes() if file.is_file() else b"missing"
-        digest.update(f"\n{file.name} {len(content)}\n".encode())
+        digest.update(os.fsencode(f"\n{file.name} {len(content)}\n"))
         digest.update(content)
     return digest.hexdigest()
 

@@ -34,8 +34,8 @@ def find_beside(scene_file: Path, name: bytes) -> Path | None:
 
 
 def named_file(scene_file: Path, name: bytes) -> Path:
-    """As `find_beside`, but where nothing matches, the path as it is written."""
-    return find_beside(scene_file, name) or scene_file.parent / _forms(name)[-1]
+    """As `find_beside`, but where nothing matches, a path by that name."""
+    return find_beside(scene_file, name) or beside(scene_file, _forms(name)[0])
 
 
 def written_differently(name: bytes, file: Path) -> bool:
@@ -49,6 +49,14 @@ def is_file(path: Path) -> bool:
     try:
         return path.is_file()
     except (OSError, ValueError):
+        return False
+
+
+def is_utf8(path: Path) -> bool:
+    """Whether a path can be written as UTF-8; others hold bytes that Python keeps as they are."""
+    try:
+        return bool(str(path).encode())
+    except UnicodeEncodeError:
         return False
 
 

@@ -144,7 +144,7 @@ class _Reader:
         base_texture, emissive_texture = self._texture(base, mask), self._texture(glow, None)
         alpha = self._opacity(name, statements)
         diffuse = self._colour(name, "kd", statements, 0.8)
-        if base_texture >= 0 and not any(diffuse):
+        if base and base_texture >= 0 and not any(diffuse):
             diffuse = [1.0] * 3  # exporters write black where a texture stands for the colour
         shininess = (_numbers(statements.get("ns", b""), 1) or [0.0])[0]
         masked = mask is not None and base_texture >= 0

@@ -61,7 +61,7 @@ def _cut(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarra
     size = points.shape[1]
     fan = np.array([(size - 1, i, i + 1) for i in range(size - 2)])
     cut = np.repeat(fan[None], len(points), axis=0)
-    inside = (_turns(points, fan, normals) > 0).all(axis=1)
+    inside = (dot(_areas(points, fan), normals[:, None]) > 0).all(axis=1)
     for row in np.flatnonzero(~inside):
         cut[row] = triangulate(points[row])
         inside[row] = _inside(points[row][None], cut[row], normals[row][None])[0]
@@ -69,14 +69,17 @@ def _cut(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarra
 
 
 def _inside(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Whether no triangle turns against its polygon by more than rounding: bool (P)."""
-    return (_turns(points, triangles, normals) >= -1e-9 * dot(normals, normals)[:, None]).all(axis=1)
+    """Whether no triangle turns against its polygon by more than rounding, nor do all areas cancel: bool (P)."""
+    areas = _areas(points, triangles)
+    square = dot(normals, normals)
+    turns = (dot(areas, normals[:, None]) >= -1e-9 * square[:, None]).all(axis=1)
+    return turns & (square >= 1e-12 * dot(areas, areas).max(axis=1))
 
 
-def _turns(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
-    """Whether triangles (K, 3) of polygons (P, N, 3) turn as the polygons do (P, 3): (P, K), positive where so."""
+def _areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals, twice the areas long, of triangles (K, 3) of polygons (P, N, 3): (P, K, 3)."""
     a, b, c = (points[:, triangles[:, corner]] for corner in range(3))
-    return dot(np.cross(b - a, c - a), normals[:, None])
+    return np.cross(b - a, c - a)
 
 
 def usable_polygons(corners: np.ndarray, counts: np.ndarray, vertices: int, raw: RawScene) -> np.ndarray:

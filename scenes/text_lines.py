@@ -53,14 +53,24 @@ class TextLines:
 
 def numbers(text: bytes, count: int, dtype: type = np.float64) -> np.ndarray:
     """The `count` numbers of a text of nothing else, (count); raises ValueError, naming the first word that is none."""
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", DeprecationWarning)  # NumPy's own way to say what is checked here
-        values = np.fromstring(text, dtype, sep=" ") if text.strip() else np.zeros(0, dtype)
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", DeprecationWarning)  # what NumPy before 2.4 says instead of raising
+            values = np.fromstring(text, dtype, sep=" ") if text.strip() else np.zeros(0, dtype)
+    except (ValueError, DeprecationWarning):
+        raise ValueError(f"{_no_number(text, dtype)} is not a number") from None
     if len(values) != count:
-        words = text.split()
-        guilty = words[len(values)] if len(values) < min(len(words), count) else b""
-        raise ValueError(f"{shown(guilty[:40])} is not a number" if guilty else "numbers are missing or too many")
+        raise ValueError("it has more or fewer numbers than words")
     return values
+
+
+def _no_number(text: bytes, dtype: type) -> str:
+    for word in text.split():
+        try:
+            dtype(word)
+        except ValueError:
+            return shown(word[:40])
+    return "a word"
 
 
 def count_words(text: bytes) -> int:
