@@ -23,19 +23,7 @@ from scenes.text_lines import TextLines, numbers
 
 _NUMERIC = (b"v", b"vt", b"vn", b"f")
 # Statements without a say in how the surface looks.
-_SILENT = {
-    b"g",
-    b"o",
-    b"mg",
-    b"lod",
-    b"bevel",
-    b"c_interp",
-    b"d_interp",
-    b"shadow_obj",
-    b"trace_obj",
-    b"end",
-    b"mtllib",
-}
+_SILENT = b"g o mg lod bevel c_interp d_interp shadow_obj trace_obj end mtllib".split()
 
 
 def read_obj(path: Path, raw: RawScene) -> None:
@@ -46,7 +34,7 @@ def read_obj(path: Path, raw: RawScene) -> None:
     text = file_text(path)
     if (
         b"\\\n" in text
-    ):  # a line goes on; but the last byte of a character, in Japanese encodings, is none of the format's
+    ):  # a line goes on; not so after a byte of 128 and more, which with the backslash is one character
         text = re.sub(rb"(?<![\x80-\xff])\\ *\n", b" ", text)
     lines, kinds = _without_comments(TextLines(text))
     tables = [_table(lines, np.flatnonzero(kinds == number), kind) for number, kind in enumerate(_NUMERIC[:3])]
@@ -289,12 +277,11 @@ def _add_parts(
     bare[faces.materials[~mapped]] = True
     textured = np.array([entry.textured for entry in materials.entries])
     mapped &= (textured | ~bare)[faces.materials]  # coordinates that no texture needs do not split a part
-    cut = triangulated(positions, faces.v, faces.counts)
-    raw.note("Polygons whose edges cross or that are too intricate, cut into fans: {}.", cut.crossed)
-    group = (faces.materials * 4 + mapped * 2 + smooth)[cut.polygon]
+    places, polygon = triangulated(positions, faces.v, faces.counts, raw)
+    group = (faces.materials * 4 + mapped * 2 + smooth)[polygon]
     order = np.argsort(group, kind="stable")
     for triangles in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-        corners = cut.corners[triangles].ravel()
+        corners = places[triangles].ravel()
         material, has = divmod(int(group[triangles[0]]), 4)
         columns = [faces.v[corners]] + [faces.vt[corners]] * (has >> 1) + [faces.vn[corners]] * (has & 1)
         first, number = distinct(columns)

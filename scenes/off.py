@@ -24,31 +24,26 @@ def read_off(path: Path, raw: RawScene) -> None:
 
     Raises SceneError for binary files and those of another number of dimensions, ValueError for damaged ones.
     """
-    lines = TextLines(re.sub(rb"#[^\n]*", b"", file_text(path)))
-    if not len(lines.starts):
-        raise ValueError("it is empty")
-    first, _, rest = lines.line(0).replace(b"\t", b" ").partition(b" ")
-    key = re.fullmatch(rb"(ST)?(C)?(N)?(4?n?)OFF", first)
-    if key is None and not first.isdigit():
-        raise ValueError("it does not begin with OFF")
-    if key and (key[4] or rest.strip().upper().startswith(b"BINARY")):
+    text = re.sub(rb"#[^\n]*", b"", file_text(path))
+    head = re.match(rb"\s*(?:(ST)?(C)?(N)?(4?n?)OFF\b)?\s*(BINARY)?", text)
+    if head[4] or head[5]:
         raise SceneError("Its points are binary or of more than three dimensions; it has to be a plain OFF file.")
-    counts = 0 if key is None or rest.strip() else 1
-    sizes = (lines.line(counts) if key is None or counts else rest).split()[:2]
-    if len(sizes) < 2:
-        raise ValueError("the numbers of its vertices and faces are missing")
-    vertices, faces = (int(size) for size in sizes)
-    rows = np.arange(counts + 1, len(lines.starts))
-    if vertices < 0 or faces < 0 or vertices + faces > len(rows):
+    sizes = re.compile(rb"\s*(\d+)\s+(\d+)([ \t]+\d+)?[ \t]*\n").match(text, head.end())
+    if sizes is None:
+        raise ValueError("it does not begin with OFF and the numbers of its vertices and faces")
+    vertices, faces = int(sizes[1]), int(sizes[2])
+    lines = TextLines(text[sizes.end() :])
+    rows = np.arange(len(lines.starts))
+    if vertices + faces > len(rows):
         raise ValueError("it ends before its last face")
     raw.note("Lines behind the last face of the OFF file, left out: {}.", len(rows) - vertices - faces)
-    part = _vertices(lines, rows[:vertices], key.groups() if key else (), raw)
+    part = _vertices(lines, rows[:vertices], head.groups()[:3], raw)
     raw.parts.append(_with_faces(part, lines, rows[vertices : vertices + faces], raw))
 
 
 def _vertices(lines: TextLines, rows: np.ndarray, has: tuple[bytes | None, ...], raw: RawScene) -> Part:
     """A part without triangles; each line holds a position, then the normal, colour and coordinates of `has`."""
-    textured, coloured, smooth = (bool(prefix) for prefix in (*has[:3], *[None] * 3)[:3])
+    textured, coloured, smooth = (bool(prefix) for prefix in has)
     width = int(lines.counts[rows].max(initial=3))
     if (lines.counts[rows] != width).any():
         raise ValueError("its vertices have different numbers of values")
@@ -81,13 +76,12 @@ def _with_faces(part: Part, lines: TextLines, rows: np.ndarray, raw: RawScene) -
     corners = values[(within > 0) & (within <= np.repeat(counts, widths))].astype(np.int64)
     usable = usable_polygons(corners, counts, len(part.positions), raw)
     corners = corners[np.repeat(usable, counts)]
-    cut = triangulated(part.positions, corners, counts[usable])
-    raw.note("Polygons whose edges cross or that are too intricate, cut into fans: {}.", cut.crossed)
-    part = replace(part, indices=corners[cut.corners])
+    places, polygon = triangulated(part.positions, corners, counts[usable], raw)
+    part = replace(part, indices=corners[places])
     colours = _face_colours(values, start + counts + 1, widths - counts - 1, part.colours is not None, raw)
     if colours is not None:
         part = part.taking(part.indices.ravel(), np.arange(part.indices.size).reshape(-1, 3))
-        part.colours = np.repeat(colours[usable][cut.polygon], 3, axis=0)
+        part.colours = np.repeat(colours[usable][polygon], 3, axis=0)
     return part
 
 

@@ -248,22 +248,21 @@ def _faces(element: Element, whole: Part, pictures: int, raw: RawScene) -> list[
     usable = usable_polygons(values, counts, len(whole.positions), raw)
     kept = np.repeat(usable, counts)
     corners = values[kept].astype(np.int64)
-    cut = triangulated(whole.positions, corners, counts[usable])
-    raw.note("Polygons whose edges cross or that are too intricate, cut into fans: {}.", cut.crossed)
-    part = replace(whole, indices=corners[cut.corners])
+    places, polygon = triangulated(whole.positions, corners, counts[usable], raw)
+    part = replace(whole, indices=corners[places])
     wedges = element.list("texcoord")
     if wedges is not None and (wedges[1] == 2 * counts).all():
-        part = _with_wedges(part, cut.corners.ravel(), wedges[0].reshape(-1, 2)[kept])
+        part = _with_wedges(part, places.ravel(), wedges[0].reshape(-1, 2)[kept])
     elif wedges is not None:
-        raw.note("Faces with other than two texture coordinates for each corner: {}; they are left out.", len(counts))
+        raw.note("Texture coordinates of faces, which are not two for each corner, left out: {}.", len(counts))
     colours = _colours(element, raw) if whole.colours is None else None
     if colours is not None:
         part = part.taking(part.indices.ravel(), np.arange(part.indices.size).reshape(-1, 3))
-        part.colours = np.repeat(colours[usable][cut.polygon], 3, axis=0)
+        part.colours = np.repeat(colours[usable][polygon], 3, axis=0)
     number = element.columns(("texnumber",))
-    if number is None or pictures < 2:
+    if number is None:
         return [part]
-    number = number[usable, 0][cut.polygon].astype(np.int64)
+    number = number[usable, 0][polygon].astype(np.int64)
     number[(number < 0) | (number >= pictures)] = pictures
     return [
         replace(part, indices=part.indices[number == picture], material=int(picture)) for picture in np.unique(number)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from arithmetic.matrices import dot
@@ -12,28 +10,18 @@ from scenes.raw import RawScene
 _MOST_CORNERS = 256  # clipping takes time with the square of them
 
 
-@dataclass
-class Triangles:
-    """What polygons were cut into, in the polygons' order.
-
-    corners: int64 (T, 3), places in the polygons' list of corners. polygon: int64 (T). crossed: polygons of which some
-    triangle lies outside, because their edges cross or they are too intricate.
-    """
-
-    corners: np.ndarray
-    polygon: np.ndarray
-    crossed: int
-
-
-def triangulated(positions: np.ndarray, corners: np.ndarray, counts: np.ndarray) -> Triangles:
-    """Polygons in 3-D as triangles, also where they are concave.
+def triangulated(
+    positions: np.ndarray, corners: np.ndarray, counts: np.ndarray, raw: RawScene
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of polygons in 3-D, in the polygons' order, also where these are concave.
 
     positions: float64 (V, 3). corners: int64 (C), the vertices of all polygons, one polygon after the other.
-    counts: int64 (P), corners of each polygon, at least 3.
+    counts: int64 (P), corners of each polygon, at least 3. Returns places in `corners`, int64 (T, 3), and the polygon
+    of each triangle, int64 (T). Polygons that no triangles cover exactly are noted.
     """
     start, pieces = np.cumsum(counts) - counts, counts - 2
     first = np.cumsum(pieces) - pieces
-    triangles = Triangles(np.empty((pieces.sum(), 3), np.int64), np.repeat(np.arange(len(counts)), pieces), 0)
+    triangles = np.empty((pieces.sum(), 3), np.int64)
     for size in np.unique(counts):
         rows = np.flatnonzero(counts == size)
         places = start[rows, None] + np.arange(size)
@@ -42,9 +30,10 @@ def triangulated(positions: np.ndarray, corners: np.ndarray, counts: np.ndarray)
             points = positions[corners[places]]
             normals = np.cross(points[:, 1:-1] - points[:, :1], points[:, 2:] - points[:, :1]).sum(axis=1)  # Newell's
             cut, inside = _cut_quads(points, normals) if size == 4 else _cut(points, normals)
-            triangles.crossed += int(np.count_nonzero(~inside))
-        triangles.corners[first[rows, None] + np.arange(size - 2)] = start[rows, None, None] + cut
-    return triangles
+            sentence = "Polygons whose edges cross or that are too intricate, cut into fans: {}."
+            raw.note(sentence, np.count_nonzero(~inside))
+        triangles[first[rows, None] + np.arange(size - 2)] = start[rows, None, None] + cut
+    return triangles, np.repeat(np.arange(len(counts)), pieces)
 
 
 def _cut_quads(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -12,6 +12,7 @@ from scenes.load import load_scene
 from scenes.model import Material, Scene, SceneError
 from scenes.mtl import map_statement
 from scenes.polygons import triangulated
+from scenes.raw import RawScene
 from tests.conftest import REAL_SCENES
 from tests.scenes.checks import area
 
@@ -79,11 +80,12 @@ def test_polygons_keep_their_order_and_crossing_ones_are_counted():
     points = np.array([*CHEVRON, *PENTAGON, (0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], float)
     counts = np.array([3, 4, 5, 4, 3])
     corners = np.array([0, 1, 2, 0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 9, 10, 12])
-    cut = triangulated(points, corners, counts)
-    assert cut.polygon.tolist() == [0, 1, 1, 2, 2, 2, 3, 3, 4]
-    assert cut.crossed == 1
+    raw = RawScene()
+    triangles, polygon = triangulated(points, corners, counts, raw)
+    assert polygon.tolist() == [0, 1, 1, 2, 2, 2, 3, 3, 4]
+    assert raw.notes() == ["Polygons whose edges cross or that are too intricate, cut into fans: 1."]
     first = np.cumsum(counts) - counts
-    assert ((cut.corners >= first[cut.polygon, None]) & (cut.corners < (first + counts)[cut.polygon, None])).all()
+    assert ((triangles >= first[polygon, None]) & (triangles < (first + counts)[polygon, None])).all()
 
 
 def test_obj_faces_without_texture_coordinates_do_not_take_them_from_others(tmp_path, png):
