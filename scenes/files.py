@@ -21,8 +21,8 @@ def beside(scene_file: Path, name: str) -> Path:
 def find_beside(scene_file: Path, name: bytes) -> Path | None:
     """The file that `scene_file` names in an unknown encoding, relative to itself; None where none or several match.
 
-    As it is written comes first, then without quotation marks, with backslashes between folders, in other encodings,
-    and last without regard to upper and lower case.
+    As it is written comes first, then with backslashes between folders, in other encodings, without quotation marks or
+    what may be a comment, and last without regard to upper and lower case.
     """
     forms = _forms(name)
     for some in (forms[:1], forms):
@@ -84,6 +84,7 @@ def _forms(name: bytes) -> list[str]:
             texts.append(name.decode(encoding))
     texts = texts or [name.decode("latin-1")]
     bare = [text[1:-1] for text in texts if len(text) > 2 and text[0] == text[-1] and text[0] in "\"'"]
+    bare += [text.partition(" #")[0].rstrip() for text in texts if text.partition(" #")[0].strip()]
     return list(dict.fromkeys(form for text in [*texts, *bare] for form in (text, text.replace("\\", "/"))))
 
 

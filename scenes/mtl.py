@@ -139,7 +139,7 @@ class _Reader:
         self.library, self.raw = library, raw
         self.textures: dict[tuple[Path | None, Path | None, bool], int] = {}
 
-    def material(self, name: str, statements: dict[str, bytes]) -> Material:
+    def material(self, name: str, statements: dict[str, bytes]) -> LibraryMaterial:
         base, mask, glow = self._maps(name, statements)
         base_texture, emissive_texture = self._texture(base, mask), self._texture(glow, None)
         alpha = self._opacity(name, statements)
@@ -192,7 +192,9 @@ class _Reader:
         if value.lower().startswith(b"-halo"):
             self.raw.note(f"The option -halo of d of the material {name} is left out.")
             value = value[5:]
-        return (_numbers(value, 1) or [1 - t for t in _numbers(statements.get("tr", b""), 1)] or [1.0])[0]
+        found = _numbers(value, 1) or [1 - t for t in _numbers(statements.get("tr", b""), 1)]
+        self.raw.note(f"The opacity of the material {name} is no number and left out.", not found and "d" in statements)
+        return found[0] if found else 1.0
 
     def _found(self, statement: MapStatement) -> MapStatement | None:
         """The statement with its file; None where that is missing."""
@@ -209,10 +211,9 @@ class _Reader:
         first = picture or mask
         if first is None:
             return -1
-        files = [
-            statement and statement.file
-            for statement in (picture, mask if not picture or not mask or mask.file != picture.file else None)
-        ]
+        if picture and mask and picture.file == mask.file:
+            mask = None  # the picture's own alpha
+        files = [statement and statement.file for statement in (picture, mask)]
         key = (*files, first.clamped)
         if key not in self.textures:
             texels = [file and self._texels(file) for file in files]
@@ -256,13 +257,14 @@ def _entries(library: Path) -> list[tuple[bytes, dict[str, bytes]]]:
 def _matters(key: str, value: bytes) -> bool:
     """Whether a statement that is not understood changes the look: a colour of 0 does not, nor a filter of 1."""
     neutral = {"tf": 1.0, "pr": None}.get(key, 0.0)
-    return key not in _USED | _SILENT and not all(number == neutral for number in _numbers(value, 1) or [None])
+    numbers = _numbers(value, len(value.split(b"#")[0].split()))
+    return key not in _USED | _SILENT and not (numbers and all(number == neutral for number in numbers))
 
 
 def _as_written(keyword: str) -> str:
     """A keyword in the usual upper and lower case."""
-    map_, _, rest = keyword.rpartition("_")
-    return f"{map_}_{rest.capitalize() if len(rest) == 2 else rest}" if map_ else keyword.capitalize()
+    start, bar, rest = keyword.rpartition("_")
+    return f"{start}{bar}{rest.capitalize() if len(rest) == 2 else rest}"
 
 
 def _numbers(text: bytes, count: int) -> list[float]:

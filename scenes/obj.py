@@ -32,9 +32,8 @@ def read_obj(path: Path, raw: RawScene) -> None:
     Raises ValueError or IndexError for damaged files.
     """
     text = file_text(path)
-    if (
-        b"\\\n" in text
-    ):  # a line goes on; not so after a byte of 128 and more, which with the backslash is one character
+    if b"\\\n" in text:
+        # The line goes on; not so after a byte of 128 or more, which in Japanese is one character with the backslash.
         text = re.sub(rb"(?<![\x80-\xff])\\ *\n", b" ", text)
     lines, kinds = _without_comments(TextLines(text))
     tables = [_table(lines, np.flatnonzero(kinds == number), kind) for number, kind in enumerate(_NUMERIC[:3])]
