@@ -22,6 +22,7 @@ import numpy as np
 
 import arithmetic
 import scenes
+from scenes.files import is_file
 from scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
 _ARRAYS = ("positions", "indices", "normals", "uvs", "colours", "material_ids", "tangents", "origin", "route")
@@ -37,8 +38,8 @@ def scene_key(options: dict, files: Iterable[Path]) -> str:
     digest = hashlib.blake2b(json.dumps(options, sort_keys=True).encode(), digest_size=16)
     sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__file__).parent.glob("*.py"))]
     for file in [*sources, *files]:
-        content = file.read_bytes() if file.is_file() else b"missing"
-        digest.update(f"\n{file.name} {len(content)}\n".encode())
+        content = file.read_bytes() if is_file(file) else b"missing"
+        digest.update(os.fsencode(f"\n{file.name} {len(content)}\n"))
         digest.update(content)
     return digest.hexdigest()
 

@@ -6,9 +6,10 @@ import json
 from pathlib import Path
 from urllib.parse import unquote
 
-from scenes.files import beside
-from scenes.mesh_files import ply_texture
-from scenes.mtl import map_files, material_libraries
+from scenes.files import beside, file_text, named_file
+from scenes.mtl import map_files
+from scenes.obj import library_files
+from scenes.ply import ply_textures
 
 
 def input_files(path: Path) -> list[Path]:
@@ -21,10 +22,11 @@ def input_files(path: Path) -> list[Path]:
     if suffix == ".gltf":
         files += _gltf_files(path)
     elif suffix == ".obj":
-        for library in (beside(path, name) for name in material_libraries(path.read_bytes())):
+        for name, library in library_files(path, file_text(path)):
+            library = library or named_file(path, name)
             files += [library, *map_files(library)]
     elif suffix == ".ply":
-        files += [picture for picture in [ply_texture(path)] if picture]
+        files += ply_textures(path)
     return list(dict.fromkeys(files))
 
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from scenes.files import is_utf8
+
 _LARGEST = 1 << 28  # texels; anything above is a damaged header, not a texture
 
 
@@ -18,6 +20,8 @@ def read_image(path: Path) -> np.ndarray:
     """
     import OpenImageIO
 
+    if not is_utf8(path):  # OpenImageIO takes no other names
+        return decode_image(path.read_bytes())
     config = OpenImageIO.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = OpenImageIO.ImageInput.open(str(path), config)

@@ -4,129 +4,274 @@ from __future__ import annotations
 
 import math
 import re
+from collections import Counter
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
-from scenes.files import beside
+from scenes.files import file_text, find_beside, is_file, named_file, shown, written_differently
 from scenes.images import read_image
 from scenes.model import Material, Texture
 from scenes.raw import RawScene
 
-# Options of a map statement and how many values follow each (Wavefront MTL specification, texture map options).
-_MAP_OPTIONS = {"-o": 3, "-s": 3, "-t": 3, "-mm": 2, "-bm": 1, "-clamp": 1, "-blendu": 1, "-blendv": 1, "-boost": 1}
-_MAP_OPTIONS |= {"-texres": 1, "-imfchan": 1, "-type": 1, "-cc": 1}
+_NUMBER = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+_SWITCH = re.compile(rb"(on|off)$", re.IGNORECASE)
+_CHANNEL = re.compile(rb"[rgbmlz]$", re.IGNORECASE)
+_SHAPE = re.compile(rb"(sphere|cube_\w+)$", re.IGNORECASE)
+# Options of a map statement (Wavefront MTL specification, texture map options): what their values look like, how many
+# there are at most, and which ones change nothing.
+_OPTIONS = {
+    "-o": (_NUMBER, 3, None),
+    "-s": (_NUMBER, 3, None),
+    "-clamp": (_SWITCH, 1, None),
+    "-t": (_NUMBER, 3, [0.0, 0.0, 0.0]),
+    "-mm": (_NUMBER, 2, [0.0, 1.0]),
+    "-bm": (_NUMBER, 1, [1.0]),
+    "-boost": (_NUMBER, 1, [0.0]),
+    "-texres": (_NUMBER, 1, []),
+    "-blendu": (_SWITCH, 1, [b"on"]),
+    "-blendv": (_SWITCH, 1, [b"on"]),
+    "-cc": (_SWITCH, 1, [b"off"]),
+    "-imfchan": (_CHANNEL, 1, []),
+    "-type": (_SHAPE, 1, []),
+}
+_MAPS = ("map_kd", "map_ke", "map_d")
+_USED = {"kd", "ke", "ns", "d", "tr", *_MAPS}
+# Ambient light is the scene's, not a material's; illumination model and refraction index mean nothing on their own.
+_SILENT = {"ka", "map_ka", "illum", "ni", "sharpness"}
 
 
-def material_libraries(obj: bytes) -> list[str]:
-    """File names after `mtllib` in an OBJ file's bytes, in order, each once."""
-    lines = re.findall(rb"^[ \t]*mtllib[ \t]+([^\r\n]*)", obj, re.MULTILINE)
-    return list(dict.fromkeys(line.decode("utf-8", errors="replace").strip() for line in lines))
+@dataclass
+class MapStatement:
+    """A texture of a material: the file's name as it is written, and how its picture lies on the surface.
+
+    scale, offset: texture coordinates times the one plus the other are the picture's, v counted from its lower edge.
+    clamped: whether outside the picture its edge goes on, not the picture again. ignored: options that are not applied.
+    file: the picture, once it is found.
+    """
+
+    name: bytes
+    file: Path | None = None
+    scale: tuple[float, float] = (1.0, 1.0)
+    offset: tuple[float, float] = (0.0, 0.0)
+    clamped: bool = False
+    ignored: list[str] = field(default_factory=list)
+
+    def lies_as(self, other: MapStatement) -> bool:
+        return (self.scale, self.offset, self.clamped) == (other.scale, other.offset, other.clamped)
+
+
+@dataclass
+class LibraryMaterial:
+    """A material, and how its textures lie on the surface; all of them do so in the same way."""
+
+    material: Material
+    lies: MapStatement = field(default_factory=lambda: MapStatement(b""))
+
+    @property
+    def textured(self) -> bool:
+        return max(self.material.base_texture, self.material.emissive_texture) >= 0
+
+    def placed(self, uvs: np.ndarray) -> np.ndarray:
+        """The scene's texture coordinates (N, 2), v counted from a picture's upper edge, from those of the file."""
+        moved = uvs * np.array(self.lies.scale) + np.array(self.lies.offset)
+        return np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)
 
 
 def map_files(library: Path) -> list[Path]:
     """Image files that a material library names; they need not exist."""
-    statements = (line.split(None, 1) for line in _lines(library))
-    names = (
-        _map_name(line[1]) for line in statements if len(line) == 2 and line[0].lower().startswith(("map_", "bump"))
-    )
-    return [beside(library, name) for name in dict.fromkeys(names)]
+    if not is_file(library):
+        return []
+    entries = [statements for _, statements in _entries(library)]
+    names = (map_statement(entry[key]).name for entry in entries for key in _MAPS if key in entry)
+    return [named_file(library, name) for name in dict.fromkeys(names) if name]
 
 
-def read_mtl(library: Path, raw: RawScene) -> dict[str, Material]:
+def read_mtl(library: Path, raw: RawScene) -> dict[bytes, LibraryMaterial]:
     """The library's materials by name; their textures go into the raw scene.
 
-    Understood: Kd, Ke, Ns, d, Tr, map_Kd, map_Ke, map_d (as a cut-out mask in the colour texture's alpha). Colours are
-    taken as linear. OBJ has no notion of single-sided surfaces, so all are double-sided.
+    Understood: Kd, Ke, Ns, d, Tr, map_Kd, map_Ke, map_d (as a cut-out mask in the colour texture's alpha), and of the
+    options of maps -s, -o and -clamp; what else changes the look is noted. Colours are taken as linear. OBJ has no
+    notion of single-sided surfaces, so all are double-sided. Of several definitions of a name the first counts.
     """
-    entries: dict[str, dict[str, str]] = {}
-    current: dict[str, str] = {}
-    for line in _lines(library):
-        key, _, value = line.partition(" ")
-        if key.lower() == "newmtl":
-            current = entries.setdefault(" ".join(value.split()), {})
-        elif value:
-            current[key.lower()] = value.strip()
-    textures: dict[tuple[Path, Path | None], int] = {}
-    return {name: _material(name, entry, library, textures, raw) for name, entry in entries.items()}
+    reader = _Reader(library, raw)
+    found: dict[bytes, LibraryMaterial] = {}
+    unused: Counter[str] = Counter()
+    for name, statements in _entries(library):
+        if name in found:
+            raw.note(f"The material {shown(name)} is defined again in {shown(library.name)}; the first of them counts.")
+            continue
+        found[name] = reader.material(shown(name), statements)
+        unused.update(key for key, value in statements.items() if _matters(key, value))
+    if unused:
+        many = ", ".join(f"{_as_written(key)} ({count:,})" for key, count in unused.items())
+        raw.note(f"Statements of materials in {shown(library.name)} that are not supported, left out: {many}.")
+    return found
 
 
-def _material(
-    name: str, entry: dict[str, str], library: Path, textures: dict[tuple[Path, Path | None], int], raw: RawScene
-) -> Material:
-    opacity = _numbers(entry.get("d", ""), 1) or [1 - t for t in _numbers(entry.get("tr", ""), 1)] or [1.0]
-    mask = beside(library, _map_name(entry["map_d"])) if "map_d" in entry else None
-    base = _texture(library, entry.get("map_kd"), mask, textures, raw)
-    diffuse = _numbers(entry.get("kd", ""), 3) or [0.8] * 3
-    if base >= 0 and not any(diffuse):
-        diffuse = [1.0] * 3  # exporters write black where a texture stands for the colour
-    shininess = (_numbers(entry.get("ns", ""), 1) or [0.0])[0]
-    emissive = _numbers(entry.get("ke", ""), 3) or [0.0] * 3
-    return Material(
-        name=name,
-        base_colour=(*diffuse, opacity[0]),
-        base_texture=base,
-        emissive=tuple(emissive),
-        emissive_texture=_texture(library, entry.get("map_ke"), None, textures, raw),
-        roughness=min(
-            1.0, math.sqrt(math.sqrt(2.0 / (max(shininess, 0.0) + 2.0)))
-        ),  # Blinn-Phong exponent to GGX roughness
-        alpha_mode="blend" if opacity[0] < 1 else "mask" if mask is not None and base >= 0 else "opaque",
-        double_sided=True,
-    )
+def map_statement(value: bytes) -> MapStatement:
+    """What follows `map_Kd` and the like: options, and a file's name, which may hold blanks."""
+    found, rest = MapStatement(b""), value.strip()
+    while (option := rest.split(None, 1)[0].lower().decode("latin-1") if rest else "") in _OPTIONS:
+        pattern, most, neutral = _OPTIONS[option]
+        rest = rest[len(option) :].strip()
+        values: list = []
+        while len(values) < most and len(words := rest.split(None, 1)) == 2 and pattern.match(words[0]):
+            values.append(float(words[0]) if pattern is _NUMBER else words[0].lower())
+            rest = words[1]
+        if option == "-s":
+            found.scale = (*values[:2], 1.0, 1.0)[:2]
+        elif option == "-o":
+            found.offset = (*values[:2], 0.0, 0.0)[:2]
+        elif option == "-clamp":
+            found.clamped = values == [b"on"]
+        elif values != neutral[: len(values)] or not neutral:
+            found.ignored.append(option)
+    found.name = rest
+    return found
 
 
-def _texture(
-    library: Path,
-    statement: str | None,
-    mask: Path | None,
-    textures: dict[tuple[Path, Path | None], int],
-    raw: RawScene,
-) -> int:
-    """Index of a map statement's texture in the raw scene, or -1 where there is none or it is unusable (noted)."""
-    if not statement:
-        return -1
-    file = beside(library, _map_name(statement))
-    if (file, mask) not in textures:
+class _Reader:
+    """Makes materials of one library; each picture is read once."""
+
+    def __init__(self, library: Path, raw: RawScene) -> None:
+        self.library, self.raw = library, raw
+        self.textures: dict[tuple[Path | None, Path | None, bool], int] = {}
+
+    def material(self, name: str, statements: dict[str, bytes]) -> LibraryMaterial:
+        base, mask, glow = self._maps(name, statements)
+        base_texture, emissive_texture = self._texture(base, mask), self._texture(glow, None)
+        alpha = self._opacity(name, statements)
+        diffuse = self._colour(name, "kd", statements, 0.8)
+        if base and base_texture >= 0 and not any(diffuse):
+            diffuse = [1.0] * 3  # exporters write black where a texture stands for the colour
+        shininess = (_numbers(statements.get("ns", b""), 1) or [0.0])[0]
+        masked = mask is not None and base_texture >= 0
+        material = Material(
+            name=name,
+            base_colour=(*diffuse, alpha),
+            base_texture=base_texture,
+            emissive=tuple(self._colour(name, "ke", statements, 0.0)),
+            emissive_texture=emissive_texture,
+            # Blinn-Phong exponent to GGX roughness
+            roughness=min(1.0, math.sqrt(math.sqrt(2.0 / (max(shininess, 0.0) + 2.0)))),
+            alpha_mode="blend" if alpha < 1 else "mask" if masked else "opaque",
+            double_sided=True,
+        )
+        return LibraryMaterial(material, base or mask or glow or MapStatement(b""))
+
+    def _maps(self, name: str, statements: dict[str, bytes]) -> list[MapStatement | None]:
+        """The statements of `_MAPS` that are used, in the order base, mask, glow; what is left out of them is noted."""
+        found: list[MapStatement | None] = []
+        for key in ("map_kd", "map_d", "map_ke"):
+            statement = map_statement(statements[key]) if key in statements else None
+            first = next((other for other in found if other), statement)
+            if statement and not statement.name:
+                self.raw.note(f"{_as_written(key)} of the material {name} names no file.")
+                statement = None
+            elif statement and not statement.lies_as(first):
+                self.raw.note(
+                    f"{_as_written(key)} of the material {name} is left out: its -s, -o or -clamp differ from those of "
+                    "its other map."
+                )
+                statement = None
+            for option in statement.ignored if statement else ():
+                self.raw.note(f"The option {option} of {_as_written(key)} of the material {name} is left out.")
+            found.append(self._found(statement) if statement else None)
+        return found
+
+    def _colour(self, name: str, key: str, statements: dict[str, bytes], default: float) -> list[float]:
+        numbers = _numbers(statements.get(key, b""), 3)
+        if key in statements and not numbers:
+            self.raw.note(f"{_as_written(key)} of the material {name} is not three numbers and left out.")
+        return numbers or [default] * 3
+
+    def _opacity(self, name: str, statements: dict[str, bytes]) -> float:
+        value = statements.get("d", b"")
+        if value.lower().startswith(b"-halo"):
+            self.raw.note(f"The option -halo of d of the material {name} is left out.")
+            value = value[5:]
+        found = _numbers(value, 1) or [1 - t for t in _numbers(statements.get("tr", b""), 1)]
+        self.raw.note(f"The opacity of the material {name} is no number and left out.", not found and "d" in statements)
+        return found[0] if found else 1.0
+
+    def _found(self, statement: MapStatement) -> MapStatement | None:
+        """The statement with its file; None where that is missing."""
+        statement.file = find_beside(self.library, statement.name)
+        if statement.file is None:
+            self.raw.note(f"The texture {shown(statement.name)} is left out: the file is missing.")
+            return None
+        if written_differently(statement.name, statement.file):
+            self.raw.note(f"The texture {shown(statement.name)} is read from {shown(statement.file.name)}.")
+        return statement
+
+    def _texture(self, picture: MapStatement | None, mask: MapStatement | None) -> int:
+        """Index in the raw scene of a picture whose alpha is the mask's first channel; -1 where neither can be used."""
+        first = picture or mask
+        if first is None:
+            return -1
+        if picture and mask and picture.file == mask.file:
+            mask = None  # the picture's own alpha
+        files = [statement and statement.file for statement in (picture, mask)]
+        key = (*files, first.clamped)
+        if key not in self.textures:
+            texels = [file and self._texels(file) for file in files]
+            self.textures[key] = -1
+            if texels[0] is not None or (picture is None and texels[1] is not None):
+                self.textures[key] = len(self.raw.textures)
+                wrap = "clamp" if first.clamped else "repeat"
+                self.raw.textures.append(Texture(shown(first.file.name), _masked(*texels), True, wrap, wrap))
+        return self.textures[key]
+
+    def _texels(self, file: Path) -> np.ndarray | None:
         try:
-            texels = read_image(file)
-            if mask is not None and mask != file:
-                texels[..., 3] = _resized(read_image(mask)[..., 0], texels.shape[:2])
-            textures[file, mask] = len(raw.textures)
-            raw.textures.append(Texture(file.name, texels))
+            return read_image(file)
         except ValueError as error:
-            textures[file, mask] = -1
-            reason = str(error) if file.is_file() else "the file is missing"
-            raw.note(f"The texture {file.name} is left out: {reason}.")
-    return textures[file, mask]
+            self.raw.note(f"The texture {shown(file.name)} is left out: {error}.")
+        return None
 
 
-def _resized(channel: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
-    """The nearest texels of a channel (H, W) at another size."""
-    row = np.arange(shape[0]) * channel.shape[0] // shape[0]
-    column = np.arange(shape[1]) * channel.shape[1] // shape[1]
-    return channel[row][:, column]
+def _masked(picture: np.ndarray | None, mask: np.ndarray | None) -> np.ndarray:
+    """A picture with the mask in its alpha, white where it is missing."""
+    if mask is None:
+        return picture
+    if picture is None:
+        picture = np.full_like(mask, 255)
+    row, column = (np.arange(size) * old // size for size, old in zip(picture.shape[:2], mask.shape[:2], strict=True))
+    return np.concatenate([picture[..., :3], mask[row][:, column, :1]], axis=2)
 
 
-def _lines(library: Path) -> list[str]:
-    if not library.is_file():
-        return []
-    text = library.read_bytes().decode("utf-8", errors="replace").replace("\t", " ")
-    return [line.strip() for line in re.sub(r"(^| )#.*", "", text, flags=re.MULTILINE).splitlines() if line.strip()]
+def _entries(library: Path) -> list[tuple[bytes, dict[str, bytes]]]:
+    """Names of a library's materials and their statements, by lower-case keyword; the last of equal ones counts."""
+    entries: list[tuple[bytes, dict[str, bytes]]] = []
+    for line in file_text(library).replace(b"\t", b" ").split(b"\n"):
+        key, _, value = line.strip().partition(b" ")
+        if key.lower() == b"newmtl":
+            entries.append((value.strip(), {}))
+        elif value and entries and not key.startswith(b"#"):
+            entries[-1][1][shown(key).lower()] = value.strip()
+    return entries
 
 
-def _map_name(statement: str) -> str:
-    """The file name of a map statement, its options skipped."""
-    words = statement.split()
-    while words and words[0].lower() in _MAP_OPTIONS:
-        words = words[1 + _MAP_OPTIONS[words[0].lower()] :]
-    return " ".join(words)
+def _matters(key: str, value: bytes) -> bool:
+    """Whether a statement that is not understood changes the look: a colour of 0 does not, nor a filter of 1."""
+    neutral = {"tf": 1.0, "pr": None}.get(key, 0.0)
+    numbers = _numbers(value, len(value.split(b"#")[0].split()))
+    return key not in _USED | _SILENT and not (numbers and all(number == neutral for number in numbers))
 
 
-def _numbers(text: str, count: int) -> list[float]:
+def _as_written(keyword: str) -> str:
+    """A keyword in the usual upper and lower case."""
+    start, bar, rest = keyword.rpartition("_")
+    return f"{start}{bar}{rest.capitalize() if len(rest) == 2 else rest}"
+
+
+def _numbers(text: bytes, count: int) -> list[float]:
     """The first `count` numbers of a statement; empty where there are fewer or other words."""
+    words = text.split(b"#")[0].split()[:count]
     try:
-        values = [float(word) for word in text.split()[:count]]
+        values = [float(word) for word in words]
     except ValueError:
         return []
     return values * count if len(values) == 1 else values if len(values) == count else []

@@ -4,7 +4,94 @@ from __future__ import annotations
 
 import numpy as np
 
+from arithmetic.matrices import dot
+from scenes.raw import RawScene
+
 _MOST_CORNERS = 256  # clipping takes time with the square of them
+
+
+def triangulated(
+    positions: np.ndarray, corners: np.ndarray, counts: np.ndarray, raw: RawScene
+) -> tuple[np.ndarray, np.ndarray]:
+    """Triangles of polygons in 3-D, in the polygons' order, also where these are concave.
+
+    positions: float64 (V, 3). corners: int64 (C), the vertices of all polygons, one polygon after the other.
+    counts: int64 (P), corners of each polygon, at least 3. Returns places in `corners`, int64 (T, 3), and the polygon
+    of each triangle, int64 (T). Polygons that no triangles cover exactly are noted.
+    """
+    start, pieces = np.cumsum(counts) - counts, counts - 2
+    first = np.cumsum(pieces) - pieces
+    triangles = np.empty((pieces.sum(), 3), np.int64)
+    for size in np.unique(counts):
+        rows = np.flatnonzero(counts == size)
+        places = start[rows, None] + np.arange(size)
+        cut = np.array([[[0, 1, 2]]])
+        if size > 3:
+            points = positions[corners[places]]
+            normals = np.cross(points[:, 1:-1] - points[:, :1], points[:, 2:] - points[:, :1]).sum(axis=1)  # Newell's
+            cut, inside = _cut_quads(points, normals) if size == 4 else _cut(points, normals)
+            sentence = "Polygons whose edges cross or that are too intricate, cut into fans: {}."
+            raw.note(sentence, np.count_nonzero(~inside))
+        triangles[first[rows, None] + np.arange(size - 2)] = start[rows, None, None] + cut
+    return triangles, np.repeat(np.arange(len(counts)), pieces)
+
+
+def _cut_quads(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """As `_cut`, for four corners: along the first diagonal, or along the other where only that one lies inside."""
+    fans = np.array([[(0, 1, 2), (0, 2, 3)], [(1, 2, 3), (1, 3, 0)]])
+    first, other = (_inside(points, fan, normals) for fan in fans)
+    return fans[(~first & other).astype(np.int64)], first | other
+
+
+def _cut(points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (P, N - 2, 3) of triangles of polygons (P, N, 3) with normals (P, 3), and whether all of these lie inside
+    (P); the fan of an ear clipper, where that is enough.
+    """
+    size = points.shape[1]
+    fan = np.array([(size - 1, i, i + 1) for i in range(size - 2)])
+    cut = np.repeat(fan[None], len(points), axis=0)
+    inside = (dot(_areas(points, fan), normals[:, None]) > 0).all(axis=1)
+    for row in np.flatnonzero(~inside):
+        cut[row] = triangulate(points[row])
+        inside[row] = _inside(points[row][None], cut[row], normals[row][None])[0]
+    return cut, inside
+
+
+def _inside(points: np.ndarray, triangles: np.ndarray, normals: np.ndarray) -> np.ndarray:
+    """Whether no triangle turns against its polygon by more than rounding, nor do all areas cancel: bool (P)."""
+    areas = _areas(points, triangles)
+    square = dot(normals, normals)
+    turns = (dot(areas, normals[:, None]) >= -1e-9 * square[:, None]).all(axis=1)
+    return turns & (square >= 1e-12 * dot(areas, areas).max(axis=1))
+
+
+def _areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Normals, twice the areas long, of triangles (K, 3) of polygons (P, N, 3): (P, K, 3)."""
+    a, b, c = (points[:, triangles[:, corner]] for corner in range(3))
+    return np.cross(b - a, c - a)
+
+
+def usable_polygons(corners: np.ndarray, counts: np.ndarray, vertices: int, raw: RawScene) -> np.ndarray:
+    """Polygons, bool (P), of three corners or more that all refer to one of so many vertices; the others are noted."""
+    full = counts >= 3
+    raw.note("Faces of fewer than three corners, dropped: {}.", np.count_nonzero(~full))
+    missing = np.concatenate([[0], np.cumsum((corners < 0) | (corners >= vertices))])
+    end = np.cumsum(counts)
+    inside = missing[end] == missing[end - counts]
+    raw.note("Faces that refer to missing vertices, dropped: {}.", np.count_nonzero(full & ~inside))
+    return full & inside
+
+
+def distinct(columns: list[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
+    """Rows of several int64 columns (C), none negative, that occur first, and the number of such a row for each row."""
+    key = columns[0]
+    for column in columns[1:]:
+        many = int(column.max()) + 1
+        if int(key.max()) >= 2**62 // many:
+            key = np.unique(key, return_inverse=True)[1]
+        key = key * many + column
+    _, first, number = np.unique(key, return_index=True, return_inverse=True)
+    return first, number
 
 
 def triangulate(points: np.ndarray) -> list[tuple[int, int, int]]:

@@ -39,6 +39,12 @@ def assert_sound(scene: Scene) -> None:
     assert scene.content_hash
 
 
+def area(scene: Scene) -> float:
+    """The sum of all triangles' areas, in scene units."""
+    corners = scene.positions[scene.indices].astype(np.float64)
+    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+
+
 def nearest(scene: Scene, origin: np.ndarray, direction: np.ndarray) -> tuple[float, int]:
     """Distance to the first triangle along a unit direction and its index; infinity and -1 where there is none."""
     a, b, c = (scene.positions[scene.indices[:, k]].astype(np.float64) for k in range(3))

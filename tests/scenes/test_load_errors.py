@@ -21,7 +21,17 @@ PLY = (
     + struct.pack("<B3i", 3, 0, 1, 2)
 )
 STL = b"\0" * 80 + struct.pack("<I", 1) + np.float32([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes() + b"\0\0"
+TEXT_PLY = (
+    b"ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\n"
+    b"property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n"
+    b"property list uchar int vertex_indices\nproperty list uchar float texcoord\nelement tristrips 1\n"
+    b"property list int int vertex_indices\nend_header\n0 0 0 1 2 3\n1 0 0 1 2 3\n1 1 0 1 2 3\n0 1 0 1 2 3\n"
+    b"4 0 1 2 3 8 0 0 1 0 1 1 0 1\n3 0 1 2 6 0 0 1 0 1 1\n5 0 1 2 -1 3\n"
+)
+COFF = b"STCNOFF\n3 2 0\n" + b"".join(b"%s 0 0 0 1 255 0 0 255 0 1\n" % corner for corner in (b"0 0", b"1 0", b"1 1"))
+COFF += b"4 0 1 2 0 1 0 0\n3 0 1 2\n"
 WHOLE = {"glb": square_scene().bytes(), "obj": OBJ, "off": OFF, "ply": PLY, "stl": STL}
+WHOLE |= {"text.ply": TEXT_PLY, "more.off": COFF}
 
 
 @pytest.mark.parametrize("kind", WHOLE)

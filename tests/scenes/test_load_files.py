@@ -7,9 +7,9 @@ import pytest
 
 from scenes.dependencies import input_files
 from scenes.load import load_scene
-from scenes.mesh_files import normalise_obj
 from scenes.model import SceneError
 from scenes.polygons import triangulate
+from tests.scenes.checks import area
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
@@ -20,11 +20,6 @@ def box(size: float, inwards: bool) -> str:
     faces = [(1, 2, 4, 3), (5, 7, 8, 6), (1, 5, 6, 2), (3, 4, 8, 7), (1, 3, 7, 5), (2, 6, 8, 4)]
     lines = [f"v {x} {y} {z}" for x, y, z in corners]
     return "\n".join(lines + ["f " + " ".join(map(str, face[::-1] if inwards else face)) for face in faces])
-
-
-def area(scene) -> float:
-    corners = scene.positions[scene.indices].astype(np.float64)
-    return np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
 
 
 @pytest.mark.parametrize(
@@ -78,11 +73,6 @@ def test_concave_polygons_are_not_filled(tmp_path):
     ring = np.array([(*p, 0) for p in [*outer, outer[0], inner[0], *inner[1:], inner[0]]], float)
     corners = ring[np.array(triangulate(ring))]
     assert np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])[:, 2].sum() / 2 == pytest.approx(12)
-
-
-def test_normalising_keeps_plain_text_as_it_is():
-    text = f"{TRIANGLE}f 1 2 3\n"
-    assert normalise_obj(text) == text
 
 
 @pytest.mark.parametrize("kind", ["stl", "ply", "off"])

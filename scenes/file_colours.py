@@ -1,0 +1,49 @@
+"""Colours as mesh files keep them: sRGB, in whole numbers of some size or in 0 to 1."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arithmetic.functions import power
+from scenes.raw import RawScene
+
+
+def linear_colours(values: np.ndarray, raw: RawScene) -> np.ndarray:
+    """Linear RGBA float32 (N, 4), alpha 1, from sRGB colours (N, 3 or 4) of any type.
+
+    The type tells which value means 1, or, where files are known to differ from it (noted), the largest value does.
+    Opacity is noted and left out: none of these formats tells whether it is meant to be seen through.
+    """
+    values = values.view(np.uint8) if values.dtype == np.int8 else values
+    usual, full = _full(values)
+    if full != usual:
+        raw.note(
+            f"Vertex or face colours of type {values.dtype}, taken as numbers from 0 to {full:,}: {{}}.", len(values)
+        )
+    if values.shape[1] == 4:
+        raw.note("Vertices or faces with an opacity of their own, drawn opaque: {}.", (values[:, 3] < full).sum())
+    rgb = values[:, :3].astype(np.float64) / full
+    raw.note("Colours outside 0 to 1, limited: {}.", ((rgb < 0) | (rgb > 1)).any(axis=1).sum())
+    rgb = np.clip(rgb, 0, 1)
+    linear = np.ones((len(values), 4), np.float32)
+    linear[:, :3] = np.where(rgb <= 0.04045, rgb / 12.92, power((rgb + 0.055) / 1.055, 2.4))
+    return linear
+
+
+def whole(values: np.ndarray) -> np.ndarray:
+    """Numbers of a text without types: as bytes where they are whole, from 0 to 255, and not just 0 and 1."""
+    if not (np.isfinite(values).all() and values.min(initial=0) >= 0 and 1 < values.max(initial=0) <= 255):
+        return values
+    return values.astype(np.uint8) if (values == np.floor(values)).all() else values
+
+
+def _full(values: np.ndarray) -> tuple[int, int]:
+    """What a type's colours usually mean by 1, and what these do."""
+    largest = np.max(values, where=np.isfinite(values), initial=0)
+    if values.dtype.kind == "f":
+        # A little above 1 is a colour brighter than white.
+        return 1, 1 if largest < 2 or largest > 65535 else 255 if largest <= 255 else 65535
+    if values.dtype.itemsize == 1:
+        return 255, 255
+    fits = next(full for full in (255, 65535, 2**32 - 1, 2**64) if largest <= full)
+    return (65535 if values.dtype.itemsize == 2 else fits), fits

@@ -1,0 +1,303 @@
+"""OBJ files (Wavefront): polygons by material.
+
+Read here and not by trimesh, which cuts concave quadrilaterals wrongly and drops the texture coordinates of a material
+where one of its faces has none.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from scenes.file_colours import linear_colours, whole
+from scenes.files import file_text, find_beside, shown, written_differently
+from scenes.model import Material
+from scenes.mtl import LibraryMaterial, read_mtl
+from scenes.polygons import distinct, triangulated
+from scenes.raw import Part, RawScene
+from scenes.text_lines import TextLines, numbers
+
+_NUMERIC = (b"v", b"vt", b"vn", b"f")
+# Statements without a say in how the surface looks.
+_SILENT = b"g o mg lod bevel c_interp d_interp shadow_obj trace_obj end mtllib".split()
+
+
+def read_obj(path: Path, raw: RawScene) -> None:
+    """All faces of an OBJ file with their materials and textures.
+
+    Raises ValueError or IndexError for damaged files.
+    """
+    text = file_text(path)
+    if b"\\\n" in text:
+        # The line goes on; not so after a byte of 128 or more, which in Japanese is one character with the backslash.
+        text = re.sub(rb"(?<![\x80-\xff])\\ *\n", b" ", text)
+    lines, kinds = _without_comments(TextLines(text))
+    tables = [_table(lines, np.flatnonzero(kinds == number), kind) for number, kind in enumerate(_NUMERIC[:3])]
+    used, smoothing = _statements(lines, np.flatnonzero(kinds == len(_NUMERIC)), raw)
+    materials = _Materials(path, text, [name for _, name in used], raw)
+    faces = _faces(lines, kinds, [len(counts) for _, counts in tables], raw)
+    if not len(faces.lines):
+        return
+    current = np.searchsorted([line for line, _ in used], faces.lines)
+    faces.materials = np.array([0, *(materials.index[name] for _, name in used)])[current]
+    positions, colours = _positions(*tables[0], raw)
+    _add_parts(faces, positions, colours, _columns(*tables[1], 2), _columns(*tables[2], 3), materials, raw)
+    rough = sum(len(part.indices) for part in raw.parts if part.normals is None)
+    raw.note("Triangles in smoothing groups, made smooth by their angles instead: {}.", rough * smoothing)
+
+
+def library_files(path: Path, text: bytes) -> list[tuple[bytes, Path | None]]:
+    """Names after `mtllib` in an OBJ file's text, in order, each once, with the files; None where there is none.
+
+    A line may name several, and names may hold blanks: as many words are one name as make the name of a file.
+    """
+    found: dict[bytes, Path | None] = {}
+    for match in re.finditer(rb"mtllib[ \t]+([^\n]*)", text):
+        if text[text.rfind(b"\n", 0, match.start()) + 1 : match.start()].strip():
+            continue  # within a comment or a name
+        rest = match[1].strip()
+        while rest:
+            ends = [m.start() for m in re.finditer(rb"[ \t]+|$", rest)][::-1]
+            whole = next((end for end in ends if find_beside(path, rest[:end])), None)
+            if whole is None:
+                first = re.search(rb"\.mtl(?=[ \t]|$)", rest, re.IGNORECASE)
+                whole = first.end() if first else len(rest)
+            found.setdefault(rest[:whole], find_beside(path, rest[:whole]))
+            rest = rest[whole:].strip()
+    return list(found.items())
+
+
+def _without_comments(lines: TextLines) -> tuple[TextLines, np.ndarray]:
+    """Lines whose numbers are followed by no comments, and their kinds: places in `_NUMERIC`, 4 others, 5 comments.
+
+    Only numbers are searched for comments: names may hold a #.
+    """
+    kinds = _kinds(lines)
+    marks = np.flatnonzero(lines.bytes == ord("#"))
+    within = np.searchsorted(lines.ends, marks)
+    if (kinds[within[within < len(kinds)]] < len(_NUMERIC)).any():
+        lines = TextLines(re.sub(rb"^([ \t]*(?:v|vt|vn|f)[ \t][^\n#]*)#[^\n]*", rb"\1", lines.text, flags=re.MULTILINE))
+        kinds = _kinds(lines)
+    return lines, kinds
+
+
+def _kinds(lines: TextLines) -> np.ndarray:
+    one, two, three = (lines.bytes[lines.starts + step] for step in range(3))
+    short, longer = two <= ord(" "), three <= ord(" ")
+    vertex = one == ord("v")
+    kinds = np.full(len(lines.starts), 4, np.int8)
+    kinds[vertex & short] = 0
+    kinds[vertex & longer & (two == ord("t"))] = 1
+    kinds[vertex & longer & (two == ord("n"))] = 2
+    kinds[(one == ord("f")) & short] = 3
+    kinds[one == ord("#")] = 5
+    return kinds
+
+
+def _table(lines: TextLines, rows: np.ndarray, keyword: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """All numbers of the lines of a kind, float64, and how many each line has, int64."""
+    counts = lines.counts[rows] - 1
+    return numbers(lines.joined(rows, len(keyword)), int(counts.sum())), counts
+
+
+def _columns(values: np.ndarray, counts: np.ndarray, size: int) -> np.ndarray:
+    """The first numbers of each line, (lines, size); 0 where there are fewer."""
+    if (counts == size).all():
+        return values.reshape(-1, size)
+    start = np.cumsum(counts) - counts
+    table = np.zeros((len(counts), size))
+    for column in range(size):
+        has = counts > column
+        table[has, column] = values[start[has] + column]
+    return table
+
+
+def _positions(values: np.ndarray, counts: np.ndarray, raw: RawScene) -> tuple[np.ndarray, np.ndarray | None]:
+    """Positions, and colours where any line has six numbers; vertices without are white."""
+    if counts.min(initial=3) < 3:
+        raise ValueError("a vertex has fewer than three numbers")
+    raw.note(
+        "Vertices of the OBJ file with numbers after the position that are neither a colour nor 1, left out: {}.",
+        np.count_nonzero(_strange(values, counts)),
+    )
+    coloured = counts == 6
+    if not coloured.any():
+        return _columns(values, counts, 3), None
+    table = _columns(values, counts, 6)
+    colours = np.ones((len(counts), 4), np.float32)
+    colours[coloured] = linear_colours(whole(table[coloured, 3:]), raw)
+    return table[:, :3], colours
+
+
+def _strange(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Lines of 4, 5, 7 or more numbers whose fourth is not the usual weight of 1, or is not the last."""
+    start = np.cumsum(counts) - counts
+    weighted = counts == 4
+    return ~np.isin(counts, (3, 4, 6)) | (weighted & (values[np.where(weighted, start + 3, 0)] != 1))
+
+
+def _statements(lines: TextLines, others: np.ndarray, raw: RawScene) -> tuple[list[tuple[int, bytes]], bool]:
+    """Lines and names of `usemtl`, and whether there are smoothing groups; statements that are not used are noted."""
+    used, left_out, smoothing = [], Counter(), False
+    for number in others.tolist():
+        key, _, rest = lines.line(number).replace(b"\t", b" ").partition(b" ")
+        if key.lower() == b"usemtl":
+            used.append((number, rest.strip()))
+        elif key == b"s":
+            smoothing |= rest.strip() not in (b"", b"off", b"0")
+        elif key.lower() not in _SILENT:
+            left_out[key] += 1
+    if left_out:
+        many = ", ".join(f"{shown(key[:20])} ({count:,})" for key, count in list(left_out.items())[:10])
+        raw.note(f"Statements of the OBJ file that are not supported, left out: {many}.")
+    return used, smoothing
+
+
+class _Materials:
+    """What `usemtl` names: `index` of a name in the scene's materials, and the library's entry by that index.
+
+    Index 0 is grey, for faces without a material.
+    """
+
+    def __init__(self, path: Path, text: bytes, names: list[bytes], raw: RawScene) -> None:
+        self.entries, self.index = [LibraryMaterial(raw.materials[0])], {b"": 0}
+        defined, undefined = _defined(path, text, raw), []
+        plain = Counter(_plain(key) for key in defined)
+        by_plain = {_plain(key): entry for key, entry in defined.items() if plain[_plain(key)] == 1}
+        for name in dict.fromkeys(names):
+            if name in self.index:
+                continue
+            entry = defined.get(name) or by_plain.get(_plain(name))
+            if entry is None:
+                undefined.append(shown(name))
+                entry = LibraryMaterial(Material(name=shown(name), double_sided=True))
+            self.index[name] = len(raw.materials)
+            raw.materials.append(entry.material)
+            self.entries.append(entry)
+        if undefined:
+            more = f" and {len(undefined) - 10:,} more" if len(undefined) > 10 else ""
+            raw.note(f"Materials that no library defines, grey: {', '.join(undefined[:10])}{more}.")
+
+
+def _defined(path: Path, text: bytes, raw: RawScene) -> dict[bytes, LibraryMaterial]:
+    """The materials of all libraries by name; the first definition of a name counts, as the format's text says."""
+    defined: dict[bytes, LibraryMaterial] = {}
+    for name, file in library_files(path, text):
+        if file is None:
+            raw.note(f"The material library {shown(name)} is missing; its materials are grey.")
+            continue
+        if written_differently(name, file):
+            raw.note(f"The material library {shown(name)} is read from {shown(file.name)}.")
+        entries = read_mtl(file, raw)
+        for twice in entries.keys() & defined.keys():
+            raw.note(f"The material {shown(twice)} is defined in several libraries; the first of them counts.")
+        defined = entries | defined
+    return defined
+
+
+def _plain(name: bytes) -> bytes:
+    """A name without what may be a comment behind it, and with single blanks."""
+    return b" ".join(re.sub(rb"[ \t]#.*", b"", name).split())
+
+
+@dataclass
+class _Faces:
+    """Polygons of at least three corners.
+
+    lines: int64 (P), where each stands. counts: int64 (P), its corners. v, vt, vn: int64 (C), what the corners refer
+    to, from 0; -1 for no vt or vn. materials: int64 (P).
+    """
+
+    lines: np.ndarray
+    counts: np.ndarray
+    v: np.ndarray
+    vt: np.ndarray
+    vn: np.ndarray
+    materials: np.ndarray | None = None
+
+
+def _faces(lines: TextLines, kinds: np.ndarray, sizes: list[int], raw: RawScene) -> _Faces:
+    """The file's faces; `sizes` counts v, vt and vn lines. Raises IndexError for vertices that are not there."""
+    rows = np.flatnonzero(kinds == 3)
+    counts = lines.counts[rows] - 1
+    fields = _fields(lines.joined(rows, 1), int(counts.sum()))
+    for kind, field in enumerate(fields):
+        back = field < 0
+        if back.any():  # counted backwards from the face's line
+            before = np.repeat(np.cumsum(kinds == kind)[rows], counts)
+            field[back] += before[back] + 1
+            field[back & (field < 1)] = sizes[kind] + 1
+    full = counts >= 3
+    raw.note("Faces of fewer than three corners, dropped: {}.", np.count_nonzero(~full))
+    corners = np.repeat(full, counts)
+    v, vt, vn = (field[corners] - 1 for field in fields)
+    outside = (v < 0) | (v >= sizes[0])
+    if outside.any():
+        raise IndexError(f"a face uses vertex {v[outside][0] + 1} of {sizes[0]}")
+    return _Faces(rows[full], counts[full], v, vt, vn)
+
+
+def _fields(text: bytes, count: int) -> np.ndarray:
+    """v, vt and vn of all corners of faces, int64 (3, C), as they stand there; 0 for those left out."""
+    text += b"\n"
+    if b"/" not in text:
+        return np.stack([numbers(text, count, np.int64), np.zeros(count, np.int64), np.zeros(count, np.int64)])
+    text = re.sub(rb"/(?=[ \t\n])", b"/0", text.replace(b"//", b"/0/"))
+    letters = np.frombuffer(text, np.uint8)
+    words = np.flatnonzero(np.diff(letters > ord(" "), prepend=False))[::2]
+    slashes = np.searchsorted(np.flatnonzero(letters == ord("/")), np.append(words, len(letters)))
+    given = np.diff(slashes) + 1
+    values = numbers(text.replace(b"/", b" "), int(given.sum()), np.int64)
+    start = np.cumsum(given) - given
+    fields = np.zeros((3, count), np.int64)
+    for field in range(3):
+        has = given > field
+        fields[field, has] = values[start[has] + field]
+    return fields
+
+
+def _add_parts(
+    faces: _Faces,
+    positions: np.ndarray,
+    colours: np.ndarray | None,
+    uvs: np.ndarray,
+    normals: np.ndarray,
+    materials: _Materials,
+    raw: RawScene,
+) -> None:
+    """One part for each material, and apart from the others those faces that lack texture coordinates or normals."""
+    mapped = _whole(faces.vt, len(uvs), faces.counts, "texture coordinates", raw)
+    smooth = _whole(faces.vn, len(normals), faces.counts, "normals", raw)
+    bare = np.zeros(len(materials.entries), bool)
+    bare[faces.materials[~mapped]] = True
+    textured = np.array([entry.textured for entry in materials.entries])
+    mapped &= (textured | ~bare)[faces.materials]  # coordinates that no texture needs do not split a part
+    places, polygon = triangulated(positions, faces.v, faces.counts, raw)
+    group = (faces.materials * 4 + mapped * 2 + smooth)[polygon]
+    order = np.argsort(group, kind="stable")
+    for triangles in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
+        corners = places[triangles].ravel()
+        material, has = divmod(int(group[triangles[0]]), 4)
+        columns = [faces.v[corners]] + [faces.vt[corners]] * (has >> 1) + [faces.vn[corners]] * (has & 1)
+        first, number = distinct(columns)
+        corner = corners[first]
+        part = Part(positions[faces.v[corner]], number.reshape(-1, 3), material)
+        part.colours = None if colours is None else colours[faces.v[corner]]
+        part.normals = normals[faces.vn[corner]] if has & 1 else None
+        part.uvs = materials.entries[material].placed(uvs[faces.vt[corner]]) if has >> 1 else None
+        raw.parts.append(part)
+
+
+def _whole(field: np.ndarray, size: int, counts: np.ndarray, what: str, raw: RawScene) -> np.ndarray:
+    """Faces (P) whose corners all refer to something that is there; those of which only some do are noted."""
+    good = np.add.reduceat((field >= 0) & (field < size), np.cumsum(counts) - counts, dtype=np.int64)
+    meant = np.add.reduceat(field >= 0, np.cumsum(counts) - counts, dtype=np.int64) > 0
+    raw.note(
+        f"Faces with {what} that are missing at some corners, drawn without them: {{}}.",
+        (meant & (good < counts)).sum(),
+    )
+    return good == counts
