@@ -21,7 +21,7 @@ from harness.novel_view import NovelView
 from harness.plugins import variant_string
 from harness.settings import Settings
 from harness.verification.frame import Verified, Verifier
-from harness.verification.isolation import check_isolation
+from harness.verification.isolation import check_isolation, fixed
 from harness.verification.payload import statistics_of
 from harness.verification.pictures import check_picture
 from harness.verification.truth import Truth
@@ -260,7 +260,7 @@ class Lane:
     def fill(self, payload: Payload) -> Filled:
         """Read the planes back; for a video codec, fill them first."""
         start = time.perf_counter()
-        planes = {name: _fixed(plane.get()) for name, plane in payload.planes.items()}
+        planes = {name: fixed(plane.get()) for name, plane in payload.planes.items()}
         middle = time.perf_counter()
         filled = {name: self._filler(name, plane).fill(plane).get() for name, plane in self._coded(payload).items()}
         end = time.perf_counter()
@@ -290,7 +290,7 @@ class Lane:
             for key, frame in zip(self.keys()[1:], encode_all(self._streams(name, plane), plane), strict=True):
                 encoded.setdefault(key, {})[name] = frame
         plain = {name: plane[..., :3] for name, plane in filled.planes.items()}
-        shown = {name: _fixed(frame.decoded) for name, frame in encoded.get(self.display_key, {}).items()}
+        shown = {name: fixed(frame.decoded) for name, frame in encoded.get(self.display_key, {}).items()}
         arriving = {("none", None): plain} | ({self.display_key: shown} if self.displayed else {})
         return Sent(
             {name: plane.shape[0] * plane.shape[1] for name, plane in plain.items()},
@@ -498,12 +498,6 @@ def _speed(packed: Packed, samples: int, novel: NovelView) -> dict[str, float]:
             "gather_over_shading": gather * 1e6 / samples / novel.shading_ns,
         }
     return found
-
-
-def _fixed(array: np.ndarray) -> np.ndarray:
-    """The array, which nobody writes to any more: what clients are given is what is checked."""
-    array.flags.writeable = False
-    return array
 
 
 def same_work(a: Frame, b: Frame) -> bool:

@@ -177,9 +177,15 @@ def check_shared_state(before: dict[str, Any], after: dict[str, Any]) -> Iterato
         yield violation("isolated", len(changed), f"State is kept outside of packer and client, in {names}.")
 
 
+def fixed(array: np.ndarray) -> np.ndarray:
+    """The array, which nobody writes to any more: what clients are given is what is checked."""
+    array.flags.writeable = False
+    return array
+
+
 def decode_losslessly(payload: Payload) -> Decoded:
     """A payload as it arrives without a lossy codec."""
-    planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
+    planes = {name: fixed(plane.get())[..., :3] for name, plane in payload.planes.items()}
     return Decoded(planes, dict(payload.blobs), payload.geometry, dict(payload.lists))
 
 
@@ -198,7 +204,7 @@ def check_isolation(truth: Truth, make: Callable[[], Packer], frame: Frame, view
     before |= {name: value for name, value in shared_state((type(client),)).items() if name not in before}
     payload = packer.pack(frame)
     first = decode_losslessly(payload)
-    client.receive(first)
+    client.receive(replace(first, planes=dict(first.planes), blobs=dict(first.blobs)))
     shown = _Shown.by(client, view)
     found = list(check_references(client, scene, things_of(scene, packer, payload)))
     client.receive(decode_losslessly(packer.pack(frame)))
@@ -225,7 +231,7 @@ class _Shown:
     def of(cls, packer: Packer, shipped: ClientScene, payload: Decoded, view: View) -> _Shown:
         """By a client of a packer that knows nothing else."""
         client = packer.client(shipped)
-        client.receive(payload)
+        client.receive(replace(payload, planes=dict(payload.planes), blobs=dict(payload.blobs)))
         return cls.by(client, view)
 
 
@@ -234,7 +240,7 @@ def _check_again(truth: Truth, packer: Packer, payload: Decoded, view: View, sho
     shipped = truth.scene.shipped
     try:
         again = _Shown.of(packer, shipped, payload, view).rgb
-        planes = {name: plane if name == ALPHA else 255 - plane for name, plane in payload.planes.items()}
+        planes = {name: plane if name == ALPHA else fixed(255 - plane) for name, plane in payload.planes.items()}
         inverted = _Shown.of(packer, shipped, replace(payload, planes=planes), view).rgb if planes else None
     except Exception as error:  # whatever it is, the first client did not meet it
         sentence = f"Another client cannot show the same payload: {type(error).__name__}: {error}"
