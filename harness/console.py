@@ -63,6 +63,7 @@ def tell_passed_over(device: Device) -> None:
 
 def make_table(title: str, *columns: str) -> Table:
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=False)
+    table.caption_justify, table.caption_style = "left", "dim"
     for column in columns:
         table.add_column(column, overflow="fold")
     return table
@@ -138,12 +139,13 @@ SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", 
 def show_summary(store: Store, folder: Path) -> None:
     """Print what a frame costs and sends per method, codec and rate, what went wrong, and where the results are."""
     from reports.charts import method_labels
+    from reports.csv_files import measured_statistics
 
     console = make_console()
     rows = store.rows()
     labels = method_labels(list({(row["method"], row["variant"]): None for row in rows}))
     _show_numbers(rows, labels, console)
-    speed = _speed_lines(store.statistics(), labels)
+    speed = _speed_lines(measured_statistics(rows, store.statistics()), labels)
     if speed:
         console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))
         console.print("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]")
@@ -173,6 +175,23 @@ def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]
         ("kB sent per frame: everything, then its parts; means without keyframe", SIZES, sizes),
     ):
         console.print(_fitting(title, ["method", "codec", *(column[1] for column in columns)], lines, console))
+    for line in _uneven(rows, labels):
+        console.print(f"[yellow]frames[/] {escape(line)}")
+
+
+def _uneven(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[str]:
+    """Sentences on methods whose numbers are of fewer frames than the run has."""
+    from reports.columns import MEASURED_STATUSES
+
+    measured: dict[tuple[str, str], set[int]] = {key: set() for key in labels}
+    for row in rows:
+        if row["status"] in MEASURED_STATUSES:
+            measured[row["method"], row["variant"]].add(row["frame"])
+    count = len({row["frame"] for row in rows})
+    few = {key: len(frames) for key, frames in measured.items() if 0 < len(frames) < count}
+    return [
+        f"{labels[key]}: its numbers are of {n} of {count} frames, those of others of more." for key, n in few.items()
+    ]
 
 
 def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tuple) -> list[str]:
@@ -205,6 +224,8 @@ def _fitting(title: str, headings: list[str], lines: list[list[str]], console: C
     widths[0] = min(widths[0], NARROWEST)
     count = max(n for n in range(3, len(headings) + 1) if n == 3 or sum(widths[:n]) + 2 * (n - 1) <= console.width)
     table = make_table(title, *headings[:count])
+    if count < len(headings):
+        table.caption = f"not shown, for lack of width: {', '.join(headings[count:])}"
     for column in table.columns[1:]:
         column.no_wrap = True
     for column in table.columns[2:]:

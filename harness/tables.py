@@ -53,6 +53,7 @@ def show_tables() -> None:
         more = f" and {len(source.commands) - 1} more" if len(source.commands) > 1 else ""
         command = source.commands[0] if len(source.commands[0]) < 70 else source.commands[0][:69] + "…"
         table.add_row(source.name, measured, took, "quick" if source.quick else "", escape(command) + more)
+    table.caption = "quick: also measured by --check --quick. reports/data/TABLE.json has the whole commands."
     make_console().print(table)
 
 

@@ -280,7 +280,8 @@ class Client(ABC):
 
     @abstractmethod
     def draw(self, view: View) -> Image:
-        """Draw `view` from what was received."""
+        """Draw `view` from what was received, and from nothing that was drawn before: a run that goes on after a stop
+        receives its finished frames again, and draws none of them."""
 
     def fragments(self) -> tuple[HeldLists, ...]:
         """The lists that it holds after `receive`, one for each view and part that was sent apart; none of an atlas.

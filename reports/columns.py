@@ -218,7 +218,7 @@ def statistic_columns(measure: Column, middle_of: str = "") -> tuple[Column, ...
     if name in SENT:
         rate = replace(own, unit="kbit/s")
         columns += [
-            column("total", f"sum of {name} over all frames, the keyframe among them", measure),
+            column("total", f"sum of {name} over all frames, the keyframe among them; empty if one failed", measure),
             column("kbit_s", f"{name}_mean at the path's pace: * 8 * frame_rate / 1000", rate),
         ]
     return tuple(columns)

@@ -90,6 +90,8 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     }
     for measure in MEASURES:
         summary |= measure_statistics(measure, measured)
+    if len(measured) < len(rows):  # a sum over some of the frames is no total
+        summary |= {f"{name}_total": None for name in SENT}
     return summary
 
 
@@ -106,6 +108,12 @@ def measure_statistics(measure: Column, rows: Sequence[dict[str, Any]]) -> dict[
         pace = valued[0]["frame_rate"] if valued else None
         found["kbit_s"] = None if pace is None or found["mean"] is None else found["mean"] * 8 * pace / 1000
     return {f"{name}_{suffix}": value for suffix, value in found.items()}
+
+
+def measured_statistics(rows: Sequence[dict[str, Any]], statistics: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Those of what methods report that are of frames that were measured."""
+    bad = {(r["method"], r["variant"], r["frame"]) for r in rows if r["status"] not in MEASURED_STATUSES}
+    return [row for row in statistics if (row["method"], row["variant"], row["frame"]) not in bad]
 
 
 def after_keyframe(name: str, values: Mapping[int, float]) -> dict[int, float]:

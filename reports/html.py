@@ -12,7 +12,7 @@ from typing import Any
 
 from reports import charts
 from reports.budget import Budget, budget_figure, budget_table, budgets, visible_set
-from reports.csv_files import replace_file, summarise
+from reports.csv_files import measured_statistics, replace_file, summarise
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
 from reports.tables import NONE, THIN, folded_lists, headline_tables, number, ranges, table
@@ -30,7 +30,8 @@ def write_report(folder: Path) -> Path:
     """
     folder = Path(folder)
     with Store(folder, must_exist=True) as store:
-        rows, stages, statistics = store.rows(), store.stages(), store.statistics()
+        rows, stages = store.rows(), store.stages()
+        statistics = measured_statistics(rows, store.statistics())
         notes = {name: store.notes.under(name) for name in NOTES}
         plan = flat(store.plan() or {})
     pictures = find_pictures(folder)

@@ -187,7 +187,7 @@ class Store:
         return self._select(_of_frames("stages", "stage, ms, launches", "stage"))
 
     def statistics(self) -> list[dict[str, Any]]:
-        """What methods report, by the column names of statistics.csv, sorted by its key."""
+        """What methods report, by the column names of statistics.csv, sorted by its key; also of invalid frames."""
         return self._select(_of_frames("statistics", "name, value", "name"))
 
     def repeats(self) -> list[dict[str, Any]]:

@@ -32,7 +32,7 @@ DOCUMENTS = (
 BLOCK = re.compile(r"<!-- (table|figure) ([\w-]+)(?: ([\w-]+))? -->\n(.*?)<!-- end -->", re.DOTALL)
 NUMBER = re.compile(r"<!-- n (.*?) as (\S+) -->(.*?)<!-- / -->", re.DOTALL)
 BEGINNING = re.compile(r"^ {0,3}(?:[-*] +)?<!-- n .*|^ +<!-- n .*", re.MULTILINE)
-OPENING = re.compile(r"<!-- (?:table|figure|n) ")
+OPENING = re.compile(r"<!--(?! (?:/|end|ci:\w+) -->)")  # whatever is no end of a marker has to be a marker
 OPERAND = re.compile(
     r"\s*(?:(?P<fold>min|max|sum|count)\s+)?(?:(?P<name>[a-z][\w-]*)(?:\.(?P<part>[\w-]+))?\((?P<keys>[^()]*)\)"
     r"\.(?P<field>\w+)|(?P<plain>\d+(?:\.\d+)?))\s*"
@@ -88,7 +88,7 @@ class Book:
             starts = {match.start() for match in matches}
             lost = next((m for m in OPENING.finditer(text) if m.start() not in starts), None)
             where = text[lost.start() :].splitlines()[0] if lost else matches[0][0].splitlines()[0]
-            raise DocumentError(f"The marker `{where[:80]}` has no end, or stands within another one.")
+            raise DocumentError(f"The marker `{where[:80]}` cannot be read, has no end, or stands within another one.")
         if beginning := BEGINNING.search(text):  # such a line is HTML for Markdown, and ends the paragraph
             raise DocumentError(
                 f"The number `{beginning[0].strip()[:80]}` stands at the beginning of a line: put a word before it."
@@ -123,6 +123,8 @@ class Book:
             if symbol not in OPERATORS:
                 raise DocumentError(f"The expression `{expression}` cannot be read at `{expression[place:]}`.")
             other, place = self._operand(expression, place + 1)
+            if symbol == "/" and other == 0:
+                raise DocumentError(f"The expression `{expression}` divides by zero.")
             value = OPERATORS[symbol](value, other)
         try:
             return format(value, form)

@@ -77,7 +77,7 @@ def test_limited_lists_are_told_from_full_ones(tmp_path: Path):
     with Store(tmp_path) as store:
         for variant, total, flip in (("mode=depth-limited", 400, 0.2), ("mode=full", 1000, 0.1)):
             measured = {"bytes_total": total, "flip": flip, "holes_px": 0.0, "server_ms": total / 100}
-            store.commit_frame("ppll", variant, 0, [COMMON | measured | {"codec": "none", "status": "ok"}])
+            store.commit_frame("ppll", variant, 1, [COMMON | measured | {"codec": "none", "status": "ok"}])
     (row,) = limit_parts([tmp_path])["rows"]
     assert (row["bytes_total_full"], row["bytes_total"], row["flip_full"], row["flip"]) == (1000, 400, 0.1, 0.2)
     assert (row["bytes_total_ratio"], row["flip_ratio"], row["server_ratio"], row["size"]) == (0.4, 2, 0.4, "320x180")
