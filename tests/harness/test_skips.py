@@ -13,6 +13,7 @@ from harness.frames import FrameSource
 from harness.lane import Lane
 from harness.metrics import Metrics
 from harness.reference import ForwardRenderer
+from harness.run import run
 from harness.session import find_methods, open_session
 from harness.settings import Settings, SettingsError
 from harness.skips import ALWAYS, SKIPS, check_names, known_skips, skipped_stages
@@ -184,3 +185,15 @@ def test_explaining_says_what_applies_and_what_not(hall):
         assert rows[name]["applies"]
         assert rows[name]["with_ms"] > 0
         assert rows[name]["without_ms"] > 0
+
+
+def test_explaining_after_a_run_may_build_kernels(tmp_path, monkeypatch):
+    """What tells of kernels being built while frames are worked on has no progress bar to tell it on afterwards."""
+
+    def explained(session, _):
+        session.device.announce("kernels/some.cl")
+        return {}
+
+    monkeypatch.setattr("harness.run.explain", explained)
+    monkeypatch.setattr("harness.run.rows_of", lambda _: [])
+    assert run(replace(SMALL, methods=("sas",), frames=1), tmp_path / "run", explained=True)
