@@ -49,7 +49,7 @@ def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> Se
     ]
     triangles = upload_triangles(device, scene)
     known = (scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
-    mask = AlphaMask.upload(device, *known, keep_mask)
+    mask = AlphaMask.upload(device, *known, keep_mask, scene.colours[:, 3])
     textures = TextureBuffers.upload(device, scene.textures, hidden_below(scene))
     rasteriser = Rasteriser(device, triangles, mask, cull=culls)
     shadows = _shadow_maps(device, scene, triangles, mask)
@@ -102,7 +102,11 @@ def upload_triangles(device: Device, scene: Scene) -> Triangles:
         ],
         np.uint8,
     )
-    return Triangles.upload(device, scene.positions, scene.indices, by_material[scene.material_ids])
+    flags = by_material[scene.material_ids]
+    if (scene.colours[:, 3] < 1).any():
+        faded = (scene.colours[:, 3][scene.indices] < 1).any(axis=1) & ((flags & Triangles.MASKED) > 0)
+        flags |= (Triangles.FADED * faded).astype(np.uint8)
+    return Triangles.upload(device, scene.positions, scene.indices, flags)
 
 
 def surface_of(scene: Scene, keep_tangents: bool = False) -> Surface:

@@ -15,6 +15,7 @@ from scenes.transforms import normal_matrices
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _LARGEST = 1e18  # beyond it squared lengths leave float32's range
+_BRIGHTEST = np.float32([1e4, 1e4, 1e4, 1])  # of a vertex: light may be any, coverage at most whole
 
 
 def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | None = None) -> Scene:
@@ -185,7 +186,7 @@ def _completed(part: Part, wants_tangents: bool) -> Part:
     usable_uvs = part.uvs is not None
     uvs = np.nan_to_num(part.uvs, posinf=0.0, neginf=0.0) if usable_uvs else np.zeros((count, 2), np.float32)
     colours = part.colours if part.colours is not None else np.ones((count, 4), np.float32)
-    colours = np.clip(np.nan_to_num(colours, nan=1.0, posinf=1.0, neginf=1.0), 0, 1e4)
+    colours = np.clip(np.nan_to_num(colours, nan=1.0, posinf=1.0, neginf=1.0), 0, _BRIGHTEST)
     part = replace(part, uvs=uvs, colours=colours, normals=_repaired_normals(part))
     if not wants_tangents:
         return replace(part, tangents=None)

@@ -39,10 +39,10 @@ def find_features(scene: Scene) -> Features:
 def _opacity_varies(scene: Scene, index: int) -> bool:
     """Whether a see-through material's triangles do not cover the same everywhere: by its texture or their vertices."""
     material = scene.materials[index]
-    if material.alpha_mode != "blend" and material.transmission == 0:
+    if material.alpha_mode != "blend":
         return False
     alphas = [scene.colours[scene.indices[scene.material_ids == index], 3]]
-    if material.alpha_mode == "blend" and material.base_texture >= 0:
+    if material.base_texture >= 0:
         alphas.append(scene.textures[material.base_texture].texels[..., 3])
     return any(alpha.min() != alpha.max() for alpha in alphas)
 

@@ -49,6 +49,8 @@ SCENES = {
     "only glass": square(material(**GLASS)),
     "only masked": square(material(**MASKED)),
     "only masked, nothing there": square(material(**MASKED, alphaCutoff=0.6)),
+    "only masked by vertices": square(material(**MASKED, alphaCutoff=0.25), alpha=(0.0, 1.0, 1.0, 0.3)),
+    "only masked by vertices, nothing there": square(material(**MASKED, alphaCutoff=0.25), alpha=(0.4,) * 4),
     "lights without casters": square(material(**BLENDED), (LIGHTS, 2.0)),
     "one triangle": square(material(), indices=[0, 1, 2]),
     "one blended triangle": square(material(**BLENDED), indices=[0, 1, 2]),

@@ -7,8 +7,10 @@ from harness.reference import ForwardRenderer
 from harness.upload import upload_scene
 from harness.views import Pose, projection_matrix, view_matrix
 from kernels.raster.resolve import resolve
+from kernels.samples import Samples
 from kernels.shade.shade import shade_twin
 from packers.interface import View
+from scenes.features import find_features
 from scenes.load import load_scene
 from scenes.model import Light, Material, Scene, Sky, Texture
 from tests.conftest import REAL_SCENES
@@ -111,6 +113,35 @@ def test_blended_surfaces_cast_no_shadow(device):
             setattr(scene, name, np.concatenate([getattr(scene, name)] * 2))
         scene.material_ids = np.array([0, 0, 1, 1], np.int32)
         assert (drawn(device, scene, view_from(2.0))[0][16, 16, 0] < 20) == dark
+
+
+@pytest.mark.parametrize(("alphas", "there"), [((0.2,) * 4, False), ((0.8,) * 4, True), ((0.0, 1.0, 1.0, 0.0), None)])
+def test_the_alpha_of_vertices_cuts_a_mask_and_its_shadow(device, alphas, there):
+    """A masked pane before a wall, seen from aside, and the wall behind it: all there, not there, or its right half."""
+    lamp = [Light("directional", (3.0,) * 3, direction=(0.0, 0.0, -1.0))]
+    scene = card([Material(base_colour=(1,) * 4), Material(alpha_mode="mask", double_sided=True)], lights=lamp)
+    scene.positions = np.concatenate([scene.positions, scene.positions + np.float32([0, 0, 5])])
+    scene.indices = np.concatenate([scene.indices, scene.indices + 4])
+    for name in ("normals", "uvs", "colours"):
+        setattr(scene, name, np.concatenate([getattr(scene, name)] * 2))
+    scene.colours[4:, 3] = alphas
+    scene.material_ids = np.array([0, 0, 1, 1], np.int32)
+    left, right = (bool(there), bool(there)) if there is not None else (False, True)
+    wall, _ = drawn(device, scene, view_from(2.0))  # between the two
+    assert [bool(wall[16, column, 0] < 20) for column in (6, 26)] == [left, right]
+    _, seen = drawn(device, scene, view_from(8.0))
+    assert [bool(seen[16, column] >= 2) for column in (12, 20)] == [left, right]
+
+
+def test_the_alpha_of_vertices_counts_for_blending_but_not_for_clear_glass(device):
+    scene = card([Material(alpha_mode="blend"), Material(transmission=1.0)])
+    scene.colours[:, 3] = 0.5
+    scene.material_ids = np.array([0, 1], np.int32)
+    scene.features = find_features(scene)
+    uploaded = upload_scene(device, scene)
+    assert uploaded.layers.opacity.constants.tolist() == [128, 26]
+    samples = Samples.upload(device, np.arange(2), *np.full((2, 2), 0.3), np.full(2, 0.01), np.arange(2))
+    assert uploaded.layers.opacity.of(samples, "t").get()[:2].tolist() == [128, 26]
 
 
 def test_the_highlight_is_seen_from_the_eye_that_is_given(device):
