@@ -1,4 +1,4 @@
-"""The cases of the alpha test, without and with vertices whose alpha counts."""
+"""The case of the alpha test."""
 
 from __future__ import annotations
 
@@ -16,19 +16,10 @@ if TYPE_CHECKING:
 
 @case({"mask.alpha_test": Cost("n", "20*n", "40*n")}, 1 << 20, 1 << 17)
 def masking(device: Device, kind: str, size: int) -> Trial:
-    """Adversarial: footprints over 16 magnitudes, weights outside the triangle. Ties of alpha and threshold differ."""
-    return _testing(device, kind, size, faded=False)
-
-
-@case({"mask.alpha_test": Cost("n", "36*n", "55*n")}, 1 << 20, 1 << 17)
-def fading(device: Device, kind: str, size: int) -> Trial:
-    """The same with alphas at vertices."""
-    return _testing(device, kind, size, faded=True)
-
-
-def _testing(device: Device, kind: str, size: int, faded: bool) -> Trial:
-    mask, material_ids = masked_soup(device, faded)
+    """Adversarial: footprints over 16 magnitudes, weights outside the triangle, vertices that fade. Ties of alpha and
+    threshold differ."""
     rng, hard = seeded(kind), kind == "adversarial"
+    mask, material_ids = masked_soup(device, faded=hard)
     triangles = rng.choice(np.flatnonzero(material_ids), size).astype(np.int32)
     b1, b2 = rng.uniform(-1 if hard else 0, 1 if hard else 0.5, (2, size)).astype(np.float32)
     pixels = (10.0 ** (rng.uniform(-8, 8, size) if hard else rng.uniform(0, 3, size))).astype(np.float32)
