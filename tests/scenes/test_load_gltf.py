@@ -199,7 +199,11 @@ def test_thousands_of_nodes(tmp_path):
         ({"nodes": [{"children": [2]}, {"children": [2]}, {"mesh": 0}]}, "two parents"),
         ({"nodes": [{"mesh": 7}]}, "damaged"),
         ({"asset": {"version": "1.0"}}, "only glTF 2.0"),
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco_mesh_compression"),
+        *(
+            ({"extensionsRequired": ["KHR_mesh_quantization", name]}, f"needs {name}, which cannot be read")
+            for name in ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu", "MY_own")
+        ),
+        ({"extensionsRequired": ["A_one", "B_two"]}, "needs A_one and B_two, which"),
         ({"nodes": []}, "no usable triangles"),
     ],
 )
@@ -207,6 +211,61 @@ def test_unusable_documents_are_named(tmp_path, change, words):
     glb = square_scene()
     glb.json |= change
     with pytest.raises(SceneError, match=words):
+        load_scene(glb.write(tmp_path / "a.glb"))
+
+
+def test_extensions_that_are_only_used_are_noted_by_name(tmp_path):
+    glb = square_scene()
+    glb.json |= {"extensionsUsed": ["KHR_draco_mesh_compression", "KHR_materials_sheen", "KHR_mesh_quantization"]}
+    primitive = glb.json["meshes"][0]["primitives"][0]
+    primitive["extensions"] = {"KHR_draco_mesh_compression": {}}  # with uncompressed data beside it
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.triangle_count == 2
+    ignored = [note for note in scene.notes if "not supported" in note]
+    assert [note.split()[3] for note in ignored] == ["KHR_draco_mesh_compression,", "KHR_materials_sheen,"]
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_compressed_meshes_without_a_copy_are_refused_by_name(tmp_path, name):
+    glb = square_scene()
+    if "draco" in name:
+        glb.json["meshes"][0]["primitives"][0]["extensions"] = {name: {}}
+        del glb.json["accessors"][0]["bufferView"]
+    else:
+        glb.json["bufferViews"][0] |= {"buffer": 1, "extensions": {name: {}}}
+    file = glb.write(tmp_path / "a.glb", [{"byteLength": 48, "extensions": {name: {"fallback": True}}}])
+    with pytest.raises(SceneError, match=name):
+        load_scene(file)
+
+
+def test_required_extensions_that_are_read(tmp_path):
+    """Quantised corners; a scale in the node brings them back, as exporters have it."""
+    required = ["KHR_mesh_quantization", "EXT_texture_webp", "KHR_texture_transform", "KHR_materials_unlit"]
+    glb = Glb(nodes=[{"mesh": 0, "scale": [0.01] * 3}], extensionsRequired=required, extensionsUsed=required)
+    attributes = {"POSITION": glb.accessor(np.int16(SQUARE * 100)), "NORMAL": None}
+    attributes["NORMAL"] = glb.accessor(np.int8([[0, 0, 127]] * 4), normalized=True)
+    glb.json["meshes"] = [{"primitives": [{"attributes": attributes, "indices": glb.accessor(SQUARE_INDICES)}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert world(scene).max(axis=(0, 1)) == pytest.approx([1, 1, 0])
+    assert scene.normals == pytest.approx(np.tile([0, 0, 1], (4, 1)))
+    assert not any("not supported" in note for note in scene.notes)
+
+
+def test_lights_of_unknown_types_are_left_out_by_name(tmp_path):
+    glb = square_scene(
+        {"mesh": 0}, *({"extensions": {"KHR_lights_punctual": {"light": number}}} for number in range(2))
+    )
+    spot = {"type": "spot", "range": 5.0, "spot": {"innerConeAngle": 0.1}}
+    glb.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "area"}, spot]}}
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert [light.kind for light in scene.lights] == ["spot"]
+    for words in ("unknown type area", "Ranges of lights", "Inner cones"):
+        assert any(words in note and "1." in note for note in scene.notes), words
+
+
+def test_a_surface_of_no_area_is_refused(tmp_path):
+    glb = square_scene({"mesh": 0, "scale": [1, 0, 0]})
+    with pytest.raises(SceneError, match="no triangle of positive area"):
         load_scene(glb.write(tmp_path / "a.glb"))
 
 
