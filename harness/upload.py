@@ -69,7 +69,8 @@ def hidden_below(scene: Scene) -> dict[int, float]:
     lowest: dict[int, float] = {}
     for m in scene.materials:
         cutoff = {"mask": m.alpha_cutoff / max(m.base_colour[3], 1e-6), "blend": 0.5 / 255}.get(m.alpha_mode, 0.0)
-        for texture, alpha in ((m.base_texture, cutoff), (m.normal_texture, 0.0), (m.emissive_texture, 0.0)):
+        for slot, texture in m.textures.items():
+            alpha = cutoff if slot == "base" else 0.0
             lowest[texture] = min(lowest.get(texture, alpha), alpha)
     cut = {m.base_texture for m in scene.materials if m.alpha_mode != "opaque"}
     return {texture: lowest[texture] for texture in cut if texture >= 0}
@@ -121,6 +122,7 @@ def surface_of(scene: Scene, keep_tangents: bool = False) -> Surface:
         scene.materials,
         scene.colours if np.any(scene.colours[:, :3] != 1) else None,
         tangents,
+        scene.further_uvs,
     )
 
 

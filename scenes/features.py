@@ -21,15 +21,19 @@ def find_features(scene: Scene) -> Features:
         slanted = np.count_nonzero(longest > _SLANTED * 2 * area / longest) / len(area)
     count = max(1, len(area) // 100)
     return Features(
-        textures=any(max(m.base_texture, m.emissive_texture) >= 0 for m in used),
+        textures=any(m.textures.keys() - {"normal"} for m in used),
         normal_maps=scene.tangents is not None and any(m.normal_texture >= 0 for m in used),
         vertex_colours=bool((scene.colours != 1).any()),
         mask=any(m.alpha_mode == "mask" for m in used),
         blend=any(m.alpha_mode == "blend" or m.transmission > 0 for m in used),
         varying_opacity=any(_opacity_varies(scene, index) for index in np.unique(scene.material_ids)),
         shadows=any(light.shadows and light.kind != "point" for light in scene.lights),
-        specular=any(m.roughness < 1 or m.metallic > 0 for m in used),
+        specular=any(m.roughness < 1 or m.metallic > 0 or m.surface_texture >= 0 for m in used),
         emissive=any(max(m.emissive) > 0 for m in used),
+        surface_maps=any(m.surface_texture >= 0 for m in used),
+        occlusion=any(m.occlusion_texture >= 0 for m in used),
+        unlit=any(m.unlit for m in used),
+        further_uvs=scene.further_uvs is not None,
         single_sided=any(not m.double_sided for m in used),
         slanted=float(slanted),
         largest=float(np.partition(area, -count)[-count:].sum() / area.sum()),
@@ -52,6 +56,7 @@ def content_digest(scene: Scene) -> str:
     digest = hashlib.blake2b(digest_size=8)
     tangents = scene.tangents if scene.tangents is not None else np.zeros(0, np.float32)
     arrays = [scene.positions, scene.indices, scene.normals, scene.uvs, scene.colours, scene.material_ids, tangents]
+    arrays += [] if scene.further_uvs is None else [scene.further_uvs]
     for array in [*arrays, np.asarray(scene.origin, np.float64), *(texture.texels for texture in scene.textures)]:
         digest.update(f"{array.dtype}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)

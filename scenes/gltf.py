@@ -16,7 +16,7 @@ import numpy as np
 from arithmetic.functions import arctan, tan
 from arithmetic.matrices import product, turned
 from scenes.gltf_document import GltfDocument
-from scenes.gltf_materials import GltfMaterials
+from scenes.gltf_materials import GltfMaterials, UvSource
 from scenes.gltf_motion import camera_animations
 from scenes.gltf_nodes import GltfNodes
 from scenes.model import Camera, Light
@@ -124,18 +124,23 @@ def _part(document: GltfDocument, materials: GltfMaterials, raw: RawScene, primi
     positions = document.accessor(attributes["POSITION"])
     indices = document.accessor(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
     material = primitive.get("material", materials.default)
-    source = materials.sources[material]
     part = Part(positions, _triangles(indices.astype(np.int64), primitive.get("mode", 4)), material)
     part.normals = _attribute(document, attributes, "NORMAL", len(positions))
     part.tangents = _attribute(document, attributes, "TANGENT", len(positions))
-    part.uvs = _attribute(document, attributes, f"TEXCOORD_{source.channel}", len(positions))
-    if part.uvs is not None:
-        part.uvs = source.apply(part.uvs)
+    sources = materials.sources[material]
+    part.uvs, *further = (_uvs(document, attributes, source, len(positions)) for source in sources)
+    part.further_uvs = tuple(further)
     colours = _attribute(document, attributes, "COLOR_0", len(positions))
     if colours is not None:
         part.colours = np.ones((len(positions), 4), np.float32)
         part.colours[:, : colours.shape[1]] = colours
     return part
+
+
+def _uvs(document: GltfDocument, attributes: dict, source: UvSource, count: int) -> np.ndarray | None:
+    """A texture's coordinates (V, 2), transformed; None where the primitive has not its set."""
+    uvs = _attribute(document, attributes, f"TEXCOORD_{source.channel}", count)
+    return None if uvs is None else source.apply(uvs)
 
 
 def _attribute(document: GltfDocument, attributes: dict, name: str, count: int) -> np.ndarray | None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenes.load import load_scene
-from scenes.model import SceneError
+from scenes.model import Material, SceneError
 from tests.scenes.glb_files import SQUARE, SQUARE_INDICES, Glb, square_scene
 
 
@@ -113,10 +113,66 @@ def test_materials_wrap_modes_and_second_uv_set(tmp_path, png):
     assert (texture.wrap_s, texture.wrap_t, texture.srgb) == ("clamp", "mirror", True)
     assert texture.texels.tolist() == [[[255, 0, 0, 255], [0, 0, 255, 128]]]
     assert scene.uvs == pytest.approx(SQUARE[:, :2] * (2, 3) + (0.5, 0))
-    # The emissive texture would need the other set: it is left out, and nothing glows instead of everything.
-    assert material.emissive == (0, 0, 0)
-    assert any("other texture coordinates" in note for note in scene.notes)
+    assert (material.emissive, material.emissive_texture, material.emissive_uv) == ((0, 2, 0), 0, 1)
+    assert scene.further_uvs == pytest.approx(np.full((1, 4, 2), 9))
     assert any("let light through" in note for note in scene.notes)
+
+
+def test_every_texture_has_its_own_set_and_transform(tmp_path, png):
+    """Base, normals and emission differ; occlusion is looked up where the normals are; a set is kept once."""
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    turn = {"extensions": {"KHR_texture_transform": {"rotation": np.pi / 2, "texCoord": 1}}}
+    glb.json["materials"] = [
+        {
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 0}},
+            "normalTexture": {"index": 0, "texCoord": 1},
+            "emissiveTexture": {"index": 0, **turn},
+            "emissiveFactor": [1, 1, 1],
+            "occlusionTexture": {"index": 0, "texCoord": 1, "strength": 0.25},
+        }
+    ]
+    first, second = SQUARE[:, :2], np.float32([[0, 1], [1, 1], [1, 0], [0, 0]])
+    primitive = {**glb.square(TEXCOORD_0=first, TEXCOORD_1=second), "material": 0}
+    glb.json["meshes"] = [{"primitives": [primitive]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    material = scene.materials[0]
+    assert [material.uv_of(slot) for slot in ("base", "surface", "normal", "occlusion", "emissive")] == [0, 0, 2, 2, 1]
+    assert (material.occlusion_strength, material.metallic, material.roughness) == (0.25, 1.0, 1.0)
+    assert scene.uvs == pytest.approx(first)
+    assert scene.further_uvs[1] == pytest.approx(second)
+    turned = np.stack([second[:, 1], -second[:, 0]], axis=1)  # (u, v) by the matrix of the extension's text
+    assert scene.further_uvs[0] == pytest.approx(turned, abs=1e-6)
+    assert scene.tangents == pytest.approx(np.tile([1, 0, 0, 1], (4, 1)))  # those of the normal map's own UVs
+    assert len(scene.textures) == 2  # as colours and as numbers
+    features = scene.features
+    assert [features.further_uvs, features.occlusion, features.surface_maps, features.unlit] == [True] * 3 + [False]
+
+
+def test_a_part_without_one_of_two_sets_loses_the_textures_of_that_set_only(tmp_path, png):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    emission = {"emissiveTexture": {"index": 0, "texCoord": 1}, "emissiveFactor": [1, 1, 1]}
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, **emission}]
+    glb.json["meshes"] = [{"primitives": [{**glb.square(TEXCOORD_0=SQUARE[:, :2]), "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    material = scene.materials[scene.material_ids[0]]
+    assert (material.base_texture, material.emissive_texture, material.emissive) == (0, -1, (0, 0, 0))
+    assert any("without texture coordinates" in note for note in scene.notes)
+
+
+def test_unlit_materials_keep_their_base_colour_only(tmp_path, png):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}], extensionsUsed=["KHR_materials_unlit"])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    pbr = {"baseColorTexture": {"index": 0}, "baseColorFactor": [0.5, 0.6, 0.7, 1], "roughnessFactor": 0.1}
+    extras = {"emissiveFactor": [1, 1, 1], "normalTexture": {"index": 0}, "extensions": {"KHR_materials_unlit": {}}}
+    glb.json["materials"] = [{"pbrMetallicRoughness": pbr, **extras}]
+    glb.json["meshes"] = [{"primitives": [{**glb.square(TEXCOORD_0=SQUARE[:, :2]), "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.materials[0] == Material("", (0.5, 0.6, 0.7, 1.0), base_texture=0, unlit=True)
+    assert scene.features.unlit
+    assert scene.tangents is None
+    assert not any("nlit" in note for note in scene.notes)
 
 
 def test_tangents_follow_the_image(tmp_path, png):
