@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import astuple
+from dataclasses import astuple, fields
 
 import numpy as np
 
-from scenes.model import Features, Scene
+from scenes.model import Features, Material, Scene
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _SLANTED = 3.0  # longest edge over height, as in the atlas papers' notion of slanted triangles
@@ -60,10 +60,21 @@ def content_digest(scene: Scene) -> str:
     for array in [*arrays, np.asarray(scene.origin, np.float64), *(texture.texels for texture in scene.textures)]:
         digest.update(f"{array.dtype}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)
-    settings = [astuple(m) for m in scene.materials] + [astuple(light) for light in scene.lights]
+    settings = [_settings(m) for m in scene.materials] + [astuple(light) for light in scene.lights]
     settings += [(t.srgb, t.wrap_s, t.wrap_t) for t in scene.textures]
     digest.update(repr((settings, astuple(scene.sky), scene.exposure, scene.metres_per_unit)).encode())
     return digest.hexdigest()
+
+
+def _settings(material: Material) -> tuple:
+    """A material's values; from `unlit` on only those that say anything, with their names.
+
+    So a scene without these keeps the digest that it had before there were any.
+    """
+    values = astuple(material)
+    rare = next(number for number, field in enumerate(fields(Material)) if field.name == "unlit")
+    said = zip(fields(Material)[rare:], values[rare:], strict=True)
+    return values[:rare] + tuple((field.name, value) for field, value in said if value != field.default)
 
 
 def triangle_shapes(scene: Scene) -> tuple[np.ndarray, np.ndarray]:

@@ -50,22 +50,22 @@ class Material:
     base_texture: int = -1
     normal_texture: int = -1
     normal_scale: float = 1.0
-    normal_uv: int = 0
     emissive: tuple[float, float, float] = (0.0, 0.0, 0.0)
     emissive_texture: int = -1
-    emissive_uv: int = 0
     roughness: float = 1.0
     metallic: float = 0.0
-    surface_texture: int = -1
-    surface_uv: int = 0
-    occlusion_texture: int = -1
-    occlusion_strength: float = 1.0
-    occlusion_uv: int = 0
     alpha_mode: str = "opaque"
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     transmission: float = 0.0
     unlit: bool = False
+    surface_texture: int = -1
+    occlusion_texture: int = -1
+    occlusion_strength: float = 1.0
+    normal_uv: int = 0
+    emissive_uv: int = 0
+    surface_uv: int = 0
+    occlusion_uv: int = 0
 
     @property
     def textures(self) -> dict[str, int]:
