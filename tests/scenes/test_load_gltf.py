@@ -69,6 +69,39 @@ def test_morph_targets_with_default_weights(tmp_path):
     assert world(load_scene(glb.write(tmp_path / "a.glb")))[..., 2] == pytest.approx(1)
 
 
+def test_a_node_s_weights_override_its_mesh_s(tmp_path):
+    glb = square_scene({"mesh": 0, "weights": [0.25]}, {"mesh": 0, "translation": [5, 0, 0]})
+    target = {"POSITION": glb.accessor(np.float32([[0, 0, 2]] * 4))}
+    glb.json["meshes"][0]["primitives"][0]["targets"] = [target]
+    glb.json["meshes"][0]["weights"] = [1.0]
+    points = world(load_scene(glb.write(tmp_path / "a.glb"))).reshape(-1, 3)
+    assert points[points[:, 0] < 2, 2] == pytest.approx(0.5)
+    assert points[points[:, 0] > 2, 2] == pytest.approx(2)
+
+
+def test_only_the_default_scene_is_drawn(tmp_path):
+    glb = square_scene({"mesh": 0}, {"mesh": 0, "translation": [5, 0, 0]})
+    glb.json |= {"scene": 1, "scenes": [{"nodes": [0]}, {"nodes": [1]}]}
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.triangle_count == 2
+    assert world(scene)[..., 0].min() == pytest.approx(5)
+
+
+@pytest.mark.parametrize(("kind", "largest"), [(np.uint8, 255), (np.uint16, 65535)])
+def test_whole_numbers_as_coordinates_and_colours(tmp_path, png, kind, largest):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    primitive = glb.square()
+    whole = {"TEXCOORD_0": SQUARE[:, :2] * largest, "COLOR_0": np.tile([largest, 0, largest // 5, largest], (4, 1))}
+    for name, values in whole.items():
+        primitive["attributes"][name] = glb.accessor(values.astype(kind), normalized=True)
+    glb.json["meshes"] = [{"primitives": [{**primitive, "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.uvs == pytest.approx(SQUARE[:, :2])
+    assert scene.colours == pytest.approx(np.tile([1, 0, 0.2, 1], (4, 1)))
+
+
 @pytest.mark.parametrize(("mode", "order"), [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
 def test_strips_and_fans(tmp_path, mode, order):
     glb = square_scene()
