@@ -53,7 +53,8 @@ def shade_twin(
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
     """
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
-    points = _mapped(textures, points)
+    if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
+        points = _mapped(textures, points)
     towards = np.asarray(eye, np.float32) - points.position
     n, smooth = _shading_normals(tables, textures, points, towards)
     albedo = points.material[:, :3].copy()
@@ -77,8 +78,9 @@ def shade_twin(
         out = out + points.material[:, 8:11] * _texture(
             textures, points, points.material[:, 11], points.material[:, 21]
         )
-    unlit = points.material[:, 19:20] > 0
-    out = np.where(unlit, shown_as(albedo, float(tables.environment[9])), out)
+    if tables.defines["UNLIT"]:
+        shown = shown_as(albedo, float(tables.environment[9]))
+        out = np.where(points.material[:, 19:20] > 0, shown, out)
     return encode(out * tables.environment[9])
 
 
