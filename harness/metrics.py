@@ -100,7 +100,7 @@ class Metrics:
             self._error.compare(test, self._reference)
         values = {
             "flip": self._flip and self._flip.mean(),
-            "dssim": self._ssim and (1 - self._ssim.mean()) / 2,
+            "dssim": self._ssim and self._ssim.loss() / 2,
             "iwssim": self._iwssim and self._iwssim.score(),
             "psnr": self._error and psnr(self._error.mean()),
             "delta_e": self._delta_e and self._delta_e.mean(),

@@ -96,6 +96,10 @@ ALWAYS = {
     "vertex_colours": ("vertex colours", "all vertices are white"),
     "specular": ("specular", "all materials are fully rough and not metallic"),
     "emissive": ("emission", "no material emits light"),
+    "surface_maps": ("surface maps", "no material has a texture of roughness and metalness"),
+    "occlusion": ("occlusion", "no material has an occlusion texture"),
+    "unlit": ("unlit surfaces", "no material is unlit"),
+    "further_uvs": ("further UVs", "all textures of a surface use the same UVs"),
     "varying_opacity": ("alpha plane", "no blended material's opacity varies over its triangles"),
     "single_sided": ("back-face culling", "all materials are double-sided"),
 }

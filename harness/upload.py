@@ -49,7 +49,7 @@ def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> Se
     ]
     triangles = upload_triangles(device, scene)
     known = (scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
-    mask = AlphaMask.upload(device, *known, keep_mask)
+    mask = AlphaMask.upload(device, *known, keep_mask, scene.colours[:, 3])
     textures = TextureBuffers.upload(device, scene.textures, hidden_below(scene))
     rasteriser = Rasteriser(device, triangles, mask, cull=culls)
     shadows = _shadow_maps(device, scene, triangles, mask)
@@ -69,7 +69,8 @@ def hidden_below(scene: Scene) -> dict[int, float]:
     lowest: dict[int, float] = {}
     for m in scene.materials:
         cutoff = {"mask": m.alpha_cutoff / max(m.base_colour[3], 1e-6), "blend": 0.5 / 255}.get(m.alpha_mode, 0.0)
-        for texture, alpha in ((m.base_texture, cutoff), (m.normal_texture, 0.0), (m.emissive_texture, 0.0)):
+        for slot, texture in m.textures.items():
+            alpha = cutoff if slot == "base" else 0.0
             lowest[texture] = min(lowest.get(texture, alpha), alpha)
     cut = {m.base_texture for m in scene.materials if m.alpha_mode != "opaque"}
     return {texture: lowest[texture] for texture in cut if texture >= 0}
@@ -102,7 +103,11 @@ def upload_triangles(device: Device, scene: Scene) -> Triangles:
         ],
         np.uint8,
     )
-    return Triangles.upload(device, scene.positions, scene.indices, by_material[scene.material_ids])
+    flags = by_material[scene.material_ids]
+    if (scene.colours[:, 3] < 1).any():
+        faded = (scene.colours[:, 3][scene.indices] < 1).any(axis=1) & ((flags & Triangles.MASKED) > 0)
+        flags |= (Triangles.FADED * faded).astype(np.uint8)
+    return Triangles.upload(device, scene.positions, scene.indices, flags)
 
 
 def surface_of(scene: Scene, keep_tangents: bool = False) -> Surface:
@@ -117,6 +122,7 @@ def surface_of(scene: Scene, keep_tangents: bool = False) -> Surface:
         scene.materials,
         scene.colours if np.any(scene.colours[:, :3] != 1) else None,
         tangents,
+        scene.further_uvs,
     )
 
 

@@ -17,12 +17,14 @@ if TYPE_CHECKING:
 class Triangles:
     """positions float32 (V, 3), indices int32 (T, 3) and flags uint8 (T) on the device, with host copies.
 
-    flags: DOUBLE_SIDED, MASKED and BLENDED (what is behind shows through), per triangle.
+    flags, per triangle: DOUBLE_SIDED, MASKED, BLENDED (what is behind shows through), FADED (masked, and the alpha of
+    its vertices counts).
     """
 
     DOUBLE_SIDED = 1
     MASKED = 2
     BLENDED = 4
+    FADED = 8
 
     count: int
     positions: Array

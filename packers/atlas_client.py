@@ -166,4 +166,5 @@ def geometry_encoder(scene: ServerScene, attributes: Mapping[str, np.ndarray]) -
     """The encoder whose messages an AtlasClient with the same attributes understands."""
     triangles, host = scene.triangles, scene.host
     arrays = (triangles.host_positions, triangles.host_indices, triangles.host_flags, host.uvs, host.material_ids)
-    return GeometryEncoder(*arrays, attributes, scene.layers.opacity.constants if scene.layers else None)
+    opacities = scene.layers.opacity.constants if scene.layers else None
+    return GeometryEncoder(*arrays, attributes, opacities, host.colours[:, 3])

@@ -9,6 +9,7 @@ which the harness's LZ4 packs better (FACTS of floats: 35% against 64% as they a
     float32 (m,9) corner positions of those never sent before, in the same order
     uint8 (m)     their flags, as in kernels.triangles.Triangles
     float32 (k,6) texture coordinates of the corners of those with an alpha mask
+    float32 (l,3) alpha of the corners of those of them where it counts
     int16 (j)     materials of those that are masked or blended
     ...           what the method adds per triangle: one array of m for each of its attributes
     uint16        only if any of them is blended: number of materials of these that the client has not had yet
@@ -50,6 +51,7 @@ class GeometryEncoder:
     positions float32 (V, 3), indices int32 (T, 3), flags uint8 (T), uvs float32 (V, 2), materials (T): the scene's.
     attributes: arrays (T) that the method adds, in the order in which the decoder names them.
     opacities: uint16 (M), of the materials (see kernels.fragments.opacity); None for a scene without blended ones.
+    alphas: (V), of the vertices; None for a scene without Triangles.FADED.
     """
 
     def __init__(
@@ -61,11 +63,12 @@ class GeometryEncoder:
         materials: np.ndarray,
         attributes: Mapping[str, np.ndarray],
         opacities: np.ndarray | None = None,
+        alphas: np.ndarray | None = None,
     ) -> None:
         self.opacities = np.empty(0, np.uint16) if opacities is None else opacities
         self.stated = np.zeros(len(self.opacities), bool)
         self.positions, self.indices, self.flags, self.uvs = positions, indices, flags, uvs
-        self.materials, self.attributes = materials, attributes
+        self.materials, self.attributes, self.alphas = materials, attributes, alphas
         self.sent = np.zeros(len(indices), bool)
         self.current = np.empty(0, np.int32)
 
@@ -74,6 +77,7 @@ class GeometryEncoder:
         changed = np.setxor1d(self.current, pvs, assume_unique=True)
         new = changed[~self.sent[changed]]
         masked = new[(self.flags[new] & Triangles.MASKED) > 0]
+        faded = new[(self.flags[new] & Triangles.FADED) > 0]
         special = new[(self.flags[new] & SPECIAL) > 0]
         self.sent[new] = True
         self.current = pvs.copy()
@@ -83,6 +87,7 @@ class GeometryEncoder:
             shuffle(self.positions[self.indices[new]]),
             self.flags[new].tobytes(),
             shuffle(self.uvs[self.indices[masked]].astype(np.float32)),
+            shuffle(self.alphas[self.indices[faded]].astype(np.float32)) if len(faded) else b"",
             shuffle(self.materials[special].astype(np.int16)),
         ]
         parts += [shuffle(values[new]) for values in self.attributes.values()]
@@ -107,7 +112,8 @@ class GeometryDecoder:
 
     def __init__(self, attributes: Mapping[str, Any]) -> None:
         self.dtypes = {"positions": (np.float32, 9), "flags": (np.uint8, 1), "uvs": (np.float32, 6)}
-        self.dtypes |= {"materials": (np.int16, 1)} | {name: (dtype, 1) for name, dtype in attributes.items()}
+        self.dtypes |= {"alphas": (np.float32, 3), "materials": (np.int16, 1)}
+        self.dtypes |= {name: (dtype, 1) for name, dtype in attributes.items()}
         self.attributes = attributes
         self.columns = {name: np.empty((0, width), dtype) for name, (dtype, width) in self.dtypes.items()}
         self.opacities: dict[int, int] = {}  # of materials
@@ -132,7 +138,7 @@ class GeometryDecoder:
 
     def _append(self, data: bytes, offset: int, count: int) -> None:
         """Read the columns of `count` new triangles."""
-        chosen = {"uvs": Triangles.MASKED, "materials": SPECIAL}
+        chosen = {"uvs": Triangles.MASKED, "alphas": Triangles.FADED, "materials": SPECIAL}
         flags = np.zeros(count, np.uint8)
         for name, (dtype, width) in self.dtypes.items():
             rows = np.flatnonzero(flags & chosen[name]) if name in chosen else np.arange(count)

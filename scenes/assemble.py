@@ -15,6 +15,7 @@ from scenes.transforms import normal_matrices
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _LARGEST = 1e18  # beyond it squared lengths leave float32's range
+_BRIGHTEST = np.float32([1e4, 1e4, 1e4, 1])  # of a vertex: light may be any, coverage at most whole
 
 
 def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | None = None) -> Scene:
@@ -30,9 +31,8 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
     if not parts:
         raise SceneError(f"{name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
     _drop_unused_textures(parts, raw)
-    mapped = {index for index, material in enumerate(raw.materials) if material.normal_texture >= 0}
-    parts = [_completed(part, part.material in mapped) for part in parts]
-    arrays, origin = _flattened(parts, bool(mapped & {part.material for part in parts}))
+    parts = [_completed(part, raw.materials[part.material]) for part in parts]
+    arrays, origin = _flattened(parts)
     keep = has_area(arrays.positions, arrays.indices)
     raw.note("Triangles without any area, dropped: {}.", np.count_nonzero(~keep))
     if not keep.any():
@@ -50,6 +50,7 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
         materials=raw.materials,
         textures=raw.textures,
         tangents=arrays.tangents,
+        further_uvs=arrays.further_uvs,
         lights=[_light_from(light, origin) for light in raw.lights],
         origin=origin,
         cameras=[_camera_from(camera, origin) for camera in raw.cameras if np.isfinite(camera.position).all()],
@@ -69,15 +70,16 @@ class FlatMesh:
     colours: np.ndarray
     material_ids: np.ndarray
     tangents: np.ndarray | None
+    further_uvs: np.ndarray | None
 
     def keeping(self, triangles: np.ndarray) -> FlatMesh:
         """Only the triangles marked in a bool mask (T), and the vertices that they use."""
         indices, used = compacted(self.indices[triangles], len(self.positions))
         vertex_arrays = (self.positions, self.normals, self.uvs, self.colours, self.tangents)
         positions, normals, uvs, colours, tangent = (None if a is None else a[used] for a in vertex_arrays)
-        return FlatMesh(
-            positions, indices.astype(np.int32), normals, uvs, colours, self.material_ids[triangles], tangent
-        )
+        further = None if self.further_uvs is None else self.further_uvs[:, used]
+        ids = self.material_ids[triangles]
+        return FlatMesh(positions, indices.astype(np.int32), normals, uvs, colours, ids, tangent, further)
 
 
 def compacted(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
@@ -132,18 +134,17 @@ def _clean_materials(raw: RawScene) -> None:
 
 
 def _drop_unused_textures(parts: list[Part], raw: RawScene) -> None:
-    """Give parts without texture coordinates a copy of their material without textures (counted)."""
-    plain: dict[int, int] = {}
+    """Give parts without some texture coordinates a copy of their material without the textures there (counted)."""
+    bare: dict[tuple[int, tuple[str, ...]], int] = {}
     for part in parts:
-        material = raw.materials[part.material]
-        textured = max(material.base_texture, material.normal_texture, material.emissive_texture) >= 0
-        if part.uvs is None and textured:
+        material, sets = raw.materials[part.material], (part.uvs, *part.further_uvs)
+        lost = tuple(slot for slot in material.textures if sets[material.uv_of(slot)] is None)
+        if lost:
             raw.note("Parts without texture coordinates, drawn without their textures: {}.")
-            if part.material not in plain:
-                plain[part.material] = len(raw.materials)
-                bare = replace(material, base_texture=-1, normal_texture=-1, emissive_texture=-1)
-                raw.materials.append(bare)
-            part.material = plain[part.material]
+            if (part.material, lost) not in bare:
+                bare[part.material, lost] = len(raw.materials)
+                raw.materials.append(material.without(lost))
+            part.material = bare[part.material, lost]
 
 
 def _because(raw: RawScene) -> str:
@@ -177,20 +178,22 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
     return part.taking(used, indices)
 
 
-def _completed(part: Part, wants_tangents: bool) -> Part:
+def _completed(part: Part, material: Material) -> Part:
     """The part with normals, UVs and colours, and with tangents where its material has a normal map."""
     if part.normals is None:
         part = with_normals(part)
     count = len(part.positions)
-    usable_uvs = part.uvs is not None
-    uvs = np.nan_to_num(part.uvs, posinf=0.0, neginf=0.0) if usable_uvs else np.zeros((count, 2), np.float32)
+    none = np.zeros((count, 2), np.float32)
+    uvs, *further = (
+        none if uvs is None else np.nan_to_num(uvs, posinf=0.0, neginf=0.0) for uvs in (part.uvs, *part.further_uvs)
+    )
     colours = part.colours if part.colours is not None else np.ones((count, 4), np.float32)
-    colours = np.clip(np.nan_to_num(colours, nan=1.0, posinf=1.0, neginf=1.0), 0, 1e4)
-    part = replace(part, uvs=uvs, colours=colours, normals=_repaired_normals(part))
-    if not wants_tangents:
+    colours = np.clip(np.nan_to_num(colours, nan=1.0, posinf=1.0, neginf=1.0), 0, _BRIGHTEST)
+    part = replace(part, uvs=uvs, further_uvs=tuple(further), colours=colours, normals=_repaired_normals(part))
+    if material.normal_texture < 0:
         return replace(part, tangents=None)
     if part.tangents is None or not np.isfinite(part.tangents).all():
-        part.tangents = tangents(part.positions, part.normals, uvs, part.indices)
+        part.tangents = tangents(part.positions, part.normals, (uvs, *further)[material.normal_uv], part.indices)
     return part
 
 
@@ -213,7 +216,7 @@ def _repaired_normals(part: Part) -> np.ndarray:
     return (normals / length[:, None]).astype(np.float32)
 
 
-def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.ndarray]:
+def _flattened(parts: list[Part]) -> tuple[FlatMesh, np.ndarray]:
     """Every instance of every part in world space, and the origin: the centre of the bounds, float64 (3)."""
     world = [transform(part.transforms[:, :3], part.positions) for part in parts]
     low = np.min([points.min(axis=(0, 1)) for points in world], axis=0)
@@ -221,6 +224,7 @@ def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.nda
     origin = (low + high) / 2
     vertices = sum(points.shape[0] * points.shape[1] for points in world)
     triangles = sum(len(part.transforms) * len(part.indices) for part in parts)
+    sets = max(len(part.further_uvs) for part in parts)
     if max(vertices, triangles * 3) >= 1 << 31:
         raise SceneError(f"It has {triangles:,} triangles, more than 32-bit indices can number; use --decimate.")
     mesh = FlatMesh(
@@ -230,7 +234,8 @@ def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.nda
         np.empty((vertices, 2), np.float32),
         np.empty((vertices, 4), np.float32),
         np.empty(triangles, np.int32),
-        np.tile(np.float32([1, 0, 0, 1]), (vertices, 1)) if with_tangents else None,
+        None if all(part.tangents is None for part in parts) else np.tile(np.float32([1, 0, 0, 1]), (vertices, 1)),
+        np.zeros((sets, vertices, 2), np.float32) if sets else None,
     )
     vertex = triangle = 0
     for part, points in zip(parts, world, strict=True):
@@ -241,6 +246,8 @@ def _flattened(parts: list[Part], with_tangents: bool) -> tuple[FlatMesh, np.nda
         mesh.indices[faces] = _instance_indices(part, vertex)
         mesh.material_ids[faces] = part.material
         mesh.normals[rows] = _instance_normals(part)
+        for number, uvs in enumerate(part.further_uvs):
+            mesh.further_uvs[number, rows] = np.tile(uvs, (count, 1))
         if part.tangents is not None:
             mesh.tangents[rows] = _instance_tangents(part, mesh.normals[rows])
         vertex, triangle = rows.stop, faces.stop

@@ -25,7 +25,18 @@ import scenes
 from scenes.files import is_file
 from scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
-_ARRAYS = ("positions", "indices", "normals", "uvs", "colours", "material_ids", "tangents", "origin", "route")
+_ARRAYS = (
+    "positions",
+    "indices",
+    "normals",
+    "uvs",
+    "colours",
+    "material_ids",
+    "tangents",
+    "further_uvs",
+    "origin",
+    "route",
+)
 # A file: the CRC-32 of the file's name and of all that follows; the record's length; the record, which is JSON and says
 # where each array lies; the arrays. The checksum runs at 2 to 3 GB/s, a large scene has 0.2 GB.
 _NUMBER = 4  # bytes of each number

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import astuple
+from dataclasses import astuple, fields
 
 import numpy as np
 
-from scenes.model import Features, Scene
+from scenes.model import Features, Material, Scene
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _SLANTED = 3.0  # longest edge over height, as in the atlas papers' notion of slanted triangles
@@ -21,15 +21,19 @@ def find_features(scene: Scene) -> Features:
         slanted = np.count_nonzero(longest > _SLANTED * 2 * area / longest) / len(area)
     count = max(1, len(area) // 100)
     return Features(
-        textures=any(max(m.base_texture, m.emissive_texture) >= 0 for m in used),
+        textures=any(m.textures.keys() - {"normal"} for m in used),
         normal_maps=scene.tangents is not None and any(m.normal_texture >= 0 for m in used),
         vertex_colours=bool((scene.colours != 1).any()),
         mask=any(m.alpha_mode == "mask" for m in used),
         blend=any(m.alpha_mode == "blend" or m.transmission > 0 for m in used),
         varying_opacity=any(_opacity_varies(scene, index) for index in np.unique(scene.material_ids)),
         shadows=any(light.shadows and light.kind != "point" for light in scene.lights),
-        specular=any(m.roughness < 1 or m.metallic > 0 for m in used),
+        specular=any(m.roughness < 1 or m.metallic > 0 or m.surface_texture >= 0 for m in used),
         emissive=any(max(m.emissive) > 0 for m in used),
+        surface_maps=any(m.surface_texture >= 0 for m in used),
+        occlusion=any(m.occlusion_texture >= 0 for m in used),
+        unlit=any(m.unlit for m in used),
+        further_uvs=scene.further_uvs is not None,
         single_sided=any(not m.double_sided for m in used),
         slanted=float(slanted),
         largest=float(np.partition(area, -count)[-count:].sum() / area.sum()),
@@ -39,10 +43,10 @@ def find_features(scene: Scene) -> Features:
 def _opacity_varies(scene: Scene, index: int) -> bool:
     """Whether a see-through material's triangles do not cover the same everywhere: by its texture or their vertices."""
     material = scene.materials[index]
-    if material.alpha_mode != "blend" and material.transmission == 0:
+    if material.alpha_mode != "blend":
         return False
     alphas = [scene.colours[scene.indices[scene.material_ids == index], 3]]
-    if material.alpha_mode == "blend" and material.base_texture >= 0:
+    if material.base_texture >= 0:
         alphas.append(scene.textures[material.base_texture].texels[..., 3])
     return any(alpha.min() != alpha.max() for alpha in alphas)
 
@@ -52,13 +56,25 @@ def content_digest(scene: Scene) -> str:
     digest = hashlib.blake2b(digest_size=8)
     tangents = scene.tangents if scene.tangents is not None else np.zeros(0, np.float32)
     arrays = [scene.positions, scene.indices, scene.normals, scene.uvs, scene.colours, scene.material_ids, tangents]
+    arrays += [] if scene.further_uvs is None else [scene.further_uvs]
     for array in [*arrays, np.asarray(scene.origin, np.float64), *(texture.texels for texture in scene.textures)]:
         digest.update(f"{array.dtype}{array.shape}".encode())
         digest.update(np.ascontiguousarray(array).data)
-    settings = [astuple(m) for m in scene.materials] + [astuple(light) for light in scene.lights]
+    settings = [_settings(m) for m in scene.materials] + [astuple(light) for light in scene.lights]
     settings += [(t.srgb, t.wrap_s, t.wrap_t) for t in scene.textures]
     digest.update(repr((settings, astuple(scene.sky), scene.exposure, scene.metres_per_unit)).encode())
     return digest.hexdigest()
+
+
+def _settings(material: Material) -> tuple:
+    """A material's values; from `unlit` on only those that say anything, with their names.
+
+    So a scene without these keeps the digest that it had before there were any.
+    """
+    values = astuple(material)
+    rare = next(number for number, field in enumerate(fields(Material)) if field.name == "unlit")
+    said = zip(fields(Material)[rare:], values[rare:], strict=True)
+    return values[:rare] + tuple((field.name, value) for field, value in said if value != field.default)
 
 
 def triangle_shapes(scene: Scene) -> tuple[np.ndarray, np.ndarray]:

@@ -16,24 +16,12 @@ import numpy as np
 from arithmetic.functions import arctan, tan
 from arithmetic.matrices import product, turned
 from scenes.gltf_document import GltfDocument
-from scenes.gltf_materials import GltfMaterials
+from scenes.gltf_materials import GltfMaterials, UvSource
 from scenes.gltf_motion import camera_animations
 from scenes.gltf_nodes import GltfNodes
 from scenes.model import Camera, Light
 from scenes.raw import Part, RawScene
 from scenes.transforms import compose, normal_matrices
-
-# Extensions that are read, or whose absence changes nothing that is drawn here.
-_KNOWN = {
-    "EXT_mesh_gpu_instancing",
-    "KHR_lights_punctual",
-    "KHR_materials_emissive_strength",
-    "KHR_materials_pbrSpecularGlossiness",
-    "KHR_materials_transmission",
-    "KHR_materials_unlit",
-    "KHR_mesh_quantization",
-    "KHR_texture_transform",
-}
 
 
 def read_gltf(path: Path) -> RawScene:
@@ -43,17 +31,14 @@ def read_gltf(path: Path) -> RawScene:
     """
     document = GltfDocument(path)
     raw = RawScene()
-    for name in document.json.get("extensionsUsed", []):
-        if name not in _KNOWN:
-            raw.note(f"The file uses {name}, which is not supported and ignored.")
+    for name in document.ignored_extensions():
+        raw.note(f"The file uses {name}, which is not supported and ignored.")
     materials = GltfMaterials(document, raw)
     nodes = GltfNodes(document)
     _add_parts(document, nodes, materials, raw)
     cameras = [_camera(document, nodes, node) for node in nodes.drawn if "camera" in nodes.entries[node]]
     raw.cameras = sorted(cameras, key=lambda camera: -round(camera.up[1], 1))  # upright ones first: people walk upright
-    raw.lights = [
-        _light(document, nodes, node) for node in nodes.drawn if _light_index(nodes.entries[node]) is not None
-    ]
+    raw.lights = _lights(document, nodes, raw)
     raw.animations = camera_animations(document, nodes)
     if document.items("animations"):
         raw.note(
@@ -120,8 +105,9 @@ def _primitives(
     weights = weights if weights is not None else entry.get("weights", [])
     parts = []
     for primitive in entry["primitives"]:
-        if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
-            raise ValueError("its meshes are compressed with Draco, which cannot be read; export it uncompressed")
+        compressed = "KHR_draco_mesh_compression" in primitive.get("extensions", {})
+        if compressed and not document.has_data(primitive["attributes"]["POSITION"]):
+            raise ValueError("its meshes are only there as KHR_draco_mesh_compression; export it without")
         if primitive.get("mode", 4) not in (4, 5, 6) or "POSITION" not in primitive["attributes"]:
             raw.note("Primitives of points or lines, left out: {}.")
             continue
@@ -138,18 +124,23 @@ def _part(document: GltfDocument, materials: GltfMaterials, raw: RawScene, primi
     positions = document.accessor(attributes["POSITION"])
     indices = document.accessor(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
     material = primitive.get("material", materials.default)
-    source = materials.sources[material]
     part = Part(positions, _triangles(indices.astype(np.int64), primitive.get("mode", 4)), material)
     part.normals = _attribute(document, attributes, "NORMAL", len(positions))
     part.tangents = _attribute(document, attributes, "TANGENT", len(positions))
-    part.uvs = _attribute(document, attributes, f"TEXCOORD_{source.channel}", len(positions))
-    if part.uvs is not None:
-        part.uvs = source.apply(part.uvs)
+    sources = materials.sources[material]
+    part.uvs, *further = (_uvs(document, attributes, source, len(positions)) for source in sources)
+    part.further_uvs = tuple(further)
     colours = _attribute(document, attributes, "COLOR_0", len(positions))
     if colours is not None:
         part.colours = np.ones((len(positions), 4), np.float32)
         part.colours[:, : colours.shape[1]] = colours
     return part
+
+
+def _uvs(document: GltfDocument, attributes: dict, source: UvSource, count: int) -> np.ndarray | None:
+    """A texture's coordinates (V, 2), transformed; None where the primitive has not its set."""
+    uvs = _attribute(document, attributes, f"TEXCOORD_{source.channel}", count)
+    return None if uvs is None else source.apply(uvs)
 
 
 def _attribute(document: GltfDocument, attributes: dict, name: str, count: int) -> np.ndarray | None:
@@ -220,11 +211,28 @@ def _light_index(node: dict) -> int | None:
     return node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
 
 
-def _light(document: GltfDocument, nodes: GltfNodes, node: int) -> Light:
-    """A KHR_lights_punctual light; lux and candela are taken as they are, the exposure settles the scale."""
-    lights = document.json.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
-    entry = lights[_light_index(nodes.entries[node])]
-    matrix = nodes.world[node]
+def _lights(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> list[Light]:
+    """The lights of KHR_lights_punctual that nodes place; what of them is not used is counted."""
+    entries = document.json.get("extensions", {}).get("KHR_lights_punctual", {}).get("lights", [])
+    lights = []
+    for node in nodes.drawn:
+        if (index := _light_index(nodes.entries[node])) is None:
+            continue
+        entry = entries[index]
+        if entry["type"] not in ("directional", "point", "spot"):
+            raw.note(f"Lights of the unknown type {entry['type']}, left out: {{}}.")
+            continue
+        raw.note("Ranges of lights, not used: {}.", "range" in entry)
+        raw.note(
+            "Inner cones of spot lights, not used (they fade from 0.8 of the outer one): {}.",
+            "innerConeAngle" in entry.get("spot", {}),
+        )
+        lights.append(_light(entry, nodes.world[node]))
+    return lights
+
+
+def _light(entry: dict, matrix: np.ndarray) -> Light:
+    """A light by its node's world matrix; lux and candela are taken as they are, the exposure settles the scale."""
     colour = tuple(float(c) * float(entry.get("intensity", 1.0)) for c in entry.get("color", (1, 1, 1)))
     cone = float(np.degrees(entry.get("spot", {}).get("outerConeAngle", np.pi / 4)))
     direction = tuple(_unit(-matrix[:3, 2]).tolist())

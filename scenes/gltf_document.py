@@ -18,8 +18,19 @@ _WIDTHS = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MA
 _WIDTHS["MAT4"] = (4, 4)
 _ENTRIES_LIMIT = 1 << 29  # of an accessor without data of its own; more is a damaged count
 
-# Extensions without which the geometry cannot be read at all.
-_COMPRESSED = ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_meshopt_compression")
+# Extensions that are read. A file that requires any other is refused; one that only uses it has a way without.
+_READ = {
+    "EXT_mesh_gpu_instancing",
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_mesh_quantization",
+    "KHR_texture_transform",
+    "MSFT_texture_dds",
+}
 
 
 class GltfDocument:
@@ -43,11 +54,15 @@ class GltfDocument:
         version = str(self.json.get("asset", {}).get("version", "2.0"))
         if not version.startswith("2"):
             raise SceneError(f"{path} is glTF {version}; only glTF 2.0 can be read, so convert it first.")
-        for name in _COMPRESSED:
-            if name in self.json.get("extensionsRequired", []):
-                raise SceneError(f"{path} needs {name}, which cannot be read; export it without compression.")
+        missing = [name for name in self.json.get("extensionsRequired", []) if name not in _READ]
+        if missing:
+            raise SceneError(f"{path} needs {' and '.join(missing)}, which cannot be read; export it without.")
         self._buffers: dict[int, bytes] = {}
         self._accessors: dict[int, np.ndarray] = {}
+
+    def ignored_extensions(self) -> list[str]:
+        """Names of the extensions that the file uses and that are not read."""
+        return [name for name in self.json.get("extensionsUsed", []) if name not in _READ]
 
     def items(self, kind: str) -> list[dict]:
         """A top-level list such as "nodes"; empty where the file has none."""
@@ -58,6 +73,10 @@ class GltfDocument:
         if index not in self._accessors:
             self._accessors[index] = self._read_accessor(self._entry("accessors", index))
         return self._accessors[index]
+
+    def has_data(self, index: int) -> bool:
+        """Whether an accessor has data of its own; what a decompressor would fill in has none."""
+        return "bufferView" in self._entry("accessors", index) or "sparse" in self._entry("accessors", index)
 
     def image_bytes(self, index: int) -> bytes:
         """An image file's bytes, embedded, from a data URI or from the file beside."""
@@ -83,9 +102,11 @@ class GltfDocument:
         buffer = view["buffer"]
         if buffer not in self._buffers:
             entry = self._entry("buffers", buffer)
-            own = self._chunk if "uri" not in entry else self._fetch(entry["uri"])
+            chunk = self._chunk if buffer == 0 else None
+            own = chunk if "uri" not in entry else self._fetch(entry["uri"])
             if own is None:
-                raise ValueError(f"buffer {buffer} has no data")
+                compressed = " without " + " and ".join(entry["extensions"]) if entry.get("extensions") else ""
+                raise ValueError(f"buffer {buffer} has no data{compressed}")
             self._buffers[buffer] = own
         offset, length = view.get("byteOffset", 0), view["byteLength"]
         if min(offset, length) < 0 or offset + length > len(self._buffers[buffer]):

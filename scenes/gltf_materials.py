@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,7 +18,7 @@ _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 @dataclass(frozen=True)
 class UvSource:
-    """Which UV set a material's textures use, and its KHR_texture_transform as a float64 (2, 3) matrix or None."""
+    """Which UV set a texture uses, and its KHR_texture_transform as a float64 (2, 3) matrix or None."""
 
     channel: int = 0
     transform: tuple[tuple[float, float, float], ...] | None = None
@@ -34,7 +34,8 @@ class UvSource:
 class GltfMaterials:
     """Reads materials into a raw scene; each (image, wrap modes, colour space) becomes one texture.
 
-    sources: UvSource per material; a material's textures share it, because the scene model has one set of UVs.
+    sources: per material those of its textures' UVs, each once: the base texture's first, then those of others that
+        differ, by which a material's `_uv` counts.
     default: index of the material for primitives without one.
     """
 
@@ -42,58 +43,78 @@ class GltfMaterials:
         self._document, self._raw = document, raw
         self._images: dict[int, np.ndarray | None] = {}
         self._textures: dict[tuple, int] = {}
-        self.sources: list[UvSource] = []
+        self.sources: list[list[UvSource]] = []
         for entry in document.items("materials"):
             raw.materials.append(self._read(entry))
         # The specification's default is full metal, which shows nothing but the sky: a file that says nothing is matt.
         self.default = len(raw.materials)
         raw.materials.append(Material(name="default", base_colour=(0.8, 0.8, 0.8, 1.0)))
-        self.sources.append(UvSource())
+        self.sources.append([UvSource()])
 
     def _read(self, entry: dict) -> Material:
         extensions = entry.get("extensions", {})
-        pbr = _metallic_roughness(entry, extensions)
-        base = pbr.get("baseColorTexture")
-        normal, emissive = entry.get("normalTexture"), entry.get("emissiveTexture")
-        source = next((_uv_source(info) for info in (base, normal, emissive) if info), UvSource())
-        self.sources.append(source)
-        roughness, metallic = self._surface(pbr)
-        strength = extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        factor = tuple(float(c) for c in entry.get("emissiveFactor", (0, 0, 0)))
-        glow = self._texture(emissive, source, True) if any(factor) else -1
-        if emissive and glow < 0:
-            factor = (0.0, 0.0, 0.0)  # its texture says where it glows, so without it nothing does
-        transmission = self._transmission(extensions.get("KHR_materials_transmission", {}))
-        if "occlusionTexture" in entry:
-            self._raw.note("Occlusion textures, not used: {}.")
-        if "KHR_materials_unlit" in extensions:
-            self._raw.note("Unlit materials, lit like the others: {}.")
-        return Material(
+        pbr, sources = self._metallic_roughness(entry, extensions), []
+        self.sources.append(sources)
+        base_texture, _ = self._texture(pbr.get("baseColorTexture"), sources, True)
+        material = Material(
             name=str(entry.get("name", "")),
             base_colour=tuple(float(c) for c in pbr.get("baseColorFactor", (1, 1, 1, 1))),
-            base_texture=self._texture(base, source, True),
-            normal_texture=self._texture(normal, source, False),
-            normal_scale=float((normal or {}).get("scale", 1.0)),
-            emissive=tuple(c * float(strength) for c in factor),
-            emissive_texture=glow,
-            roughness=roughness,
-            metallic=metallic,
+            base_texture=base_texture,
             alpha_mode={"MASK": "mask", "BLEND": "blend"}.get(entry.get("alphaMode"), "opaque"),
             alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),
             double_sided=bool(entry.get("doubleSided", False)),
-            transmission=transmission,
+            transmission=self._transmission(extensions.get("KHR_materials_transmission", {})),
+            unlit="KHR_materials_unlit" in extensions,
+        )
+        if not material.unlit:  # of which the extension ignores everything but the base colour
+            material = self._shaped(replace(material, **self._glow(entry, sources)), entry, pbr, sources)
+        sources.extend([UvSource()] * (not sources))
+        return material
+
+    def _shaped(self, material: Material, entry: dict, pbr: dict, sources: list[UvSource]) -> Material:
+        """The material with what it needs to be lit."""
+        normal, occlusion = entry.get("normalTexture"), entry.get("occlusionTexture")
+        normal_texture, normal_uv = self._texture(normal, sources, False)
+        surface_texture, surface_uv = self._texture(pbr.get("metallicRoughnessTexture"), sources, False)
+        occlusion_texture, occlusion_uv = self._texture(occlusion, sources, False)
+        return replace(
+            material,
+            normal_texture=normal_texture,
+            normal_uv=normal_uv,
+            normal_scale=float((normal or {}).get("scale", 1.0)),
+            roughness=float(pbr.get("roughnessFactor", 1.0)),
+            metallic=float(pbr.get("metallicFactor", 1.0)),
+            surface_texture=surface_texture,
+            surface_uv=surface_uv,
+            occlusion_texture=occlusion_texture,
+            occlusion_uv=occlusion_uv,
+            occlusion_strength=float((occlusion or {}).get("strength", 1.0)),
         )
 
-    def _surface(self, pbr: dict) -> tuple[float, float]:
-        """Roughness and metallic; a texture of them is replaced by its mean."""
-        roughness, metallic = float(pbr.get("roughnessFactor", 1.0)), float(pbr.get("metallicFactor", 1.0))
-        info = pbr.get("metallicRoughnessTexture")
-        texels = self._image_of(info) if info else None
-        if texels is not None:
-            self._raw.note("Textures of roughness and metalness, replaced by their mean: {}.")
-            means = texels[..., 1:3].reshape(-1, 2).mean(axis=0) / 255
-            roughness, metallic = roughness * float(means[0]), metallic * float(means[1])
-        return roughness, metallic
+    def _glow(self, entry: dict, sources: list[UvSource]) -> dict[str, object]:
+        """The fields of a material's emission."""
+        strength = entry.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
+        factor = tuple(float(c) for c in entry.get("emissiveFactor", (0, 0, 0)))
+        info = entry.get("emissiveTexture") if any(factor) else None
+        texture, uv = self._texture(info, sources, True)
+        if info and texture < 0:
+            factor = (0.0, 0.0, 0.0)  # its texture says where it glows, so without it nothing does
+        emissive = tuple(c * float(strength) for c in factor)
+        return {"emissive": emissive, "emissive_texture": texture, "emissive_uv": uv}
+
+    def _metallic_roughness(self, entry: dict, extensions: dict) -> dict:
+        """The core material's parameters; of the older specular-glossiness ones diffuse and gloss are translated."""
+        gloss = extensions.get("KHR_materials_pbrSpecularGlossiness")
+        if gloss is None:
+            return entry.get("pbrMetallicRoughness", {})
+        ignored = [name for name in ("specularFactor", "specularGlossinessTexture") if name in gloss]
+        for name in ignored:
+            self._raw.note(f"Materials of KHR_materials_pbrSpecularGlossiness whose {name} is not used: {{}}.")
+        pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - float(gloss.get("glossinessFactor", 1.0))}
+        pbr["baseColorFactor"] = gloss.get("diffuseFactor", (1, 1, 1, 1))
+        if "diffuseTexture" in gloss:
+            pbr["baseColorTexture"] = gloss["diffuseTexture"]
+        return pbr
 
     def _transmission(self, glass: dict) -> float:
         """The share of light let through; a texture of it is replaced by its mean."""
@@ -104,13 +125,19 @@ class GltfMaterials:
             factor *= float(texels[..., 0].mean()) / 255
         return factor
 
-    def _texture(self, info: dict | None, source: UvSource, srgb: bool) -> int:
-        """Index of the texture that a material's slot refers to, or -1."""
-        if not info:
-            return -1
-        if _uv_source(info) != source:
-            self._raw.note("Textures with other texture coordinates than their material's first one, left out: {}.")
-            return -1
+    def _texture(self, info: dict | None, sources: list[UvSource], srgb: bool) -> tuple[int, int]:
+        """Index of the texture that a material's slot refers to, or -1, and which of the sources its UVs have; one that
+        is not among them is added."""
+        texture = self._index(info, srgb) if info else -1
+        if texture < 0:
+            return -1, 0
+        source = _uv_source(info)
+        if source not in sources:
+            sources.append(source)
+        return texture, sources.index(source)
+
+    def _index(self, info: dict, srgb: bool) -> int:
+        """Index of a texture, read where it is new; -1 where its image cannot be read (noted)."""
         entry = self._document.items("textures")[info["index"]]
         samplers = self._document.items("samplers")
         sampler = samplers[entry["sampler"]] if "sampler" in entry else {}
@@ -136,18 +163,6 @@ class GltfMaterials:
                 self._images[index] = None
                 self._raw.note(f"Image {index} is left out: {str(error).strip(chr(39))}.")
         return self._images.get(index)
-
-
-def _metallic_roughness(entry: dict, extensions: dict) -> dict:
-    """The core material's parameters; the older specular-glossiness ones are translated (diffuse and gloss only)."""
-    gloss = extensions.get("KHR_materials_pbrSpecularGlossiness")
-    if gloss is None:
-        return entry.get("pbrMetallicRoughness", {})
-    pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - float(gloss.get("glossinessFactor", 1.0))}
-    pbr["baseColorFactor"] = gloss.get("diffuseFactor", (1, 1, 1, 1))
-    if "diffuseTexture" in gloss:
-        pbr["baseColorTexture"] = gloss["diffuseTexture"]
-    return pbr
 
 
 def _image_index(texture: dict) -> int | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -27,11 +28,20 @@ class Texture:
     wrap_t: str = "repeat"
 
 
+SLOTS = ("base", "normal", "emissive", "surface", "occlusion")  # of a material's textures
+
+
 @dataclass
 class Material:
     """A glTF-like metallic-roughness material; colours are linear RGB, textures are indices or -1.
 
-    alpha_mode: "opaque", "mask" (drawn where base alpha >= alpha_cutoff) or "blend".
+    A texture's `_uv` says which UVs it is looked up at: 0 `Scene.uvs`, k `Scene.further_uvs[k - 1]`; the base texture's
+    are always 0.
+    surface_texture: its green multiplies `roughness`, its blue `metallic`. occlusion_texture: its red is the share of
+        the light from all around that arrives; of it `occlusion_strength` counts (0..1).
+    alpha_mode: "opaque", "mask" (drawn where the alpha of base colour times texture times vertices >= alpha_cutoff) or
+        "blend" (by the same alpha).
+    unlit: base colour times texture times vertex colour is what is seen, whatever the light and the exposure.
     transmission: share of light let through (KHR_materials_transmission); such materials count as "blend" later on.
     """
 
@@ -48,6 +58,29 @@ class Material:
     alpha_cutoff: float = 0.5
     double_sided: bool = False
     transmission: float = 0.0
+    unlit: bool = False
+    surface_texture: int = -1
+    occlusion_texture: int = -1
+    occlusion_strength: float = 1.0
+    normal_uv: int = 0
+    emissive_uv: int = 0
+    surface_uv: int = 0
+    occlusion_uv: int = 0
+
+    @property
+    def textures(self) -> dict[str, int]:
+        """The textures that it has, by the names of its slots: "base", "normal", "emissive", "surface", "occlusion"."""
+        slots = {name: getattr(self, f"{name}_texture") for name in SLOTS}
+        return {name: texture for name, texture in slots.items() if texture >= 0}
+
+    def uv_of(self, slot: str) -> int:
+        """Which UVs the texture in a slot is looked up at."""
+        return 0 if slot == "base" else getattr(self, f"{slot}_uv")
+
+    def without(self, slots: Iterable[str]) -> Material:
+        """The material without the textures in some slots; a glow that a texture shaped goes with it."""
+        bare = replace(self, **{f"{slot}_texture": -1 for slot in slots})
+        return replace(bare, emissive=(0.0, 0.0, 0.0)) if "emissive" in slots else bare
 
 
 @dataclass
@@ -102,6 +135,7 @@ class CameraAnimation:
 class Features:
     """What a scene has, found once; it decides which kernels are built and which stages run.
 
+    surface_maps: textures of roughness and metalness. further_uvs: textures with UVs other than their base texture's.
     blend: blended or transmissive materials. varying_opacity: some of these do not cover the same everywhere.
     slanted: share of triangles whose longest edge is over 3 heights; largest: share of all area in the largest 1%.
     """
@@ -115,6 +149,10 @@ class Features:
     shadows: bool = False
     specular: bool = False
     emissive: bool = False
+    surface_maps: bool = False
+    occlusion: bool = False
+    unlit: bool = False
+    further_uvs: bool = False
     single_sided: bool = False
     slanted: float = 0.0
     largest: float = 0.0
@@ -128,6 +166,7 @@ class Scene:
     origin: float64 (3); true position = origin + positions.
     positions: float32 (V, 3). indices: int32 (T, 3); a triangle's id is its row. Front faces are counter-clockwise.
     normals: float32 (V, 3), unit. uvs: float32 (V, 2). colours: float32 (V, 4), linear, white where a file has none.
+    further_uvs: float32 (S, V, 2), sets of UVs of textures that do not use `uvs`, or None where all do.
     tangents: float32 (V, 4) with the bitangent's sign in w, or None where no normal map needs them.
     material_ids: int32 (T).
     metres_per_unit: scale of the positions.
@@ -146,6 +185,7 @@ class Scene:
     materials: list[Material]
     textures: list[Texture] = field(default_factory=list)
     tangents: np.ndarray | None = None
+    further_uvs: np.ndarray | None = None
     lights: list[Light] = field(default_factory=list)
     sky: Sky = field(default_factory=Sky)
     exposure: float = 1.0

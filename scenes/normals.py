@@ -20,7 +20,7 @@ def with_normals(part: Part) -> Part:
     _, first, welded = np.unique(np.ascontiguousarray(part.positions), axis=0, return_index=True, return_inverse=True)
     welded = welded.reshape(-1)
     flat = crease_normals(part.positions, part.indices, welded).reshape(-1, 3)
-    plain = part.uvs is None and part.colours is None
+    plain = part.uvs is None and part.colours is None and not part.further_uvs
     vertices = (first[welded] if plain else np.arange(len(welded)))[part.indices.ravel()]
     steps = np.rint((flat + 1) * 511).astype(np.int64)  # 10 bits each: equal enough to share a vertex
     key = (((vertices << 10 | steps[:, 0]) << 10) | steps[:, 1]) << 10 | steps[:, 2]

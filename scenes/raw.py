@@ -15,7 +15,8 @@ class Part:
     """A piece of mesh with one material, drawn once per transform.
 
     positions: float (V, 3), local. indices: int (T, 3). normals, uvs (row 0 of an image at v = 0), colours (linear
-    RGBA) and tangents belong to the vertices; None where the file has none.
+    RGBA) and tangents belong to the vertices; None where the file has none. further_uvs: the sets that the material's
+    textures use beside `uvs` (see Material), None in place of one that the file lacks here.
     transforms: float64 (N, 4, 4), local to world, column vectors.
     """
 
@@ -27,12 +28,13 @@ class Part:
     colours: np.ndarray | None = None
     tangents: np.ndarray | None = None
     transforms: np.ndarray = field(default_factory=lambda: np.eye(4)[None])
+    further_uvs: tuple[np.ndarray | None, ...] = ()
 
     def taking(self, vertices: np.ndarray, indices: np.ndarray) -> Part:
         """The part with only these vertices (any index array, repeats allowed) and these triangles of them."""
-        attributes = [self.normals, self.uvs, self.colours, self.tangents]
-        normals, uvs, colours, tangents = (None if a is None else a[vertices] for a in attributes)
-        return Part(self.positions[vertices], indices, self.material, normals, uvs, colours, tangents, self.transforms)
+        attributes = [self.normals, self.uvs, self.colours, self.tangents, *self.further_uvs]
+        taken = [None if a is None else a[vertices] for a in attributes]
+        return Part(self.positions[vertices], indices, self.material, *taken[:4], self.transforms, tuple(taken[4:]))
 
 
 @dataclass

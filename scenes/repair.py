@@ -46,8 +46,8 @@ def repaired(part: Part, raw: RawScene) -> Part:
 def decimated(part: Part, ratio: float, raw: RawScene) -> Part:
     """The part with about `ratio` of its triangles, by quadric edge collapse (Garland and Heckbert 1997).
 
-    Open borders are held, texture coordinates are part of the error, normals are made anew, and colours are taken from
-    the nearest old vertex. Parts that would end below 16 triangles stay as they are.
+    Open borders are held, texture coordinates are part of the error, normals are made anew, and colours and further
+    sets of texture coordinates are taken from the nearest old vertex. Parts that would end below 16 triangles stay.
     """
     target = int(len(part.indices) * ratio)
     if target < _SMALLEST:
@@ -92,10 +92,12 @@ def _rebuilt(part: Part, positions: np.ndarray, faces: np.ndarray, wedges: np.nd
         _, first, inverse = np.unique(rows, axis=0, return_index=True, return_inverse=True)
         new = new.taking(faces.ravel()[first], inverse.reshape(-1, 3))
         new.uvs = wedges[first]
-    if part.colours is not None:
+    if part.colours is not None or part.further_uvs:
         from scipy.spatial import cKDTree
 
-        new.colours = part.colours[cKDTree(part.positions).query(new.positions)[1]]
+        nearest = cKDTree(part.positions).query(new.positions)[1]
+        new.colours = None if part.colours is None else part.colours[nearest]
+        new.further_uvs = tuple(None if uvs is None else uvs[nearest] for uvs in part.further_uvs)
     return new
 
 

@@ -15,12 +15,14 @@ from kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
 from kernels.raster.resolve import locate_samples
 from kernels.raster.setup import Bins, Scratch, set_up
 from kernels.samples import Samples
+from kernels.texture.mask import mask_defines
 from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Kernels
+    from kernels.texture.mask import AlphaMask
 
 
 TILE = 64  # pixels
@@ -77,7 +79,7 @@ class Builder:
         """uint8 (T): 0, or 1 + the node (uint8 (T) in `nodes`) of each of the `count` triangles listed in `pvs`."""
         members = self.device.recycled(self.rasteriser.triangles.count, np.uint8)
         self.device.fill(members, 0, stage)
-        self.device.launch(stage, self._kernels(0, 0).mark_members, count, count, pvs, nodes, members)
+        self.device.launch(stage, self._kernels(None, 0).mark_members, count, count, pvs, nodes, members)
         return members
 
     def bins(self, camera: Camera, stage: str) -> tuple[Bins, Picture]:
@@ -103,7 +105,7 @@ class Builder:
         device.fill(offsets[pixels:], total, f"{stage}/place")
         size = (picture.tiles, picture.tiles_x, camera.width, camera.height)
         results = (offsets, samples.triangle, samples.texel, depth)
-        kernel = self._kernels(0, 0).place_fragments
+        kernel = self._kernels(None, 0).place_fragments
         device.launch(f"{stage}/place", kernel, picture.tiles, *size, *drawn, starts, *results, local=1)
         locate_samples(device, triangles, samples, camera, f"{stage}/locate")
         return Fragments(camera.width, camera.height, samples, depth, offsets)
@@ -117,7 +119,7 @@ class Builder:
         mask, triangles, tiles = self.rasteriser.mask, self.rasteriser.triangles, picture.tiles
         alpha = (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments) if mask else ()
         alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
-        kernel = self._kernels(int(mask is not None), int(front is not None)).draw_fragments
+        kernel = self._kernels(mask, int(front is not None)).draw_fragments
         size = (tiles, picture.tiles_x, camera.width, camera.height)
         listed = (device.chunks, bins.bins, bins.entries, bins.records, members, member)
         rows = camera.height * picture.tiles_x
@@ -135,8 +137,8 @@ class Builder:
                 return (*pool, firsts), starts, total
             self._pages = needed + needed // 8
 
-    def _kernels(self, masked: int, front: int) -> Kernels:
-        return self.device.build("fragments/build.cl", TILE=TILE, PAGE=PAGE, MASKED=masked, FRONT=front)
+    def _kernels(self, mask: AlphaMask | None, front: int) -> Kernels:
+        return self.device.build("fragments/build.cl", TILE=TILE, PAGE=PAGE, FRONT=front, **mask_defines(mask))
 
 
 def build_twin(

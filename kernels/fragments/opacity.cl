@@ -2,7 +2,8 @@
 #define WRAP_MODES 1
 #include "texture/sample.cl"
 
-// surfaces: per material, alpha, texture (0: none), whether it blends, share of light kept. Opaque ones cover all.
+// surfaces: per material, alpha, texture (0: none), what blends it (0: nothing, 1: light let through, 2: alpha), share of
+// light kept. Opaque ones cover all.
 __kernel void fragment_opacity(const int count, __global const int *triangle, __global const float *bary1,
                                __global const float *bary2, __global const float *footprint,
                                __global const int *indices, __global const int2 *faces,
@@ -22,7 +23,7 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
         const float4 at = a + b1 * (b - a) + b2 * (c - a); // u, v, alpha of the vertex colour
         const float4 surface = surfaces[faces[id].x];
         const int blends = surface.z > 0.0f;
-        alpha[lane] = blends ? surface.x * surface.w * at.z : 1.0f;
+        alpha[lane] = blends ? surface.x * surface.w * (surface.z > 1.0f ? at.z : 1.0f) : 1.0f;
         texture[lane] = blends ? (int)surface.y : 0;
         u[lane] = at.x;
         v[lane] = at.y;

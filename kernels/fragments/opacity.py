@@ -57,9 +57,11 @@ def constant_opacities(scene: BlendedScene) -> np.ndarray:
         material = scene.materials[number]
         if not blends(material):
             continue
-        alphas = [scene.colours[scene.indices[scene.material_ids == number], 3]]
-        if material.alpha_mode == "blend" and material.base_texture >= 0:
-            alphas.append(scene.textures[material.base_texture].texels[..., 3] / np.float32(255))
+        alphas = []
+        if material.alpha_mode == "blend":
+            alphas.append(scene.colours[scene.indices[scene.material_ids == number], 3])
+            if material.base_texture >= 0:
+                alphas.append(scene.textures[material.base_texture].texels[..., 3] / np.float32(255))
         if any(alpha.min() != alpha.max() for alpha in alphas):
             constants[number] = VARIES
             continue
@@ -74,14 +76,16 @@ def _surface_row(material: BlendedMaterial) -> np.ndarray:
     """A row of `Opacity.surfaces`."""
     has_alpha = material.alpha_mode == "blend"
     alpha, texture = (material.base_colour[3], material.base_texture + 1) if has_alpha else (1, 0)
-    return np.array([alpha, texture, blends(material), 1 - LET_THROUGH * material.transmission], np.float32)
+    kind = 2 if has_alpha else int(blends(material))
+    return np.array([alpha, texture, kind, 1 - LET_THROUGH * material.transmission], np.float32)
 
 
 @dataclass(frozen=True)
 class Opacity:
     """What a scene's fragments need: per material and per vertex, on the device and on the host.
 
-    surfaces: float32 (M, 4), alpha, texture (0: none), whether it blends, share of light kept from passing through.
+    surfaces: float32 (M, 4), alpha, texture (0: none), what blends it (0: nothing, 1: light that it lets through,
+        2: its alpha), share of light kept from passing through.
     corners: float32 (V, 4), u, v and vertex alpha.
     constants: uint16 (M), on the host, as from `constant_opacities`.
     """
@@ -141,5 +145,5 @@ def opacity_twin(opacity: Opacity, triangle: np.ndarray, bary: np.ndarray, footp
     across = np.maximum(footprint * scale * size, 1e-9)
     level = np.clip(np.where(across > 1, np.floor(np.log2(across) + 0.5), 0), 0, last).astype(int)
     texel = bilinear(opacity.textures, first + level, u, v, wrap)[:, 3]
-    share = base * kept * alpha * np.where(texture > 0, texel, 1)
+    share = base * kept * np.where(blended > 1, alpha, 1) * np.where(texture > 0, texel, 1)
     return 255 * np.where(blended > 0, np.clip(share, 0, 1), 1)

@@ -20,8 +20,9 @@ def leaves(rng, size=(128, 96)):
     return texels
 
 
-def masked_soup(device):
-    """The masks of 200 triangles with broken coordinates among them, and the triangles' materials; 0 is opaque."""
+def masked_soup(device, faded=False):
+    """The masks of 200 triangles with broken coordinates among them, and the triangles' materials; 0 is opaque. faded:
+    half of the vertices have an alpha."""
     rng = np.random.default_rng(5)
     textures = [
         SimpleNamespace(texels=leaves(rng, size), srgb=True, wrap_s=s, wrap_t=t)
@@ -37,4 +38,6 @@ def masked_soup(device):
     uvs[30:33], uvs[33:36] = np.nan, 1e9
     material_ids = rng.integers(0, 5, 200).astype(np.int32)
     material_ids[10:12] = 1
-    return AlphaMask.upload(device, indices, uvs, material_ids, materials, textures), material_ids
+    alphas = np.where(rng.random(600) < 0.5, 1, rng.random(600)).astype(np.float32) if faded else None
+    arrays = (indices, uvs, material_ids, materials, textures)
+    return AlphaMask.upload(device, *arrays, vertex_alphas=alphas), material_ids

@@ -22,10 +22,18 @@ def material(**changes):
         "base_texture": -1,
         "normal_texture": -1,
         "normal_scale": 1.0,
+        "normal_uv": 0,
         "emissive": (0.0, 0.0, 0.0),
         "emissive_texture": -1,
+        "emissive_uv": 0,
         "roughness": 1.0,
         "metallic": 0.0,
+        "surface_texture": -1,
+        "surface_uv": 0,
+        "occlusion_texture": -1,
+        "occlusion_strength": 1.0,
+        "occlusion_uv": 0,
+        "unlit": False,
         "double_sided": False,
         "alpha_mode": "opaque",
         "transmission": 0.0,
@@ -43,14 +51,23 @@ FULL = [
     material(base_texture=0, normal_texture=2, roughness=0.4, double_sided=True),
     material(base_texture=1, metallic=1.0, roughness=0.1, emissive=(0.1, 0.3, 0.2), emissive_texture=0),
     material(double_sided=True, normal_texture=2, normal_scale=0.5, roughness=0.0),
+    material(surface_texture=3, metallic=0.8, occlusion_texture=3, occlusion_uv=2, normal_texture=2, normal_uv=1),
+    material(occlusion_texture=3, occlusion_strength=0.6, emissive=(0.2, 0.1, 0.1), emissive_texture=1, emissive_uv=2),
+    material(base_texture=1, unlit=True),
+]
+MAPPED = [material(base_texture=0, surface_texture=3, metallic=1.0), material(occlusion_texture=3)]
+UNLIT = [material(base_texture=0, unlit=True), material()]
+FURTHER = [
+    material(base_texture=0, emissive=(0.5, 0.6, 0.7), emissive_texture=1, emissive_uv=1),
+    material(occlusion_texture=3, occlusion_uv=2),
 ]
 TEXTURED = [material(base_texture=0), material(base_texture=1)]
 LIGHTS = [light("directional"), light("point", colour=(9.0, 8.0, 7.0)), light("spot", colour=(30.0, 20.0, 10.0))]
 
 
 def textures_of(rng, device, wraps):
-    modes = ["clamp", "mirror", "repeat"] if wraps else ["repeat"] * 3
-    sizes = [(64, 64), (19, 50), (32, 16)]
+    modes = ["clamp", "mirror", "repeat", "repeat"] if wraps else ["repeat"] * 4
+    sizes = [(64, 64), (19, 50), (32, 16), (24, 40)]
     images = []
     for i, (size, mode) in enumerate(zip(sizes, modes, strict=True)):
         texels = rng.integers(0, 256, (*size, 4), dtype=np.uint8)
@@ -84,6 +101,12 @@ def random_maps(rng, device, lights):
     return ShadowMaps(device.upload(np.concatenate(maps).astype(np.float32)), rows)
 
 
+def further_uvs(materials, count):
+    """As many further sets of UVs as the materials use, for `count` vertices; None if they use none."""
+    sets = max(max(m.normal_uv, m.emissive_uv, m.surface_uv, m.occlusion_uv) for m in materials)
+    return np.random.default_rng(9).uniform(-2, 2, (sets, count, 2)).astype(np.float32) if sets else None
+
+
 def make_shader(device, materials, lights, *, seed=0, shadows=False, colours=False, wraps=False, degenerate=False):
     rng = np.random.default_rng(seed)
     count = 3 * TRIANGLES
@@ -112,6 +135,7 @@ def make_shader(device, materials, lights, *, seed=0, shadows=False, colours=Fal
         materials,
         rng.random((count, 4)).astype(np.float32) if colours else None,
         tangents.astype(np.float32) if any(m.normal_texture >= 0 for m in materials) else None,
+        further_uvs(materials, count),
     )
     maps = random_maps(rng, device, lights) if shadows else None
     lighting = Lighting(lights, SKY, exposure=0.7, metres_per_unit=1.3)
@@ -143,5 +167,8 @@ CASES = {
     "wrap modes": (TEXTURED, LIGHTS[:1], {"wraps": True}),
     "local lights": (TEXTURED, LIGHTS, {"colours": True}),
     "shadows": (TEXTURED, LIGHTS, {"shadows": True}),
+    "surface maps": (MAPPED, LIGHTS, {}),
+    "unlit": (UNLIT, LIGHTS[:1], {"colours": True}),
+    "further UVs": (FURTHER, LIGHTS[:1], {}),
     "everything": (FULL, LIGHTS, {"shadows": True, "colours": True, "wraps": True}),
 }

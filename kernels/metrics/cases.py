@@ -69,7 +69,7 @@ SSIM = {
     "ssim.centred_luma": Cost("2*n", "16*n", "10*n"),
     "ssim.window_rows": Cost("2*n", "40*n", f"{2 * (3 * 2 * 11 + 3)}*n"),
     "ssim.reference_moments": Cost("n", "20*n", f"{2 * 2 * 11}*n"),
-    "ssim.similarity_sums": Cost("n", "20*n", f"{3 * 2 * 11 + 18}*n"),
+    "ssim.dissimilarity_sums": Cost("n", "20*n", f"{3 * 2 * 11 + 18}*n"),
 }
 
 
@@ -79,7 +79,7 @@ def ssim(device: Device, kind: str, size: int) -> Trial:
     """Compares the sums of rows of 16 pixels: the error of single pixels, which the mean hides, shows."""
 
     def results(ours: Ssim, reference: np.ndarray, test: np.ndarray) -> list[Result]:
-        expected = np.prod(similarity_twin(luma(reference), luma(test)), axis=0)
+        expected = 1 - np.prod(similarity_twin(luma(reference), luma(test)), axis=0)
         pieces = ours.layout.pieces
         padded = np.pad(expected, ((0, -len(expected) % 4), (RADIUS, 16 * pieces - expected.shape[1] - RADIUS)))
         sums = padded.reshape(-1, 4, pieces, 16).sum(axis=(1, 3)).ravel()

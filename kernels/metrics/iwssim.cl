@@ -247,17 +247,17 @@ __kernel void weighted_sums(const int width, const int height, const int stride,
     const int first = (id % pieces) * PIECE;
     const int column = plane_offset(stride, 0, first);
     const int size = height * stride;
-    const wide_rows mean = window_columns(rows + column, row, height, stride, taps);
+    const wide_rows difference = window_columns(rows + column, row, height, stride, taps);
     const wide_rows square = window_columns(rows + column + size, row, height, stride, taps);
-    const wide_rows product = window_columns(rows + column + 2 * size, row, height, stride, taps);
+    const wide_rows apart = window_columns(rows + column + 2 * size, row, height, stride, taps);
     float16 weighted = 0.0f, weights = 0.0f;
     for (int k = 0; k < ROWS && row + k < height - RADIUS; k++) {
         const int at = column + (row + k) * stride;
-        const similarity s = similarity_of(vload16(0, moments + at), vload16(0, moments + at + size), mean.row[k],
-                                           square.row[k], product.row[k], 0.0f, c1, c2);
+        const dissimilarity d = dissimilarity_of(vload16(0, moments + at), vload16(0, moments + at + size),
+                                                 difference.row[k], square.row[k], apart.row[k], 0.0f, c1, c2);
         const channel_model model = fitted(reference + at, test + at, stride, least);
         const float16 weight = information(model, vload16(0, energy + at), neighbours, eigenvalues);
-        weighted += weight * s.contrast_structure;
+        weighted += weight - weight * d.contrast_structure;
         weights += weight;
     }
     partial[2 * id] = sum_of_lanes(inside_only(weighted, first, RADIUS, width - RADIUS));
@@ -270,28 +270,28 @@ __kernel void coarsest_similarity(const int width, const int height, const int s
                                   __global const float *test, __global const float *taps, const float origin,
                                   const float c1, const float c2, __global float *ssim)
 {
-    // Unfused, so that identical pictures give exactly 1.
-    #pragma OPENCL FP_CONTRACT OFF
     const int across = width - 2 * RADIUS;
     const int id = get_global_id(0);
     const int row = id / across + RADIUS;
     if (row >= height - RADIUS)
         return;
     const int at = plane_offset(stride, row, id % across + RADIUS);
-    const float middle_a = reference[at], middle_b = test[at];
-    float mu_a = 0.0f, mu_b = 0.0f, aa = 0.0f, bb = 0.0f, ab = 0.0f;
+    const float middle_a = reference[at], middle_b = test[at], middle_d = middle_b - middle_a;
+    float mu_a = 0.0f, mu_b = 0.0f, mu_d = 0.0f, aa = 0.0f, bb = 0.0f, dd = 0.0f;
     for (int y = -RADIUS; y <= RADIUS; y++)
         for (int x = -RADIUS; x <= RADIUS; x++) {
             const float w = taps[MIDDLE + y] * taps[MIDDLE + x];
-            const float a = reference[at + y * stride + x] - middle_a, b = test[at + y * stride + x] - middle_b;
+            const float first = reference[at + y * stride + x], second = test[at + y * stride + x];
+            const float a = first - middle_a, b = second - middle_b, d = (second - first) - middle_d;
             mu_a += w * a;
             mu_b += w * b;
+            mu_d += w * d;
             aa += w * (a * a);
             bb += w * (b * b);
-            ab += w * (a * b);
+            dd += w * (d * d);
         }
-    const float variance_a = aa - mu_a * mu_a, variance_b = bb - mu_b * mu_b; // as in ssim.cl
-    const float m = mu_a + middle_a + origin, n = mu_b + middle_b + origin;
-    ssim[id] = (2.0f * (ab - mu_a * mu_b) + c2) / (variance_a + variance_b + c2) * (2.0f * (m * n) + c1) /
-               (m * m + n * n + c1);
+    const float variances = (aa - mu_a * mu_a) + (bb - mu_b * mu_b); // as in ssim.cl
+    const float m = mu_a + middle_a + origin, n = mu_b + middle_b + origin, between = mu_d + middle_d;
+    const float contrast_structure = 1.0f - (dd - mu_d * mu_d) / (variances + c2);
+    ssim[id] = contrast_structure * (1.0f - between * between / (m * m + n * n + c1));
 }

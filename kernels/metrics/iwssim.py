@@ -119,12 +119,12 @@ class IwSsim:
             planes = (self.levels[k], self.levels[k + 1], band)
             launch(stage, self.kernels.subtract_expanded, fine.items, *sizes, *planes)
 
-    def _window_rows(self, band: _Band, plane: Array) -> tuple[int, int, int]:
+    def _window_rows(self, band: _Band, plane: Array, against: float) -> tuple[int, int, int]:
         at = band.layout
         size = (at.width, at.height, at.stride)
         kernel = self.kernels.window_rows
         arrays = (band.plane, plane, self.taps, band.rows)
-        self.device.launch("metrics/iwssim/rows", kernel, at.items, *size, *arrays)
+        self.device.launch("metrics/iwssim/rows", kernel, at.items, *size, against, *arrays)
         return size
 
     def reference(self, image: Array) -> None:
@@ -135,7 +135,7 @@ class IwSsim:
         parents = [self._enlarged(k) if k < WITH_PARENT else self.bands[k].plane for k in range(SCALES - 1)]
         products = []
         for band, parent in zip(self.bands, parents, strict=True):
-            size = self._window_rows(band, band.plane)
+            size = self._window_rows(band, band.plane, 0.0)
             moments = kernels.reference_moments
             launch("metrics/iwssim/columns", moments, len(band.partial), *size, band.rows, self.taps, band.moments)
             inner = band.layout.height - 2
@@ -176,7 +176,7 @@ class IwSsim:
         """Start comparing `test`; `score` gives what came out."""
         self._pyramid(test, [band.test for band in self.bands])
         for band in self.bands:
-            size = self._window_rows(band, band.test)
+            size = self._window_rows(band, band.test, 1.0)
             window_moments = (band.moments, band.rows, self.taps, C1, C2)
             weights = (band.plane, band.test, band.energy, band.eigenvalues, LEAST_VARIANCE)
             self.device.launch(

@@ -49,32 +49,32 @@ class Ssim:
         self.inner = self.layout.row_items(height - 2 * RADIUS)
         self.partial = device.empty(self.inner, np.float32)
 
-    def _rows(self, image: Array, plane: Array) -> tuple[int, int, int]:
+    def _rows(self, image: Array, plane: Array, against: float) -> tuple[int, int, int]:
         at = self.layout
         size = (at.width, at.height, at.stride)
         self.device.launch("metrics/ssim/luma", self.kernels.centred_luma, at.items, *size, image, plane)
-        lumas = (self.luma_reference, plane)
-        self.device.launch("metrics/ssim/rows", self.kernels.window_rows, at.items, *size, *lumas, self.taps, self.rows)
+        arrays = (self.luma_reference, plane, self.taps, self.rows)
+        self.device.launch("metrics/ssim/rows", self.kernels.window_rows, at.items, *size, against, *arrays)
         return size
 
     def reference(self, image: Array) -> None:
         """Take the picture that all others are compared with."""
-        size = self._rows(image, self.luma_reference)
+        size = self._rows(image, self.luma_reference, 0.0)
         kernel = self.kernels.reference_moments
         self.device.launch("metrics/ssim/columns", kernel, self.inner, *size, self.rows, self.taps, self.moments)
 
     def compare(self, test: Array) -> None:
-        """Start comparing `test`; `mean` gives what came out."""
-        size = self._rows(test, self.luma_test)
+        """Start comparing `test`; `loss` gives what came out."""
+        size = self._rows(test, self.luma_test, 1.0)
         self.device.launch(
             "metrics/ssim/columns",
-            self.kernels.similarity_sums,
+            self.kernels.dissimilarity_sums,
             self.inner,
             *(*size, self.moments, self.rows, self.taps, ORIGIN, C1, C2, self.partial),
         )
 
-    def mean(self) -> float:
-        """The mean SSIM of the last compared picture, 1 for identical ones."""
+    def loss(self) -> float:
+        """1 less the mean SSIM of the last compared picture, exactly 0 for identical ones."""
         return total(self.partial) / ((self.layout.width - 2 * RADIUS) * (self.layout.height - 2 * RADIUS))
 
 

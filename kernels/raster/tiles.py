@@ -10,6 +10,7 @@ from kernels.raster.camera import SUBPIXELS
 from kernels.raster.coverage import covers_twin
 from kernels.raster.picture import Picture
 from kernels.raster.setup import MASK_BIT, Bins
+from kernels.texture.mask import mask_defines
 from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -30,7 +31,7 @@ def draw_tiles(
 
     Triangles with Triangles.MASKED are tested against `mask` at each pixel's centre.
     """
-    kernel = device.build("raster/tiles.cl", TILE=picture.tile, MASKED=int(mask is not None)).draw_tiles
+    kernel = device.build("raster/tiles.cl", TILE=picture.tile, **mask_defines(mask)).draw_tiles
     size = (picture.tiles, picture.tiles_x, picture.camera.width, picture.camera.height, device.chunks, resumes)
     images = (picture.triangle, picture.depth, picture.block_depth, picture.tile_depth)
     arguments = (*size, bins.bins, bins.entries, bins.records, *images)

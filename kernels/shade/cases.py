@@ -27,9 +27,9 @@ def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:
         return shade_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], EYE)
 
 
-# Three lights with highlights, two shadow maps, three trilinear lookups; 4 x 4 taps of a shadow's penumbra.
+# Three lights with highlights, two shadow maps, five trilinear lookups; 4 x 4 taps of a shadow's penumbra.
 @case(
-    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*48 + 3*8*4 + 2*16*4)*n", "900*n")},
+    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*96 + 5*8*4 + 2*16*4)*n", "1100*n")},
     1 << 18,
     1 << 14,
     typical=Bound(wrong=2e-3),  # colours close to the middle between two levels

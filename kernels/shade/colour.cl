@@ -50,6 +50,15 @@ INLINE int8 encode8(float8 radiance)
     return convert_int8(((x <= 0.0031308f) ? 12.92f * x : power) * 255.0f + 0.5f);
 }
 
+// The radiance that exposure and tone mapping turn into a linear colour 0..1: what an unlit surface sends, so that its
+// colour is what is seen.
+INLINE float8 shown_as8(float8 colour, __global const float *environment)
+{
+    const float8 y = (colour > 0.0f) ? ((colour < 1.0f) ? colour : (float8)1.0f) : (float8)0.0f;
+    const float8 a = 2.51f - 2.43f * y, b = 0.03f - 0.59f * y, square = b * b + 0.56f * a * y;
+    return (square * inverse_sqrt8(square) - b) / (2.0f * a * environment[EXPOSURE]);
+}
+
 INLINE int8 packed8(int8 r, int8 g, int8 b)
 {
     return r | (g << 8) | (b << 16) | (int)0xff000000;

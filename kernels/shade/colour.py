@@ -24,6 +24,13 @@ def sky_irradiance(environment: np.ndarray, height: np.ndarray) -> np.ndarray:
     return ground * ground_share + zenith * zenith_share + horizon * (1 - ground_share - zenith_share)
 
 
+def shown_as(colour: np.ndarray, exposure: float) -> np.ndarray:
+    """The radiance (...) that exposure and tone mapping turn into a linear colour 0..1."""
+    y = np.clip(colour, 0, 1)
+    a, b = 2.51 - 2.43 * y, 0.03 - 0.59 * y
+    return (np.sqrt(b * b + 0.56 * a * y) - b) / (2 * a * exposure)
+
+
 def encode(radiance: np.ndarray) -> np.ndarray:
     """uint8 (..., 4): ACES tone mapping (Narkowicz 2015), sRGB (IEC 61966-2-1), alpha 255; not-a-number is black."""
     x = np.clip(np.nan_to_num(radiance, nan=0.0, posinf=1e4), 0, 1e4)

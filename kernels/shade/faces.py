@@ -27,12 +27,12 @@ def face_rows(device: Device, vertices: Array, indices: Array, material_ids: np.
 
 
 def uv_scale_twin(vertices: np.ndarray, indices: np.ndarray) -> np.ndarray:
-    """float64 (T): the UV scales."""
+    """float64 (T): the UV scales. Triangles whose squared area float32 does not hold have none."""
     corners = np.asarray(vertices, np.float64)[indices]
     sides = corners[:, 1:] - corners[:, :1]
     scales = np.zeros(len(indices))
     for i, side in enumerate(sides):
-        if np.linalg.norm(np.cross(side[0, :3], side[1, :3])) > 0:
+        if np.linalg.norm(np.cross(side[0, :3], side[1, :3])) ** 2 > np.finfo(np.float32).tiny:
             in_plane = np.linalg.qr(side[:, :3].T, mode="r")  # the sides in orthonormal coordinates of their plane
             scales[i] = np.linalg.svd(side[:, 6:].T @ np.linalg.inv(in_plane), compute_uv=False)[0]
     return scales

@@ -1,6 +1,6 @@
 // The one shading function: `shade8` shades 8 samples, for the reference and for every gather. What a scene lacks is
-// compiled out: TEXTURES, WRAP_MODES, NORMAL_MAPS, VERTEX_COLOURS, SPECULAR, EMISSIVE, DOUBLE_SIDED, LOCAL_LIGHTS and
-// SHADOWS are 0 or 1, LIGHTS is how many there are.
+// compiled out: TEXTURES, WRAP_MODES, NORMAL_MAPS, VERTEX_COLOURS, SPECULAR, SURFACE_MAPS, OCCLUSION, UNLIT, EMISSIVE,
+// DOUBLE_SIDED, LOCAL_LIGHTS and SHADOWS are 0 or 1, LIGHTS and FURTHER_UVS are how many there are.
 #include "shade/surface.cl"
 #include "shade/light.cl"
 
@@ -11,7 +11,7 @@
 INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary2, float8 footprint, float3 eye,
                       SURFACE_PARAMETERS)
 {
-    const surface8 s = fetch8(triangle, bary1, bary2, SURFACE_ARGUMENTS);
+    surface8 s = fetch8(triangle, bary1, bary2, SURFACE_ARGUMENTS);
     const vector8 face = unit8(s.face, (vector8){0.0f, 1.0f, 0.0f});
     const vector8 towards = {eye.x - s.position.x, eye.y - s.position.y, eye.z - s.position.z};
     vector8 smooth = unit8(s.normal, face), n = smooth;
@@ -27,10 +27,20 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #endif
     vector8 albedo = s.colour;
 #if TEXTURES
-    albedo = times8(albedo, textured8(&s, s.base_texture, footprint, TEXTURE_ARGUMENTS));
+    albedo = times8(albedo, textured8(&s, s.base_texture, 0.0f, footprint, TEXTURE_ARGUMENTS));
 #endif
-    const vector8 blurred = {sky_irradiance8(environment, 0, n.y), sky_irradiance8(environment, 1, n.y),
-                             sky_irradiance8(environment, 2, n.y)};
+#if SURFACE_MAPS // roughness in green, metalness in blue (glTF 2.0, 3.9.2)
+    const vector8 map = textured8(&s, s.surface_texture, SET_OF(&s, surface), footprint, TEXTURE_ARGUMENTS);
+    s.roughness *= map.y;
+    s.metallic *= map.z;
+#endif
+    vector8 blurred = {sky_irradiance8(environment, 0, n.y), sky_irradiance8(environment, 1, n.y),
+                       sky_irradiance8(environment, 2, n.y)};
+#if OCCLUSION // of the light that comes from all around, in red (glTF 2.0, 3.9.3)
+    const float8 seen = textured8(&s, s.occlusion_texture, SET_OF(&s, occlusion), footprint, TEXTURE_ARGUMENTS).x;
+    const float8 open = 1.0f + s.occlusion_strength * (seen - 1.0f);
+    blurred = scaled8(blurred, open);
+#endif
     const vector8 none = {0.0f, 0.0f, 0.0f};
     arriving8 sum = {blurred, none, none};
     const vector8 v = unit8(towards, n);
@@ -42,8 +52,11 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #if SPECULAR
     float8 rest;
     const float8 weight = environment_brdf8(rough, nv, &rest), mirrored = 2.0f * nv * n.y - v.y;
-    const vector8 mirror = {sky_radiance8(environment, 0, mirrored), sky_radiance8(environment, 1, mirrored),
-                            sky_radiance8(environment, 2, mirrored)};
+    vector8 mirror = {sky_radiance8(environment, 0, mirrored), sky_radiance8(environment, 1, mirrored),
+                      sky_radiance8(environment, 2, mirrored)};
+#if OCCLUSION
+    mirror = scaled8(mirror, open);
+#endif
     out.x = reflected8(out.x, albedo.x, s.metallic, sum.glossy.x, sum.rim.x, mirror.x, blurred.x, rough, weight, rest);
     out.y = reflected8(out.y, albedo.y, s.metallic, sum.glossy.y, sum.rim.y, mirror.y, blurred.y, rough, weight, rest);
     out.z = reflected8(out.z, albedo.z, s.metallic, sum.glossy.z, sum.rim.z, mirror.z, blurred.z, rough, weight, rest);
@@ -51,9 +64,15 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #if EMISSIVE
     vector8 glow = s.emissive;
 #if TEXTURES
-    glow = times8(glow, textured8(&s, s.emissive_texture, footprint, TEXTURE_ARGUMENTS));
+    glow = times8(glow, textured8(&s, s.emissive_texture, SET_OF(&s, emissive), footprint, TEXTURE_ARGUMENTS));
 #endif
     out = (vector8){out.x + glow.x, out.y + glow.y, out.z + glow.z};
+#endif
+#if UNLIT
+    const int8 plain = s.unlit > 0.0f;
+    out.x = plain ? shown_as8(albedo.x, environment) : out.x;
+    out.y = plain ? shown_as8(albedo.y, environment) : out.y;
+    out.z = plain ? shown_as8(albedo.z, environment) : out.z;
 #endif
     return out;
 }

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.shade.colour import encode, sky_irradiance, sky_radiance
+from kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
+from kernels.shade.faces import uv_scale_twin
 from kernels.shade.shadow_lookup import lit_share
 from kernels.shade.tables import KINDS, Tables
 from kernels.texture.sample import trilinear
@@ -20,15 +21,21 @@ SIDELESS = 0.25  # as in shade.cl
 
 @dataclass(frozen=True)
 class Points:
-    """Samples with what their triangles say about them, float64: vectors (n, 3), scalars (n)."""
+    """Samples with what their triangles say about them, float64: vectors (n, 3), scalars (n).
+
+    uvs: (S, n, 2) and footprints: (S, n), in texture space, of the UVs and of each further set. surface: (n, 2),
+    roughness and metalness. open: (n, 1), the share of the light from all around that arrives.
+    """
 
     position: np.ndarray
     normal: np.ndarray
     face: np.ndarray
-    uv: np.ndarray
+    uvs: np.ndarray
     extra: np.ndarray
     material: np.ndarray
-    footprint: np.ndarray
+    footprints: np.ndarray
+    surface: np.ndarray
+    open: np.ndarray
 
 
 def shade_twin(
@@ -46,6 +53,8 @@ def shade_twin(
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
     """
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
+    if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
+        points = _mapped(textures, points)
     towards = np.asarray(eye, np.float32) - points.position
     n, smooth = _shading_normals(tables, textures, points, towards)
     albedo = points.material[:, :3].copy()
@@ -53,7 +62,7 @@ def shade_twin(
         albedo *= points.extra[:, 4:7]
     albedo *= _texture(textures, points, points.material[:, 3])
     specular = tables.defines["SPECULAR"]
-    diffuse = sky_irradiance(tables.environment, n[:, 1])
+    diffuse = sky_irradiance(tables.environment, n[:, 1]) * points.open
     out = _sky_reflection(tables, points, albedo, n, towards) if specular else 0.0
     for light in tables.lights.astype(np.float64):
         to_light, arriving = _incident(light, points.position)
@@ -63,10 +72,15 @@ def shade_twin(
         diffuse = diffuse + irradiance / np.pi
         if specular:
             out = out + irradiance * _ggx(points, albedo, n, _unit(towards, n), to_light)
-    metallic = points.material[:, 5:6] if specular else 0.0
+    metallic = points.surface[:, 1:] if specular else 0.0
     out = out + albedo * diffuse * (1 - metallic)
     if tables.defines["EMISSIVE"]:
-        out = out + points.material[:, 8:11] * _texture(textures, points, points.material[:, 11])
+        out = out + points.material[:, 8:11] * _texture(
+            textures, points, points.material[:, 11], points.material[:, 21]
+        )
+    if tables.defines["UNLIT"]:
+        shown = shown_as(albedo, float(tables.environment[9]))
+        out = np.where(points.material[:, 19:20] > 0, shown, out)
     return encode(out * tables.environment[9])
 
 
@@ -77,19 +91,41 @@ def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary:
     upright = np.broadcast_to([0.0, 1.0, 0.0], (len(rows), 3))
     sides = corners[:, 1:, :3] - corners[:, :1, :3]
     face = _unit(np.cross(sides[:, 0], sides[:, 1]), upright)
-    extra = np.zeros((len(rows), 8))
+    extra = np.zeros((len(rows), 16))
     if len(tables.extras):
         extra = np.einsum("ni,nif->nf", weights, tables.extras[tables.indices[triangle]].astype(np.float64))
-    scale = faces[triangle, 1].view(np.float32).astype(np.float64)
+    scales = [faces[triangle, 1].view(np.float32).astype(np.float64), *_further_scales(tables, triangle)]
+    material = tables.materials.astype(np.float64)[faces[triangle, 0]]
     return Points(
         rows[:, :3],
         _unit(rows[:, 3:6], face),
         face,
-        rows[:, 6:8],
+        np.stack([rows[:, 6:8], *(extra[:, 6 + 2 * i : 8 + 2 * i] for i in range(1, len(scales)))]),
         extra,
-        tables.materials.astype(np.float64)[faces[triangle, 0]],
-        footprint * scale,
+        material,
+        np.stack([footprint * scale for scale in scales]),
+        material[:, 4:6],
+        np.ones((len(rows), 1)),
     )
+
+
+def _further_scales(tables: Tables, triangle: np.ndarray) -> list[np.ndarray]:
+    """UV scales (n) of triangles in each further set of UVs."""
+    used, place = np.unique(triangle, return_inverse=True)
+    scales = []
+    for number in range(tables.defines["FURTHER_UVS"]):
+        uvs = tables.extras[:, 8 + 2 * number : 10 + 2 * number]
+        rows = np.concatenate([tables.vertices[:, :6], uvs], axis=1)
+        scales.append(uv_scale_twin(rows, tables.indices[used])[place.reshape(-1)])
+    return scales
+
+
+def _mapped(textures: TextureBuffers, points: Points) -> Points:
+    """The points with what their textures say of roughness, metalness and occlusion."""
+    material = points.material
+    surface = material[:, 4:6] * _texture(textures, points, material[:, 16], material[:, 22])[:, 1:3]
+    seen = _texture(textures, points, material[:, 17], material[:, 23])[:, :1]
+    return replace(points, surface=surface, open=1 + material[:, 18:19] * (seen - 1))
 
 
 def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -104,8 +140,12 @@ def _unit(a: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     return np.where(usable[:, None], scaled / np.linalg.norm(scaled, axis=1, keepdims=True), otherwise)
 
 
-def _texture(textures: TextureBuffers, points: Points, texture: np.ndarray) -> np.ndarray:
-    return trilinear(textures, texture.astype(int), *points.uv.T, points.footprint)[:, :3]
+def _texture(textures: TextureBuffers, points: Points, texture: np.ndarray, uv_set: np.ndarray | None = None):
+    """Linear RGB (n, 3) of the points' textures (n), looked up in their sets of UVs (n), the first by default."""
+    chosen = np.zeros(len(texture), int) if uv_set is None else uv_set.astype(int)
+    each = np.arange(len(texture))
+    uv, footprint = points.uvs[chosen, each], points.footprints[chosen, each]
+    return trilinear(textures, texture.astype(int), *uv.T, footprint)[:, :3]
 
 
 def _shading_normals(
@@ -115,7 +155,8 @@ def _shading_normals(
     n = points.normal
     if tables.defines["NORMAL_MAPS"]:
         tangent, sign = points.extra[:, :3], points.extra[:, 3:4]
-        x, y, z = (2 * _texture(textures, points, points.material[:, 12]) - 1).T[..., None]
+        texel = _texture(textures, points, points.material[:, 12], points.material[:, 20])
+        x, y, z = (2 * texel - 1).T[..., None]
         scale = points.material[:, 13:14]
         bump = x * scale * tangent + y * scale * sign * np.cross(n, tangent) + z * n
         n = np.where(points.material[:, 12:13] > 0, _unit(bump, n), n)
@@ -141,8 +182,8 @@ def _incident(light: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
 
 def _ggx(points: Points, albedo: np.ndarray, n: np.ndarray, v: np.ndarray, to_light: np.ndarray) -> np.ndarray:
     """The specular BRDF (n, 3): GGX, Hammon's masking, Schlick's Fresnel."""
-    alpha = np.maximum(points.material[:, 4], 0.05) ** 2
-    metallic = points.material[:, 5:6]
+    alpha = np.maximum(points.surface[:, 0], 0.05) ** 2
+    metallic = points.surface[:, 1:]
     nl, nv = np.maximum(_dot(n, to_light), 0), np.maximum(_dot(n, v), 1e-3)
     h = _unit(v + to_light, n)
     nh, vh = np.maximum(_dot(n, h), 0), np.maximum(_dot(v, h), 0)
@@ -158,7 +199,7 @@ def _sky_reflection(
     tables: Tables, points: Points, albedo: np.ndarray, n: np.ndarray, towards: np.ndarray
 ) -> np.ndarray:
     """The sky seen in the surface (n, 3), blurred by roughness, with Karis' environment BRDF."""
-    rough, metallic = np.maximum(points.material[:, 4:5], 0.05), points.material[:, 5:6]
+    rough, metallic = np.maximum(points.surface[:, :1], 0.05), points.surface[:, 1:]
     v = _unit(towards, n)
     nv = np.maximum(_dot(n, v), 1e-3)
     a = np.minimum((1 - rough) ** 2, 2.0 ** (-9.28 * nv[:, None])) * (1 - rough) + 0.0425 - 0.0275 * rough
@@ -166,4 +207,4 @@ def _sky_reflection(
     f0 = 0.04 * (1 - metallic) + metallic * albedo
     mirror = sky_radiance(tables.environment, 2 * nv * n[:, 1] - v[:, 1])
     blurred = sky_irradiance(tables.environment, n[:, 1])
-    return (mirror * (1 - rough) + blurred * rough) * (f0 * weight + rest)
+    return (mirror * (1 - rough) + blurred * rough) * points.open * (f0 * weight + rest)

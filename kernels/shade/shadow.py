@@ -85,16 +85,18 @@ class ShadowMaps:
         focus: np.ndarray,
         metres_per_unit: float,
     ) -> ShadowMaps:
-        """Draw the maps of all directional and spot lights that have `shadows`.
+        """Draw the maps of all directional and spot lights that have `shadows`; none where nothing casts any.
 
         casters: what casts shadows, both sides of it: a light from outside must not shine through the back of a wall.
         focus: float64 (3), the middle of what a directional light's map covers where the scene is too large for it.
         """
+        if casters.count == 0:
+            return cls.none(device, len(lights))
         cameras = [
             shadow_camera(light, casters, focus, metres_per_unit) if light.shadows and light.kind != "point" else None
             for light in lights
         ]
-        if not any(cameras) or casters.count == 0:
+        if not any(cameras):
             return cls.none(device, len(lights))
         flags = casters.host_flags | np.uint8(Triangles.DOUBLE_SIDED)
         rasteriser = Rasteriser(device, replace(casters, flags=device.upload(flags), host_flags=flags), mask)

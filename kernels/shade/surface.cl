@@ -1,9 +1,13 @@
 // What shading needs to know of 8 samples, one float8 per attribute. Neighbouring samples mostly share their triangle, so
 // each triangle is read once and interpolated for all lanes. Table layouts: shade/tables.py.
 #include "shade/vector.cl"
+#include "shade/uv_scale.cl"
 #include "texture/sample.cl"
 
-#define EXTRAS (NORMAL_MAPS || VERTEX_COLOURS)
+#define EXTRAS (NORMAL_MAPS || VERTEX_COLOURS || FURTHER_UVS)
+#define EXTRA_ROWS (FURTHER_UVS ? 2 : 1) // float8 per vertex
+#define DETAILS (SURFACE_MAPS || OCCLUSION || UNLIT || FURTHER_UVS)
+#define MATERIAL_ROWS 3 // float8 per material
 
 #define SURFACE_PARAMETERS                                                                                             \
     __global const float8 *vertices, __global const float8 *extras, __global const int *indices,                       \
@@ -26,7 +30,21 @@ typedef struct {
     vector8 tangent;
     float8 bitangent_sign;
 #endif
+#if DETAILS
+    float8 surface_texture, occlusion_texture, occlusion_strength, unlit;
+    float8 normal_set, emissive_set, surface_set, occlusion_set;
+#endif
+#if FURTHER_UVS
+    float8 further_u[FURTHER_UVS], further_v[FURTHER_UVS], further_scale[FURTHER_UVS];
+#endif
 } surface8;
+
+// Which set of UVs a texture's slot uses: 0 or 1 + a further one.
+#if FURTHER_UVS
+#define SET_OF(surface, slot) (surface)->slot##_set
+#else
+#define SET_OF(surface, slot) (float8)0.0f
+#endif
 
 // Columns i, j and k at three corners, given as the first and the sides from it to the others, interpolated.
 #define BETWEEN(i, a, p, q) ((a.s##i + bary1 * p.s##i) + bary2 * q.s##i)
@@ -38,7 +56,7 @@ INLINE surface8 surface_of(const int id, const float8 bary1, const float8 bary2,
     const int a = indices[3 * id], b = indices[3 * id + 1], c = indices[3 * id + 2];
     const int2 record = faces[id];
     const float8 corner = vertices[a], p = vertices[b] - corner, q = vertices[c] - corner;
-    const float8 base = materials[2 * record.x];
+    const float8 base = materials[MATERIAL_ROWS * record.x];
     surface8 s;
     s.position = (vector8)BETWEEN3(0, 1, 2, corner, p, q);
     s.normal = (vector8)BETWEEN3(3, 4, 5, corner, p, q);
@@ -52,14 +70,37 @@ INLINE surface8 surface_of(const int id, const float8 bary1, const float8 bary2,
     s.metallic = base.s5;
     s.double_sided = base.s6;
 #if NORMAL_MAPS || EMISSIVE
-    const float8 more = materials[2 * record.x + 1];
+    const float8 more = materials[MATERIAL_ROWS * record.x + 1];
     s.emissive = (vector8){more.s0, more.s1, more.s2};
     s.emissive_texture = more.s3;
     s.normal_texture = more.s4;
     s.normal_scale = more.s5;
 #endif
+#if DETAILS
+    const float8 details = materials[MATERIAL_ROWS * record.x + 2];
+    s.surface_texture = details.s0;
+    s.occlusion_texture = details.s1;
+    s.occlusion_strength = details.s2;
+    s.unlit = details.s3;
+    s.normal_set = details.s4;
+    s.emissive_set = details.s5;
+    s.surface_set = details.s6;
+    s.occlusion_set = details.s7;
+#endif
 #if EXTRAS
-    const float8 extra = extras[a], along1 = extras[b] - extra, along2 = extras[c] - extra;
+    const float8 extra = extras[EXTRA_ROWS * a];
+    const float8 along1 = extras[EXTRA_ROWS * b] - extra, along2 = extras[EXTRA_ROWS * c] - extra;
+#endif
+#if FURTHER_UVS
+    const float8 sets = extras[EXTRA_ROWS * a + 1];
+    const float8 sets1 = extras[EXTRA_ROWS * b + 1] - sets, sets2 = extras[EXTRA_ROWS * c + 1] - sets;
+    for (int i = 0; i < FURTHER_UVS; i++) {
+        const float2 uv = ((const float2 *)&sets)[i];
+        const float2 t1 = ((const float2 *)&sets1)[i], t2 = ((const float2 *)&sets2)[i];
+        s.further_u[i] = (uv.x + bary1 * t1.x) + bary2 * t2.x;
+        s.further_v[i] = (uv.y + bary1 * t1.y) + bary2 * t2.y;
+        s.further_scale[i] = uv_scale(p.s012, q.s012, t1, t2);
+    }
 #endif
 #if NORMAL_MAPS
     s.tangent = (vector8)BETWEEN3(0, 1, 2, extra, along1, along2);
@@ -89,14 +130,23 @@ INLINE surface8 fetch8(const int *triangle, const float *bary1, const float *bar
 }
 
 #if TEXTURES
-// Looks `texture` (0 is white) up at the surface's coordinates.
-INLINE vector8 textured8(const surface8 *s, float8 texture, float8 footprint, TEXTURE_PARAMETERS)
+// Looks `texture` (0 is white) up at the surface's coordinates, those of `set`.
+INLINE vector8 textured8(const surface8 *s, float8 texture, float8 set, float8 footprint, TEXTURE_PARAMETERS)
 {
     vector8 result = {1.0f, 1.0f, 1.0f};
     if (any_of8(texture > 0.0f)) {
         int entry[8];
+        float8 u = s->u, v = s->v, scale = s->uv_scale;
         STORE_INT8(convert_int8(texture), entry);
-        texture8(entry, s->u, s->v, footprint * s->uv_scale, &result.x, &result.y, &result.z, TEXTURE_ARGUMENTS);
+#if FURTHER_UVS
+        for (int i = 0; i < FURTHER_UVS; i++) {
+            const int8 chosen = set == (float)(i + 1);
+            u = chosen ? s->further_u[i] : u;
+            v = chosen ? s->further_v[i] : v;
+            scale = chosen ? s->further_scale[i] : scale;
+        }
+#endif
+        texture8(entry, u, v, footprint * scale, &result.x, &result.y, &result.z, TEXTURE_ARGUMENTS);
     }
     return result;
 }
@@ -109,7 +159,7 @@ INLINE vector8 bumped8(const surface8 *s, vector8 n, float8 footprint, TEXTURE_P
     const int8 mapped = s->normal_texture > 0.0f;
     if (!any_of8(mapped))
         return n;
-    const vector8 texel = textured8(s, s->normal_texture, footprint, TEXTURE_ARGUMENTS);
+    const vector8 texel = textured8(s, s->normal_texture, SET_OF(s, normal), footprint, TEXTURE_ARGUMENTS);
     const float8 x = (2.0f * texel.x - 1.0f) * s->normal_scale;
     const float8 y = (2.0f * texel.y - 1.0f) * s->normal_scale * s->bitangent_sign;
     const float8 z = 2.0f * texel.z - 1.0f;

@@ -10,24 +10,34 @@ import numpy as np
 
 from arithmetic.functions import cos
 
-MATERIAL_FLOATS = 16
+MATERIAL_FLOATS = 24
+MOST_FURTHER_UVS = 4  # one for each kind of texture beside the base colour's
 LIGHT_FLOATS = 48
 KINDS = {"directional": 0, "point": 1, "spot": 2}
 FADE_START = 0.8  # of a spot's cone: there it starts to fade
 
 
 class MaterialLike(Protocol):
-    """The fields of a metallic-roughness material that shading reads; linear colours, texture indices or -1."""
+    """The fields of a metallic-roughness material that shading reads; linear colours, texture indices or -1. The `_uv`
+    of a texture is 0 for the surface's UVs, or 1 + the number of a further set."""
 
     base_colour: tuple[float, float, float, float]
     base_texture: int
     normal_texture: int
     normal_scale: float
+    normal_uv: int
     emissive: tuple[float, float, float]
     emissive_texture: int
+    emissive_uv: int
     roughness: float
     metallic: float
+    surface_texture: int
+    surface_uv: int
+    occlusion_texture: int
+    occlusion_strength: float
+    occlusion_uv: int
     double_sided: bool
+    unlit: bool
 
 
 class LightLike(Protocol):
@@ -53,7 +63,8 @@ class Surface:
     """What shading needs to know of a scene's triangles, host arrays.
 
     normals float32 (V, 3); uvs float32 (V, 2); material_ids int32 (T); colours float32 (V, 4), linear, or None where
-    all are white; tangents float32 (V, 4), the bitangent's sign in w, or None where no normal map is used.
+    all are white; tangents float32 (V, 4), the bitangent's sign in w, or None where no normal map is used; further_uvs
+    float32 (S, V, 2), S up to MOST_FURTHER_UVS, or None where all textures use `uvs`.
     """
 
     normals: np.ndarray
@@ -62,6 +73,7 @@ class Surface:
     materials: Sequence[MaterialLike]
     colours: np.ndarray | None = None
     tangents: np.ndarray | None = None
+    further_uvs: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -78,7 +90,8 @@ class Lighting:
 class Tables:
     """The rows that kernel and twin both read, float32 unless said otherwise; layouts in this module.
 
-    vertices (V, 8): position, normal, uv. extras (V, 8): tangent, colour. indices int32 (T, 3). materials (M, 16).
+    vertices (V, 8): position, normal, uv. extras (V, 8 or 16): tangent, colour, further UVs. indices int32 (T, 3).
+    materials (M, 24).
     lights (L, 48). environment (10). defines: what is compiled in (see shade.cl).
     """
 
@@ -97,24 +110,32 @@ def vertex_rows(positions: np.ndarray, surface: Surface) -> np.ndarray:
 
 
 def extra_rows(surface: Surface) -> np.ndarray:
-    """float32 (V, 8): tangent and colour, defaults where only one of them is used; (0, 8) without either."""
-    if surface.colours is None and surface.tangents is None:
+    """float32 (V, 8): tangent and colour, defaults where only one of them is used; (0, 8) without either. With further
+    UVs (V, 16), these from 8 on."""
+    further = surface.further_uvs
+    if surface.colours is None and surface.tangents is None and further is None:
         return np.zeros((0, 8), np.float32)
-    rows = np.ones((len(surface.normals), 8), np.float32)
+    rows = np.ones((len(surface.normals), 8 if further is None else 16), np.float32)
     if surface.tangents is not None:
         rows[:, :4] = surface.tangents
     if surface.colours is not None:
-        rows[:, 4:] = surface.colours
+        rows[:, 4:8] = surface.colours
+    for number, uvs in enumerate(() if further is None else further):
+        rows[:, 8 + 2 * number : 10 + 2 * number] = uvs
     return rows
 
 
 def material_rows(materials: Sequence[MaterialLike]) -> np.ndarray:
-    """float32 (M, 16): base colour, base texture, roughness, metallic, double-sided, 0, emissive colour and texture,
-    normal texture and scale, 0, 0. Texture numbers are entries of the texture table, 0 being white."""
+    """float32 (M, 24): base colour, base texture, roughness, metallic, double-sided, 0, emissive colour and texture,
+    normal texture and scale, 0, 0, texture of roughness and metalness, occlusion texture and strength, unlit, UV sets
+    of the textures of normals, emission, roughness and metalness, occlusion. Texture numbers are entries of the
+    texture table, 0 being white."""
     rows = np.zeros((len(materials), MATERIAL_FLOATS), np.float32)
     for row, m in zip(rows, materials, strict=True):
         row[:8] = *m.base_colour[:3], m.base_texture + 1, m.roughness, m.metallic, m.double_sided, 0
         row[8:14] = *m.emissive, m.emissive_texture + 1, m.normal_texture + 1, m.normal_scale
+        row[16:20] = m.surface_texture + 1, m.occlusion_texture + 1, m.occlusion_strength, m.unlit
+        row[20:24] = m.normal_uv, m.emissive_uv, m.surface_uv, m.occlusion_uv
     return rows
 
 
@@ -139,15 +160,25 @@ def environment_row(sky: SkyLike, exposure: float) -> np.ndarray:
     return np.array([*sky.zenith, *sky.horizon, *sky.ground, exposure], np.float32)
 
 
+def textures_of(material: MaterialLike) -> tuple[int, ...]:
+    """The indices of a material's textures, -1 for those that it has not."""
+    m = material
+    return m.base_texture, m.normal_texture, m.emissive_texture, m.surface_texture, m.occlusion_texture
+
+
 def needed(surface: Surface, lighting: Lighting, wraps: bool, shadows: bool) -> dict[str, int]:
     """What must be compiled into the shading function, as its defines."""
     materials = surface.materials
     return {
-        "TEXTURES": int(any(max(m.base_texture, m.normal_texture, m.emissive_texture) >= 0 for m in materials)),
+        "TEXTURES": int(any(max(textures_of(m)) >= 0 for m in materials)),
         "WRAP_MODES": int(wraps),
         "NORMAL_MAPS": int(surface.tangents is not None and any(m.normal_texture >= 0 for m in materials)),
         "VERTEX_COLOURS": int(surface.colours is not None),
-        "SPECULAR": int(any(m.metallic > 0 or m.roughness < 1 for m in materials)),
+        "SPECULAR": int(any(m.metallic > 0 or m.roughness < 1 or m.surface_texture >= 0 for m in materials)),
+        "SURFACE_MAPS": int(any(m.surface_texture >= 0 for m in materials)),
+        "OCCLUSION": int(any(m.occlusion_texture >= 0 for m in materials)),
+        "UNLIT": int(any(m.unlit for m in materials)),
+        "FURTHER_UVS": 0 if surface.further_uvs is None else len(surface.further_uvs),
         "EMISSIVE": int(any(max(m.emissive) > 0 for m in materials)),
         "DOUBLE_SIDED": int(any(m.double_sided for m in materials)),
         "LOCAL_LIGHTS": int(any(light.kind != "directional" for light in lighting.lights)),

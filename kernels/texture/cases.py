@@ -8,7 +8,7 @@ import numpy as np
 
 from kernels.case import Cost, Result, Trial, case, seeded
 from kernels.inputs.masks import masked_soup
-from kernels.texture.mask import margin_twin
+from kernels.texture.mask import margin_twin, mask_defines
 
 if TYPE_CHECKING:
     from kernels.device import Device
@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
 @case({"mask.alpha_test": Cost("n", "20*n", "40*n")}, 1 << 20, 1 << 17)
 def masking(device: Device, kind: str, size: int) -> Trial:
-    """Adversarial: footprints over 16 magnitudes, weights outside the triangle. Ties of alpha and threshold differ."""
-    mask, material_ids = masked_soup(device)
+    """Adversarial: footprints over 16 magnitudes, weights outside the triangle, vertices that fade. Ties of alpha and
+    threshold differ."""
     rng, hard = seeded(kind), kind == "adversarial"
+    mask, material_ids = masked_soup(device, faded=hard)
     triangles = rng.choice(np.flatnonzero(material_ids), size).astype(np.int32)
     b1, b2 = rng.uniform(-1 if hard else 0, 1 if hard else 0.5, (2, size)).astype(np.float32)
     pixels = (10.0 ** (rng.uniform(-8, 8, size) if hard else rng.uniform(0, 3, size))).astype(np.float32)
-    kept, kernel = device.empty(size, np.int32), device.build("texture/mask.cl").alpha_test
+    kept, kernel = device.empty(size, np.int32), device.build("texture/mask.cl", **mask_defines(mask)).alpha_test
     inputs = [device.upload(array) for array in (triangles, b1, b2, pixels)]
 
     def run() -> None:

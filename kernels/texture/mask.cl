@@ -1,10 +1,18 @@
-// Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py.
+// Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py. VERTEX_ALPHA is 1 where vertices have an
+// alpha that counts.
 #include "common/elementary.cl"
 
+#if VERTEX_ALPHA
+#define FADE_PARAMETER , __global const float *mask_fades, __global const float *mask_thresholds
+#define FADE_ARGUMENT , mask_fades, mask_thresholds
+#else
+#define FADE_PARAMETER
+#define FADE_ARGUMENT
+#endif
 #define MASK_PARAMETERS                                                                                                \
     __global const int *mask_slots, __global const float *mask_corners, __global const int *mask_chains,               \
-        __global const int *mask_levels, __global const uchar *mask_alphas
-#define MASK_ARGUMENTS mask_slots, mask_corners, mask_chains, mask_levels, mask_alphas
+        __global const int *mask_levels, __global const uchar *mask_alphas FADE_PARAMETER
+#define MASK_ARGUMENTS mask_slots, mask_corners, mask_chains, mask_levels, mask_alphas FADE_ARGUMENT
 
 // The row of the level table to test a masked triangle with, where `pixels` is its whole area on screen: one texel per
 // pixel, rounded to the sharper level at up to half a level.
@@ -27,12 +35,36 @@ static inline float mask_wrapped(const float coordinate, const int mode)
     return inside;
 }
 
+#if VERTEX_ALPHA
+#define FADED 8 // thresholds of a level
+
+// A level's threshold where vertices have an alpha: the cutoff of the finest level is `cutoff` / alpha there. Beyond 255
+// nothing reaches it.
+static inline float faded_threshold(__global const float *thresholds, const float cutoff, const float alpha)
+{
+    const float wanted = cutoff / (alpha > 1e-6f ? (alpha < 1.0f ? alpha : 1.0f) : 1e-6f);
+    const float share = (wanted - cutoff) / (cutoff < 255.0f ? 255.0f - cutoff : 1.0f);
+    const float step = (share > 0.0f ? (share < 1.0f ? share : 1.0f) : 0.0f) * (FADED - 1);
+    const int first = step < FADED - 2 ? (int)step : FADED - 2;
+    const float low = thresholds[first], high = thresholds[first + 1];
+    return wanted > 255.0f ? wanted : low + (step - first) * (high - low);
+}
+#endif
+
 // Whether a masked triangle is there at weights b1, b2 of its corners 1 and 2: bilinear alpha reaches the threshold of
 // the level, a row given by mask_level.
 static inline int mask_keeps(const int triangle, const float b1, const float b2, const int level, MASK_PARAMETERS)
 {
-    const float8 corner = vload8(mask_slots[triangle], mask_corners);
+    const int slot = mask_slots[triangle];
+    const float8 corner = vload8(slot, mask_corners);
     const int8 row = vload8(level, mask_levels);
+#if VERTEX_ALPHA
+    const float4 fade = vload4(slot, mask_fades);
+    const float alpha = fade.s0 + b1 * fade.s1 + b2 * fade.s2;
+    const float threshold = faded_threshold(mask_thresholds + level * FADED, as_float(row.s6), alpha);
+#else
+    const float threshold = as_float(row.s3);
+#endif
     const int width = row.s1, height = row.s2, mode_s = row.s4, mode_t = row.s5;
     const float x = mask_wrapped(corner.s0 + b1 * corner.s2 + b2 * corner.s4, mode_s) * width - 0.5f;
     const float y = mask_wrapped(corner.s1 + b1 * corner.s3 + b2 * corner.s5, mode_t) * height - 0.5f;
@@ -45,7 +77,7 @@ static inline int mask_keeps(const int triangle, const float b1, const float b2,
     __global const uchar *near = mask_alphas + row.s0 + y0 * width, *far = mask_alphas + row.s0 + y1 * width;
     const float upper = near[x0] + (x - left) * (float)(near[x1] - near[x0]);
     const float lower = far[x0] + (x - left) * (float)(far[x1] - far[x0]);
-    return upper + (y - top) * (lower - upper) >= as_float(row.s3);
+    return upper + (y - top) * (lower - upper) >= threshold;
 }
 
 // Tests a list of points, for checking against the twin.

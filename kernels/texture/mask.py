@@ -18,12 +18,14 @@ if TYPE_CHECKING:
 
     from kernels.device import Device
 
+FADED = 8  # effective cutoffs, from the material's to 255, at which thresholds are known where vertices fade
 OFFSETS = np.array([0.125, 0.375, 0.625, 0.875], np.float32)  # where `between` looks, in texels
 SMALLEST = 8  # texels on the shorter side: smaller levels cannot hold a share of holes
 
 
 class MaskedMaterial(Protocol):
-    """What a mask reads of a material; a masked one is there where base alpha times texture alpha >= cutoff."""
+    """What a mask reads of a material; a masked one is there where the product of the base colour's, the texture's and
+    the vertices' alpha reaches the cutoff."""
 
     base_colour: tuple[float, float, float, float]
     base_texture: int
@@ -39,9 +41,14 @@ class AlphaMask:
     corners: float32 (K, 8): u, v of corner 0, u, v from there to corner 1 and to corner 2, the bits of the chain's
         number, and log2 of the square root of the triangle's area in texels.
     chains: int32 (C, 2): first row of `levels`, and how many follow it.
-    levels: int32 (L, 8): first texel, width, height, bits of the threshold (0..255), wrap_s, wrap_t, 0, 0. Each level's
-        threshold keeps the share of the area that passes at the finest one, so that foliage keeps its density.
+    levels: int32 (L, 8): first texel, width, height, bits of the threshold (0..255), wrap_s, wrap_t, bits of the finest
+        level's threshold, 0. Each level's threshold keeps the share of the area that passes at the finest one, so that
+        foliage keeps its density.
     alphas: uint8, the texels of all levels.
+    fades: float32 (K, 4): the vertices' alpha at corner 0, from there to corner 1 and to corner 2, 0; None where it is
+        1 at all vertices of masked triangles.
+    thresholds: float32 (L, FADED), with `fades` only: of each level, where the vertices' alpha makes the cutoff that of
+        the material (first), 255 (last) and in even steps between.
     """
 
     slots: Array
@@ -49,6 +56,8 @@ class AlphaMask:
     chains: Array
     levels: Array
     alphas: Array
+    fades: Array | None
+    thresholds: Array | None
     host: dict[str, np.ndarray]
 
     @classmethod
@@ -61,8 +70,9 @@ class AlphaMask:
         materials: Sequence[MaskedMaterial],
         textures: Sequence[TextureImage],
         keep: bool = False,
+        vertex_alphas: np.ndarray | None = None,
     ) -> AlphaMask | None:
-        """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T).
+        """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T), vertex_alphas (V), 0..1, None for all 1.
 
         Where no triangle is masked: None, or with `keep` masks of no triangle.
         """
@@ -71,7 +81,8 @@ class AlphaMask:
         if len(ids) == 0 and not keep:
             return None
         used = np.unique(material_ids[ids])
-        chains, levels, alphas, sizes = _chains([materials[i] for i in used], textures)
+        fades = None if vertex_alphas is None else _fades(vertex_alphas[indices[ids]])
+        chains, levels, alphas, sizes, thresholds = _chains([materials[i] for i in used], textures, fades is not None)
         chain = np.searchsorted(used, material_ids[ids])
         slots = np.full(len(indices), -1, np.int32)
         slots[ids] = np.arange(len(ids))
@@ -82,12 +93,16 @@ class AlphaMask:
             "levels": levels,
             "alphas": alphas,
         }
-        return cls(**{name: device.upload(array) for name, array in host.items()}, host=host)
+        if fades is not None:
+            host |= {"fades": fades, "thresholds": thresholds}
+        uploaded = {name: device.upload(array) for name, array in host.items()}
+        return cls(**{"fades": None, "thresholds": None} | uploaded, host=host)
 
     @property
     def arguments(self) -> tuple[Any, ...]:
         """What a kernel takes for MASK_PARAMETERS."""
-        return self.slots, self.corners, self.chains, self.levels, self.alphas
+        always = (self.slots, self.corners, self.chains, self.levels, self.alphas)
+        return always if self.fades is None else (*always, self.fades, self.thresholds)
 
     def of_triangles(self, device: Device, triangles: np.ndarray) -> AlphaMask:
         """The masks of another list of triangles, given by their numbers in this one: int (n)."""
@@ -107,9 +122,25 @@ def _corners(uvs: np.ndarray, chain: np.ndarray, sizes: np.ndarray) -> np.ndarra
     return rows
 
 
-def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage]) -> tuple[np.ndarray, ...]:
-    """Chains, levels and alphas of the materials' masks, and the finest size (width, height) of each, int (C, 2)."""
-    chains, levels, alphas, sizes = [], [], [], []
+def _fades(alphas: np.ndarray) -> np.ndarray | None:
+    """Rows of `fades` for triangles whose corners have these alphas (K, 3); None where all are 1."""
+    if not (alphas < 1).any():
+        return None
+    rows = np.zeros((len(alphas), 4), np.float32)
+    rows[:, 0] = alphas[:, 0]
+    rows[:, 1:3] = alphas[:, 1:].astype(np.float64) - alphas[:, :1]
+    return rows
+
+
+def mask_defines(mask: AlphaMask | None) -> dict[str, int]:
+    """What a kernel that draws with a mask, or with none, is built with."""
+    return {"MASKED": int(mask is not None), "VERTEX_ALPHA": int(mask is not None and mask.fades is not None)}
+
+
+def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage], faded: bool) -> tuple[np.ndarray, ...]:
+    """Chains, levels and alphas of the materials' masks, the finest size (width, height) of each, int (C, 2), and, if
+    vertices fade, thresholds (L, FADED), else (L, 1)."""
+    chains, levels, alphas, sizes, thresholds = [], [], [], [], []
     offset = 0
     for material in materials:
         texture = textures[material.base_texture] if material.base_texture >= 0 else None
@@ -117,14 +148,16 @@ def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage]) -
         modes = (WRAP[texture.wrap_s], WRAP[texture.wrap_t]) if texture else (0, 0)
         # A material whose own alpha is 0 shows nothing at any cutoff above 0: its threshold is out of reach.
         cutoff = 255 * material.alpha_cutoff / max(material.base_colour[3], 1e-6)
-        passing = float(np.mean(between(alpha) >= cutoff))
+        cutoffs = np.linspace(cutoff, max(cutoff, 255), FADED) if faded else [cutoff]
+        points = between(alpha)
+        passing = [float(np.mean(points >= value)) for value in cutoffs]
         chain = [level for i, level in enumerate(mip_chain(alpha)) if i == 0 or min(level.shape) >= SMALLEST]
         chains.append((len(levels), len(chain) - 1))
         sizes.append((alpha.shape[1], alpha.shape[0]))
         for i, level in enumerate(chain):
             quantised = np.round(level).astype(np.uint8)
-            threshold = np.float32(cutoff if i == 0 else _threshold(quantised, passing, cutoff))
-            levels.append((offset, *level.shape[::-1], int(threshold.view(np.int32)), *modes, 0, 0))
+            thresholds.append(cutoffs if i == 0 else _thresholds(quantised, passing, cutoffs))
+            levels.append((offset, *level.shape[::-1], _bits(thresholds[-1][0]), *modes, _bits(cutoff), 0))
             alphas.append(quantised.ravel())
             offset += level.size
     return (
@@ -132,14 +165,22 @@ def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage]) -
         np.array(levels, np.int32).reshape(-1, 8),
         np.concatenate([np.empty(0, np.uint8), *alphas]),
         np.array(sizes, np.int64).reshape(-1, 2),
+        np.array(thresholds, np.float32),
     )
 
 
-def _threshold(level: np.ndarray, passing: float, cutoff: float) -> float:
-    """The threshold that the given share of a level's area reaches."""
-    if passing in (0.0, 1.0):
-        return cutoff if passing == 0 else 0.0
-    return float(np.quantile(between(level), 1 - passing))
+def _bits(value: float) -> int:
+    """Of a number as float32."""
+    return int(np.float32(value).view(np.int32))
+
+
+def _thresholds(level: np.ndarray, passing: Sequence[float], cutoffs: Sequence[float]) -> list[float]:
+    """The thresholds that the given shares of a level's area reach."""
+    points = between(level)
+    return [
+        float(np.quantile(points, 1 - share)) if 0 < share < 1 else 0.0 if share else float(cutoff)
+        for share, cutoff in zip(passing, cutoffs, strict=True)
+    ]
 
 
 def between(level: np.ndarray) -> np.ndarray:
@@ -162,7 +203,8 @@ def margin_twin(
     corners = host["corners"][host["slots"][triangles]]
     chains = host["chains"][corners[:, 6].view(np.int32)]
     level = np.floor(corners[:, 7] - 0.5 * np.log2(np.maximum(pixels, 1e-6)) + 0.5)
-    rows = host["levels"][chains[:, 0] + np.clip(level, 0, chains[:, 1]).astype(int)]
+    level_row = chains[:, 0] + np.clip(level, 0, chains[:, 1]).astype(int)
+    rows = host["levels"][level_row]
     corners = corners.astype(np.float64)
     u = corners[:, 0] + b1 * corners[:, 2] + b2 * corners[:, 4]
     v = corners[:, 1] + b1 * corners[:, 3] + b2 * corners[:, 5]
@@ -174,4 +216,18 @@ def margin_twin(
 
     upper = alpha(x0, y0) * (1 - fx) + alpha(x1, y0) * fx
     lower = alpha(x0, y1) * (1 - fx) + alpha(x1, y1) * fx
-    return upper * (1 - fy) + lower * fy - rows[:, 3].copy().view(np.float32)
+    threshold, cutoff = (rows[:, column].copy().view(np.float32).astype(np.float64) for column in (3, 6))
+    if "fades" in host:
+        first, along1, along2, _ = host["fades"][host["slots"][triangles]].astype(np.float64).T
+        wanted = cutoff / np.clip(first + b1 * along1 + b2 * along2, 1e-6, 1)
+        threshold = _faded(host["thresholds"][level_row].astype(np.float64), cutoff, wanted)
+    return upper * (1 - fy) + lower * fy - threshold
+
+
+def _faded(thresholds: np.ndarray, cutoff: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+    """Thresholds (n) at the cutoffs `wanted` (n), from rows (n, FADED) of levels and their materials' cutoffs (n)."""
+    share = (wanted - cutoff) / np.where(cutoff < 255, 255 - cutoff, 1)
+    step = np.clip(share, 0, 1) * (FADED - 1)
+    first = np.minimum(step.astype(int), FADED - 2)
+    low, high = (np.take_along_axis(thresholds, (first + more)[:, None], axis=1)[:, 0] for more in (0, 1))
+    return np.where(wanted > 255, wanted, low + (step - first) * (high - low))

@@ -7,8 +7,10 @@ from harness.reference import ForwardRenderer
 from harness.upload import upload_scene
 from harness.views import Pose, projection_matrix, view_matrix
 from kernels.raster.resolve import resolve
+from kernels.samples import Samples
 from kernels.shade.shade import shade_twin
 from packers.interface import View
+from scenes.features import find_features
 from scenes.load import load_scene
 from scenes.model import Light, Material, Scene, Sky, Texture
 from tests.conftest import REAL_SCENES
@@ -111,6 +113,90 @@ def test_blended_surfaces_cast_no_shadow(device):
             setattr(scene, name, np.concatenate([getattr(scene, name)] * 2))
         scene.material_ids = np.array([0, 0, 1, 1], np.int32)
         assert (drawn(device, scene, view_from(2.0))[0][16, 16, 0] < 20) == dark
+
+
+@pytest.mark.parametrize(("alphas", "there"), [((0.2,) * 4, False), ((0.8,) * 4, True), ((0.0, 1.0, 1.0, 0.0), None)])
+def test_the_alpha_of_vertices_cuts_a_mask_and_its_shadow(device, alphas, there):
+    """A masked pane before a wall, seen from aside, and the wall behind it: all there, not there, or its right half."""
+    lamp = [Light("directional", (3.0,) * 3, direction=(0.0, 0.0, -1.0))]
+    scene = card([Material(base_colour=(1,) * 4), Material(alpha_mode="mask", double_sided=True)], lights=lamp)
+    scene.positions = np.concatenate([scene.positions, scene.positions + np.float32([0, 0, 5])])
+    scene.indices = np.concatenate([scene.indices, scene.indices + 4])
+    for name in ("normals", "uvs", "colours"):
+        setattr(scene, name, np.concatenate([getattr(scene, name)] * 2))
+    scene.colours[4:, 3] = alphas
+    scene.material_ids = np.array([0, 0, 1, 1], np.int32)
+    left, right = (bool(there), bool(there)) if there is not None else (False, True)
+    wall, _ = drawn(device, scene, view_from(2.0))  # between the two
+    assert [bool(wall[16, column, 0] < 20) for column in (6, 26)] == [left, right]
+    _, seen = drawn(device, scene, view_from(8.0))
+    assert [bool(seen[16, column] >= 2) for column in (12, 20)] == [left, right]
+
+
+def test_the_alpha_of_vertices_counts_for_blending_but_not_for_clear_glass(device):
+    scene = card([Material(alpha_mode="blend"), Material(transmission=1.0)])
+    scene.colours[:, 3] = 0.5
+    scene.material_ids = np.array([0, 1], np.int32)
+    scene.features = find_features(scene)
+    uploaded = upload_scene(device, scene)
+    assert uploaded.layers.opacity.constants.tolist() == [128, 26]
+    samples = Samples.upload(device, np.arange(2), *np.full((2, 2), 0.3), np.full(2, 0.01), np.arange(2))
+    assert uploaded.layers.opacity.of(samples, "t").get()[:2].tolist() == [128, 26]
+
+
+@pytest.mark.parametrize("exposure", [1e-5, 0.7, 30.0])
+def test_unlit_surfaces_show_their_colour_whatever_the_light(device, exposure):
+    """Base colour times vertex colour; sRGB of linear 0.5 is 188, of 0.2 is 124."""
+    look = Material(base_colour=(0.5, 0.5, 1.0, 1.0), unlit=True)
+    for lights, sky in (([], BLACK), ([front_light()], Sky())):
+        scene = card([look], lights=lights, sky=sky)
+        scene.exposure, scene.colours[:, 1] = exposure, 0.4
+        rgb, _ = drawn(device, scene, view_from(2.0))
+        assert (rgb[2:30, 2:30] == [188, 124, 255, 255]).all()
+
+
+def test_emission_has_its_own_uvs(device):
+    """The base texture's left half is black, and the emissive one's upper half is green."""
+    base, glow = np.full((1, 2, 4), 255, np.uint8), np.full((2, 1, 4), 255, np.uint8)
+    base[:, 0, :3], glow[0, 0, [0, 2]], glow[1, 0, :3] = 0, 0, 0
+    look = Material(base_colour=(1, 1, 1, 1), base_texture=0, emissive=(1, 1, 1), emissive_texture=1, emissive_uv=1)
+    textures = [Texture("base", base, True, "clamp", "clamp"), Texture("glow", glow, True, "clamp", "clamp")]
+    scene = card([look], textures, [front_light()])
+    turned = np.stack([scene.uvs[:, 1], scene.uvs[:, 0]], axis=1)
+    scene.further_uvs = turned[None]  # what was up is left
+    rgb, _ = drawn(device, scene, view_from(2.0))
+    assert (rgb[[4, 27], 27, 0] > 100).all()  # base: lit on the right
+    assert (rgb[[4, 27], 4, 1] > 150).all()  # emission: what is up in the image is left by these UVs
+    assert (rgb[[4, 27], 4, 0] < 20).all()
+    scene.further_uvs = scene.uvs[None]
+    rgb, _ = drawn(device, scene, view_from(2.0))
+    assert rgb[4, 4, 1] > 150
+    assert rgb[27, 4, 1] < 20
+
+
+def test_occlusion_dims_the_sky_but_no_light(device):
+    texels = np.zeros((1, 1, 4), np.uint8)
+    pictures = {}
+    for name, lights, sky in (("sky", [], Sky()), ("light", [front_light()], BLACK)):
+        for strength in (0.0, 0.5, 1.0):
+            look = Material(base_colour=(1, 1, 1, 1), occlusion_texture=0, occlusion_strength=strength)
+            scene = card([look], [Texture("o", texels, False)], lights, sky)
+            pictures[name, strength] = int(drawn(device, scene, view_from(2.0))[0][16, 16, 1])
+    assert pictures["sky", 0.0] > pictures["sky", 0.5] > pictures["sky", 1.0] == 0
+    assert pictures["light", 0.0] == pictures["light", 1.0] > 100
+
+
+def test_a_surface_map_is_the_same_as_its_values(device):
+    """Green multiplies roughness, blue metalness."""
+    texels = np.array([[[9, 102, 51, 255]]], np.uint8)
+    by_map = Material(roughness=0.5, metallic=0.8, surface_texture=0, base_colour=(0.9, 0.5, 0.1, 1))
+    plain = Material(roughness=0.5 * 0.4, metallic=0.8 * 0.2, base_colour=(0.9, 0.5, 0.1, 1))
+    textures = [Texture("m", texels, False)]
+    one, other = (
+        drawn(device, card([look], textures, [front_light()], Sky()), view_from(2.0))[0] for look in (by_map, plain)
+    )
+    assert np.abs(one.astype(int) - other).max() <= 1
+    assert np.ptp(one[..., 0]) > 10
 
 
 def test_the_highlight_is_seen_from_the_eye_that_is_given(device):

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
+from kernels.device import VARIANTS, Device
 from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
 from kernels.metrics.iwssim import IwSsim, decorrelation, iwssim_twin
 
@@ -106,10 +107,12 @@ def test_sizes_that_halve_unevenly(device, size):
     assert score == pytest.approx(iwssim_twin(test, reference), abs=1e-4)
 
 
-def test_identical_pictures_give_exactly_1(device):
-    picture = rendering(170, 190)
-    assert compared(device, picture, picture) == 1
-    assert compared(device, flat(161, 161, (9, 99, 200)), flat(161, 161, (9, 99, 200))) == 1
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_identical_pictures_give_exactly_1(variant):
+    device = Device.open(variant=variant)
+    noise = np.random.default_rng(0).integers(0, 256, (165, 180, 3)).astype(np.uint8)
+    for picture in (rendering(170, 190), noise, flat(161, 161, (9, 99, 200)), flat(161, 161, (255,) * 3)):
+        assert compared(device, picture, picture) == 1
 
 
 @pytest.mark.parametrize("colours", [((0, 0, 0), (255, 255, 255)), ((128, 0, 0), (0, 0, 128))])

@@ -308,7 +308,8 @@ def test_clusters_outside_the_frustum_are_left_out(device):
         assert len(clusters) <= len(inside) + 2
 
 
-def test_masked_triangles_have_holes(device):
+@pytest.mark.parametrize("faded", [False, True])
+def test_masked_triangles_have_holes(device, faded):
     from kernels.texture.mask import AlphaMask, margin_twin
     from scenes.model import Material, Texture
 
@@ -321,7 +322,9 @@ def test_masked_triangles_have_holes(device):
     triangles = replace(triangles, flags=device.upload(flags), host_flags=flags)
     materials = [Material(base_texture=0, alpha_mode="mask"), Material()]
     uvs = rng.uniform(0, 2, (6, 2)).astype(np.float32)
-    mask = AlphaMask.upload(device, triangles.host_indices, uvs, np.array([0, 1]), materials, [Texture("", texels)])
+    alphas = np.float32([1.0, 0.2, 0.9, 0, 0, 0]) if faded else None
+    known = (triangles.host_indices, uvs, np.array([0, 1]), materials, [Texture("", texels)])
+    mask = AlphaMask.upload(device, *known, vertex_alphas=alphas)
     seen = Rasteriser(device, triangles, mask).draw(np.eye(4), perspective(), *SIZE).triangle.get()
     whole, _ = draw(device, triangles, np.eye(4), perspective())
     assert (seen[whole == 1] == 1).all()

@@ -21,10 +21,11 @@ def test_the_client_has_every_set_in_full(seed, count):
     rng = np.random.default_rng(seed)
     positions, uvs = rng.normal(size=(3 * count, 3)).astype(np.float32), rng.random((3 * count, 2), np.float32)
     indices = rng.integers(0, 3 * count, (count, 3)).astype(np.int32)
-    flags, materials = rng.integers(0, 8, count).astype(np.uint8), rng.integers(0, 300, count)
+    flags, materials = rng.integers(0, 16, count).astype(np.uint8), rng.integers(0, 300, count)
     opacities = rng.integers(0, 257, 300).astype(np.uint16)
     patch = rng.integers(0, 1 << 20, count).astype(np.int32)
-    encoder = GeometryEncoder(positions, indices, flags, uvs, materials, {"patch": patch}, opacities)
+    alphas = rng.random(3 * count, np.float32)
+    encoder = GeometryEncoder(positions, indices, flags, uvs, materials, {"patch": patch}, opacities, alphas)
     decoder = GeometryDecoder({"patch": np.int32})
     sent = 0
     for share in (0.3, 0.3, 0, 1, 0.7, 1):
@@ -38,13 +39,15 @@ def test_the_client_has_every_set_in_full(seed, count):
         np.testing.assert_array_equal(decoder.current("patch"), patch[pvs])
         masked = (flags[pvs] & Triangles.MASKED) > 0
         np.testing.assert_array_equal(decoder.current("uvs")[masked], uvs[indices[pvs[masked]]].reshape(-1, 6))
+        faded = (flags[pvs] & Triangles.FADED) > 0
+        np.testing.assert_array_equal(decoder.current("alphas")[faded], alphas[indices[pvs[faded]]])
         special, blended = (
             (flags[pvs] & bits) > 0 for bits in (Triangles.MASKED | Triangles.BLENDED, Triangles.BLENDED)
         )
         np.testing.assert_array_equal(decoder.current("materials")[special], materials[pvs[special]])
         expected = np.where(blended, opacities[materials[pvs]], 255)
         np.testing.assert_array_equal(decoder.current_opacities(), expected)
-    assert sent <= count * (36 + 1 + 26 + 4 + 4) + 6 * (4 + 4 * count + 2)
+    assert sent <= count * (36 + 1 + 26 + 12 + 4 + 4) + 6 * (4 + 4 * count + 2)
 
 
 def test_without_blended_triangles_nothing_is_sent_for_them():

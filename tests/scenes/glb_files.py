@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-_COMPONENTS = {"u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
+_COMPONENTS = {"i1": 5120, "i2": 5122, "u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
 
 SQUARE = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
 SQUARE_INDICES = np.uint16([0, 1, 2, 0, 2, 3])
@@ -43,16 +43,16 @@ class Glb:
         named = {name: self.accessor(values) for name, values in arrays.items()}
         return {"attributes": named, "indices": self.accessor(SQUARE_INDICES)}
 
-    def bytes(self) -> bytes:
-        self.json["buffers"] = [{"byteLength": len(self.data)}]
+    def bytes(self, more_buffers: list[dict] | None = None) -> bytes:
+        self.json["buffers"] = [{"byteLength": len(self.data)}, *(more_buffers or [])]
         text = json.dumps(self.json).encode()
         text += b" " * (-len(text) % 4)
         data = self.data + b"\0" * (-len(self.data) % 4)
         chunks = struct.pack("<II", len(text), 0x4E4F534A) + text + struct.pack("<II", len(data), 0x004E4942) + data
         return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
 
-    def write(self, path: Path) -> str:
-        path.write_bytes(self.bytes())
+    def write(self, path: Path, more_buffers: list[dict] | None = None) -> str:
+        path.write_bytes(self.bytes(more_buffers))
         return str(path)
 
 

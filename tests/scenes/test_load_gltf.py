@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from scenes.load import load_scene
-from scenes.model import SceneError
+from scenes.model import Material, SceneError
 from tests.scenes.glb_files import SQUARE, SQUARE_INDICES, Glb, square_scene
 
 
@@ -69,6 +69,39 @@ def test_morph_targets_with_default_weights(tmp_path):
     assert world(load_scene(glb.write(tmp_path / "a.glb")))[..., 2] == pytest.approx(1)
 
 
+def test_a_node_s_weights_override_its_mesh_s(tmp_path):
+    glb = square_scene({"mesh": 0, "weights": [0.25]}, {"mesh": 0, "translation": [5, 0, 0]})
+    target = {"POSITION": glb.accessor(np.float32([[0, 0, 2]] * 4))}
+    glb.json["meshes"][0]["primitives"][0]["targets"] = [target]
+    glb.json["meshes"][0]["weights"] = [1.0]
+    points = world(load_scene(glb.write(tmp_path / "a.glb"))).reshape(-1, 3)
+    assert points[points[:, 0] < 2, 2] == pytest.approx(0.5)
+    assert points[points[:, 0] > 2, 2] == pytest.approx(2)
+
+
+def test_only_the_default_scene_is_drawn(tmp_path):
+    glb = square_scene({"mesh": 0}, {"mesh": 0, "translation": [5, 0, 0]})
+    glb.json |= {"scene": 1, "scenes": [{"nodes": [0]}, {"nodes": [1]}]}
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.triangle_count == 2
+    assert world(scene)[..., 0].min() == pytest.approx(5)
+
+
+@pytest.mark.parametrize(("kind", "largest"), [(np.uint8, 255), (np.uint16, 65535)])
+def test_whole_numbers_as_coordinates_and_colours(tmp_path, png, kind, largest):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    primitive = glb.square()
+    whole = {"TEXCOORD_0": SQUARE[:, :2] * largest, "COLOR_0": np.tile([largest, 0, largest // 5, largest], (4, 1))}
+    for name, values in whole.items():
+        primitive["attributes"][name] = glb.accessor(values.astype(kind), normalized=True)
+    glb.json["meshes"] = [{"primitives": [{**primitive, "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.uvs == pytest.approx(SQUARE[:, :2])
+    assert scene.colours == pytest.approx(np.tile([1, 0, 0.2, 1], (4, 1)))
+
+
 @pytest.mark.parametrize(("mode", "order"), [(5, [0, 1, 3, 2]), (6, [0, 1, 2, 3])])
 def test_strips_and_fans(tmp_path, mode, order):
     glb = square_scene()
@@ -113,10 +146,66 @@ def test_materials_wrap_modes_and_second_uv_set(tmp_path, png):
     assert (texture.wrap_s, texture.wrap_t, texture.srgb) == ("clamp", "mirror", True)
     assert texture.texels.tolist() == [[[255, 0, 0, 255], [0, 0, 255, 128]]]
     assert scene.uvs == pytest.approx(SQUARE[:, :2] * (2, 3) + (0.5, 0))
-    # The emissive texture would need the other set: it is left out, and nothing glows instead of everything.
-    assert material.emissive == (0, 0, 0)
-    assert any("other texture coordinates" in note for note in scene.notes)
+    assert (material.emissive, material.emissive_texture, material.emissive_uv) == ((0, 2, 0), 0, 1)
+    assert scene.further_uvs == pytest.approx(np.full((1, 4, 2), 9))
     assert any("let light through" in note for note in scene.notes)
+
+
+def test_every_texture_has_its_own_set_and_transform(tmp_path, png):
+    """Base, normals and emission differ; occlusion is looked up where the normals are; a set is kept once."""
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    turn = {"extensions": {"KHR_texture_transform": {"rotation": np.pi / 2, "texCoord": 1}}}
+    glb.json["materials"] = [
+        {
+            "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicRoughnessTexture": {"index": 0}},
+            "normalTexture": {"index": 0, "texCoord": 1},
+            "emissiveTexture": {"index": 0, **turn},
+            "emissiveFactor": [1, 1, 1],
+            "occlusionTexture": {"index": 0, "texCoord": 1, "strength": 0.25},
+        }
+    ]
+    first, second = SQUARE[:, :2], np.float32([[0, 1], [1, 1], [1, 0], [0, 0]])
+    primitive = {**glb.square(TEXCOORD_0=first, TEXCOORD_1=second), "material": 0}
+    glb.json["meshes"] = [{"primitives": [primitive]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    material = scene.materials[0]
+    assert [material.uv_of(slot) for slot in ("base", "surface", "normal", "occlusion", "emissive")] == [0, 0, 2, 2, 1]
+    assert (material.occlusion_strength, material.metallic, material.roughness) == (0.25, 1.0, 1.0)
+    assert scene.uvs == pytest.approx(first)
+    assert scene.further_uvs[1] == pytest.approx(second)
+    turned = np.stack([second[:, 1], -second[:, 0]], axis=1)  # (u, v) by the matrix of the extension's text
+    assert scene.further_uvs[0] == pytest.approx(turned, abs=1e-6)
+    assert scene.tangents == pytest.approx(np.tile([1, 0, 0, 1], (4, 1)))  # those of the normal map's own UVs
+    assert len(scene.textures) == 2  # as colours and as numbers
+    features = scene.features
+    assert [features.further_uvs, features.occlusion, features.surface_maps, features.unlit] == [True] * 3 + [False]
+
+
+def test_a_part_without_one_of_two_sets_loses_the_textures_of_that_set_only(tmp_path, png):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    emission = {"emissiveTexture": {"index": 0, "texCoord": 1}, "emissiveFactor": [1, 1, 1]}
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}, **emission}]
+    glb.json["meshes"] = [{"primitives": [{**glb.square(TEXCOORD_0=SQUARE[:, :2]), "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    material = scene.materials[scene.material_ids[0]]
+    assert (material.base_texture, material.emissive_texture, material.emissive) == (0, -1, (0, 0, 0))
+    assert any("without texture coordinates" in note for note in scene.notes)
+
+
+def test_unlit_materials_keep_their_base_colour_only(tmp_path, png):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}], extensionsUsed=["KHR_materials_unlit"])
+    glb.json["images"] = [{"bufferView": glb.view(png)}]
+    pbr = {"baseColorTexture": {"index": 0}, "baseColorFactor": [0.5, 0.6, 0.7, 1], "roughnessFactor": 0.1}
+    extras = {"emissiveFactor": [1, 1, 1], "normalTexture": {"index": 0}, "extensions": {"KHR_materials_unlit": {}}}
+    glb.json["materials"] = [{"pbrMetallicRoughness": pbr, **extras}]
+    glb.json["meshes"] = [{"primitives": [{**glb.square(TEXCOORD_0=SQUARE[:, :2]), "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.materials[0] == Material("", (0.5, 0.6, 0.7, 1.0), base_texture=0, unlit=True)
+    assert scene.features.unlit
+    assert scene.tangents is None
+    assert not any("nlit" in note for note in scene.notes)
 
 
 def test_tangents_follow_the_image(tmp_path, png):
@@ -199,7 +288,11 @@ def test_thousands_of_nodes(tmp_path):
         ({"nodes": [{"children": [2]}, {"children": [2]}, {"mesh": 0}]}, "two parents"),
         ({"nodes": [{"mesh": 7}]}, "damaged"),
         ({"asset": {"version": "1.0"}}, "only glTF 2.0"),
-        ({"extensionsRequired": ["KHR_draco_mesh_compression"]}, "KHR_draco_mesh_compression"),
+        *(
+            ({"extensionsRequired": ["KHR_mesh_quantization", name]}, f"needs {name}, which cannot be read")
+            for name in ("KHR_draco_mesh_compression", "EXT_meshopt_compression", "KHR_texture_basisu", "MY_own")
+        ),
+        ({"extensionsRequired": ["A_one", "B_two"]}, "needs A_one and B_two, which"),
         ({"nodes": []}, "no usable triangles"),
     ],
 )
@@ -207,6 +300,61 @@ def test_unusable_documents_are_named(tmp_path, change, words):
     glb = square_scene()
     glb.json |= change
     with pytest.raises(SceneError, match=words):
+        load_scene(glb.write(tmp_path / "a.glb"))
+
+
+def test_extensions_that_are_only_used_are_noted_by_name(tmp_path):
+    glb = square_scene()
+    glb.json |= {"extensionsUsed": ["KHR_draco_mesh_compression", "KHR_materials_sheen", "KHR_mesh_quantization"]}
+    primitive = glb.json["meshes"][0]["primitives"][0]
+    primitive["extensions"] = {"KHR_draco_mesh_compression": {}}  # with uncompressed data beside it
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.triangle_count == 2
+    ignored = [note for note in scene.notes if "not supported" in note]
+    assert [note.split()[3] for note in ignored] == ["KHR_draco_mesh_compression,", "KHR_materials_sheen,"]
+
+
+@pytest.mark.parametrize("name", ["KHR_draco_mesh_compression", "EXT_meshopt_compression"])
+def test_compressed_meshes_without_a_copy_are_refused_by_name(tmp_path, name):
+    glb = square_scene()
+    if "draco" in name:
+        glb.json["meshes"][0]["primitives"][0]["extensions"] = {name: {}}
+        del glb.json["accessors"][0]["bufferView"]
+    else:
+        glb.json["bufferViews"][0] |= {"buffer": 1, "extensions": {name: {}}}
+    file = glb.write(tmp_path / "a.glb", [{"byteLength": 48, "extensions": {name: {"fallback": True}}}])
+    with pytest.raises(SceneError, match=name):
+        load_scene(file)
+
+
+def test_required_extensions_that_are_read(tmp_path):
+    """Quantised corners; a scale in the node brings them back, as exporters have it."""
+    required = ["KHR_mesh_quantization", "EXT_texture_webp", "KHR_texture_transform", "KHR_materials_unlit"]
+    glb = Glb(nodes=[{"mesh": 0, "scale": [0.01] * 3}], extensionsRequired=required, extensionsUsed=required)
+    attributes = {"POSITION": glb.accessor(np.int16(SQUARE * 100)), "NORMAL": None}
+    attributes["NORMAL"] = glb.accessor(np.int8([[0, 0, 127]] * 4), normalized=True)
+    glb.json["meshes"] = [{"primitives": [{"attributes": attributes, "indices": glb.accessor(SQUARE_INDICES)}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert world(scene).max(axis=(0, 1)) == pytest.approx([1, 1, 0])
+    assert scene.normals == pytest.approx(np.tile([0, 0, 1], (4, 1)))
+    assert not any("not supported" in note for note in scene.notes)
+
+
+def test_lights_of_unknown_types_are_left_out_by_name(tmp_path):
+    glb = square_scene(
+        {"mesh": 0}, *({"extensions": {"KHR_lights_punctual": {"light": number}}} for number in range(2))
+    )
+    spot = {"type": "spot", "range": 5.0, "spot": {"innerConeAngle": 0.1}}
+    glb.json["extensions"] = {"KHR_lights_punctual": {"lights": [{"type": "area"}, spot]}}
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert [light.kind for light in scene.lights] == ["spot"]
+    for words in ("unknown type area", "Ranges of lights", "Inner cones"):
+        assert any(words in note and "1." in note for note in scene.notes), words
+
+
+def test_a_surface_of_no_area_is_refused(tmp_path):
+    glb = square_scene({"mesh": 0, "scale": [1, 0, 0]})
+    with pytest.raises(SceneError, match="no triangle of positive area"):
         load_scene(glb.write(tmp_path / "a.glb"))
 
 

@@ -1,0 +1,119 @@
+"""Images as files have them: every kind of PNG and JPEG gives the texels that it stands for."""
+
+import base64
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from scenes.images import decode_image
+from scenes.load import load_scene
+from tests.scenes.glb_files import SQUARE, Glb
+
+GREY, RGB, PALETTE, GREY_ALPHA, RGBA = 0, 2, 3, 4, 6  # PNG's colour types
+
+# 8x8 texels of (200, 40, 60) in inverted CMYK, as Adobe's programs write them: compressed, in base 85.
+CMYK = (
+    "c-s4a<NrGbKF5^&q*R6!1`zmvo57iZmy?T|i-VV&i<^&+mtR;xR9HwzSY1X=TtQFM&_GX9SI5}O%g)%$&0I&<A>7f;$1f;2$jB}#"
+    "F)ARzD=^6a{{aRO4hA4(aTa9o6=aAMWbhVb_<w{!o`Hdpl@SaWpn#EynT3^&odakkP{CFK1|~*kW+oP9R#p}kplmHro`FS>RY=j$"
+    "kxe)-kzJ`!#HexNLJno8jR!@8E`CrkPAY2R<PsB?kd#tYQ`gYcGBGtXx3IKwc5!uc_we)z4hanlkBE#)PDxEm&&bRwE-5W5uc)kQ"
+    "ZfR|6@96BBG<nL@Y13!SoV952lBLU*uUNTi)8;K(w{73CbJwB6M~)sle&Xb*OP8-)y>|V^&07y2J$~}^+4C1KUw!=a`ODXD-+%o4"
+    "_5T(FAB!`CFGD1QHv@w`!)xu%bzyt0_W!>L00xM4X8"
+)
+
+
+def png_of(kind: int, depth: int, width: int, row: bytes, *chunks: tuple[bytes, bytes]) -> bytes:
+    """A PNG of one row, with more chunks before it."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    header = struct.pack(">IIBBBBB", width, 1, depth, kind, 0, 0, 0)
+    parts = [(b"IHDR", header), *chunks, (b"IDAT", zlib.compress(b"\0" + row)), (b"IEND", b"")]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+
+
+PNGS = {
+    "16 bits": (png_of(RGB, 16, 2, struct.pack(">6H", 65535, 0, 0x8080, 257, 514, 771)), [[255, 0, 128], [1, 2, 3]]),
+    "palette": (png_of(PALETTE, 8, 2, b"\1\0", (b"PLTE", bytes([9, 8, 7, 200, 40, 60]))), [[200, 40, 60], [9, 8, 7]]),
+    "palette with alpha": (
+        png_of(PALETTE, 8, 2, b"\1\0", (b"PLTE", bytes([9, 8, 7, 200, 40, 60])), (b"tRNS", bytes([50, 255]))),
+        [[200, 40, 60, 255], [9, 8, 7, 50]],
+    ),
+    "grey with alpha": (png_of(GREY_ALPHA, 8, 2, bytes([90, 255, 30, 128])), [[90] * 3 + [255], [30] * 3 + [128]]),
+    "1 bit": (png_of(GREY, 1, 3, b"\xa0"), [[255] * 3, [0] * 3, [255] * 3]),
+    "gAMA": (png_of(RGB, 8, 1, bytes([200, 40, 60]), (b"gAMA", struct.pack(">I", 100000))), [[200, 40, 60]]),
+    "alpha not premultiplied": (png_of(RGBA, 8, 1, bytes([200, 40, 60, 10])), [[200, 40, 60, 10]]),
+}
+
+
+@pytest.mark.parametrize("name", PNGS)
+def test_pngs(name):
+    data, expected = PNGS[name]
+    assert decode_image(data)[0].tolist() == [[*texel, 255][:4] for texel in expected]
+
+
+def jpeg_of(folder, texels: np.ndarray, **attributes: object) -> bytes:
+    """A JPEG, written by OpenImageIO with these attributes (`_` stands for `:`)."""
+    import OpenImageIO
+
+    spec = OpenImageIO.ImageSpec(texels.shape[1], texels.shape[0], texels.shape[2], OpenImageIO.UINT8)
+    for name, value in attributes.items():
+        spec.attribute(name.replace("_", ":"), value)
+    output = OpenImageIO.ImageOutput.create(str(folder / "a.jpg"))
+    output.open(str(folder / "a.jpg"), spec)
+    output.write_image(texels)
+    output.close()
+    return (folder / "a.jpg").read_bytes()
+
+
+def test_jpegs(tmp_path):
+    """Progressive, grey, and CMYK; within what compression changes."""
+    colour = np.full((16, 16, 3), (200, 40, 60), np.uint8)
+    progressive = jpeg_of(tmp_path, colour, jpeg_progressive=1)
+    assert b"\xff\xc2" in progressive
+    assert np.abs(decode_image(progressive)[..., :3].astype(int) - colour).max() <= 4
+    assert np.abs(decode_image(jpeg_of(tmp_path, colour[..., :1]))[..., :3].astype(int) - 200).max() <= 4
+    cmyk = decode_image(zlib.decompress(base64.b85decode(CMYK)))
+    assert np.abs(cmyk[..., :3].astype(int) - (200, 40, 60)).max() <= 4
+
+
+def test_the_orientation_of_a_photograph_is_ignored(tmp_path):
+    """As glTF 2.0, 3.8.2 has it: texels are as stored."""
+    texels = np.zeros((8, 16, 3), np.uint8)
+    texels[:, :8] = 255
+    data = jpeg_of(tmp_path, texels, Orientation=6)
+    assert b"Exif" in data
+    found = decode_image(data)
+    assert found.shape == (8, 16, 4)
+    assert found[4, 2, 0] > 200
+    assert found[4, 13, 0] < 50
+
+
+def test_the_bytes_tell_the_format_not_the_mime_type(tmp_path, png):
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"source": 0}])
+    glb.json["images"] = [{"bufferView": glb.view(png), "mimeType": "image/jpeg"}]
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    glb.json["meshes"] = [{"primitives": [{**glb.square(TEXCOORD_0=SQUARE[:, :2]), "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.textures[0].texels.tolist() == [[[255, 0, 0, 255], [0, 0, 255, 128]]]
+
+
+@pytest.mark.parametrize("extension", ["EXT_texture_webp", "MSFT_texture_dds"])
+def test_textures_of_extensions_are_read_without_a_note(tmp_path, extension):
+    """An image of red and half-covered green, with no other to fall back on."""
+    if "dds" in extension:
+        fields = struct.pack("<7I", 124, 0x100F, 1, 2, 8, 0, 0) + bytes(44)
+        fields += struct.pack("<2I4s5I", 32, 0x41, bytes(4), 32, 0xFF, 0xFF00, 0xFF0000, 0xFF000000)
+        data = b"DDS " + fields + struct.pack("<5I", 0x1000, 0, 0, 0, 0) + bytes([255, 0, 0, 255, 0, 255, 0, 128])
+    else:
+        data = base64.b64decode("UklGRiAAAABXRUJQVlA4TBMAAAAvAQAAEA8w//sfD/wPBxWI6H8AAA==")
+    glb = Glb(nodes=[{"mesh": 0}], textures=[{"extensions": {extension: {"source": 0}}}])
+    glb.json |= {"extensionsUsed": [extension], "extensionsRequired": [extension]}
+    glb.json["images"] = [{"bufferView": glb.view(data)}]
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    glb.json["meshes"] = [{"primitives": [{**glb.square(TEXCOORD_0=SQUARE[:, :2]), "material": 0}]}]
+    scene = load_scene(glb.write(tmp_path / "a.glb"))
+    assert scene.textures[0].texels.tolist() == [[[255, 0, 0, 255], [0, 255, 0, 128]]]
+    assert not any("not supported" in note or "left out" in note for note in scene.notes)
