@@ -2,7 +2,7 @@
 
 trimesh reads glTF too, but drops skins, morph targets, instancing (EXT_mesh_gpu_instancing), wrap modes, second UV
 sets, cameras, lights and animations, and loops over nodes in Python; so this format has its own reader here, and
-The others are read in scenes/mesh_files.py.
+scenes/mesh_files.py reads the others.
 
 Conventions: matrices are float64 (4, 4) for column vectors; quaternions are x, y, z, w; times become milliseconds.
 """
