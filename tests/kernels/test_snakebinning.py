@@ -265,7 +265,7 @@ class Strips:
         self.device, self.atlas = device, atlas
         self.ours, self.twin = Superblocks(device, atlas), SuperblocksTwin(atlas)
         self.tops = HeightBins(float(atlas.height - 1)).tops()
-        self.frame = 0
+        self.frame = self.most_parts = 0
 
     def update(self, used: np.ndarray, counts: np.ndarray, widest: np.ndarray, targets: np.ndarray, frozen=False):
         tables = [np.zeros((BINS, 2) if k == 1 else BINS, np.int32) for k in range(3)]
@@ -286,21 +286,29 @@ class Strips:
         assert [(b["x"], b["y"], b["width"]) for b in self.twin.blocks] == [
             tuple(b) for b in blocks[["x", "y", "width"]]
         ]
-        strips = {int(s["bin"]): s for s in self.ours.live_strips()}
+        entries, strip_of = self.ours.strips.get(), self.ours.strip_of.get()
+        strips = {int(number): entries[strip_of[number]] for number in np.flatnonzero(strip_of >= 0)}
         assert set(strips) == set(self.twin.strips)
+        assert self.ours.numbers["left"] == self.twin.left
         names = ("count", "base", "before8", "after8", "height8", "inset", "extent", "lines", "odd", "period", "texels")
         for number, twin in self.twin.strips.items():
             strip = strips[number]
-            assert strip["superblock"] == (-1 if twin["block"] is None else twin["block"])
             assert [strip[name] for name in names] == [twin[name] for name in names]
-            if twin["block"] is not None:
-                assert [strip[n] for n in ("y", "rows", "per_row")] == [twin[n] for n in ("y", "rows", "per_row")]
+            assert (strip["superblock"] < 0) == (twin["parts"] == [])
+            numbers = [strip_of[number]] if twin["parts"] else []
+            while numbers and entries[numbers[-1]]["more"] >= 0:
+                numbers.append(entries[numbers[-1]]["more"])
+            parts = [[entries[n][name] for name in ("superblock", "y", "rows", "per_row")] for n in numbers]
+            assert parts == [[part[name] for name in ("block", "y", "rows", "per_row")] for part in twin["parts"]]
+            assert {int(entries[n]["bin"]) for n in numbers} <= {number}
+            assert not any(entries[n]["count"] for n in numbers[1:])
+            self.most_parts = max(self.most_parts, len(parts))
 
 
 @pytest.mark.parametrize("fit", ["best", "first"])
 @pytest.mark.parametrize("seed", range(3))
 def test_superblocks_match_their_twin_over_frames(device, fit, seed):
-    """Exactly: placing, growing, shrinking, collapsing, freezing, running full."""
+    """Exactly: placing, growing, shrinking, collapsing, freezing, in parts, running full."""
     rng = np.random.default_rng(seed)
     strips = Strips(device, Atlas(*[(2048, 1024), (768, 1024), (512, 512)][seed], 256, fit=fit))
     used, counts = crowd(rng, 150)
@@ -313,6 +321,7 @@ def test_superblocks_match_their_twin_over_frames(device, fit, seed):
         targets[counts < 4] = used[-1]
         results.append(strips.update(used[part], counts[part], widest[part], targets[part], frozen=step in (2, 3)))
     assert any(results) == (seed < 2)
+    assert (strips.most_parts > 1) == (seed > 0)
     assert strips.ours.numbers["outgrown"] + strips.ours.numbers["shrunk"] > 0
 
 
