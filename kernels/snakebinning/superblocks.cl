@@ -16,11 +16,17 @@
 #define FREE 9         // first free entry, linked by `next`, -1 for none
 
 #define GENEROUS 1.2f  // area over what is needed that counts as no waste
+#define SNUG 1.3f      // and that a strip may take where another superblock could be made for it, if the atlas is tight
+
+// Which superblock a strip gets.
+#define FIRST 0  // the first with room
+#define BEST 1   // the widest in which it wastes next to nothing, else the one in which it takes the smallest area
+#define TIGHT 2  // the one in which it takes the smallest area, which is a new one where that is not snug
 
 typedef struct {
     int atlas_width, atlas_height, height;  // height of superblocks
     float capacity, shrink, collapse;       // room / triangles; shares
-    int enlarge, best_fit, frozen, frame, entries;  // entries that there is room for
+    int enlarge, fit, frozen, frame, entries;  // entries that there is room for
     __global Strip *strips;
     __global Superblock *blocks;
     __global int *state, *orphans, *strip_of;
@@ -133,16 +139,15 @@ static inline float area_in(Manager m, const Strip *s, int block) {
     return lines > m.blocks[block].room ? -1.0f : (float)lines * m.blocks[block].width;
 }
 
-// The superblock for a strip, -1 for none: the first with room, or, for best fit, the widest in which it wastes next to
-// nothing, else the one in which it takes the smallest area.
-static inline int find_superblock(Manager m, const Strip *s) {
-    const float little = GENEROUS * wanted_area(m, s);
+// The superblock for a strip in which it takes at most an area, -1 for none.
+static inline int find_superblock(Manager m, const Strip *s, float most) {
+    const float little = m.fit == BEST ? GENEROUS * wanted_area(m, s) : 0.0f;
     int best = -1, widest = 0;
     float least = 0.0f;
     for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
         const float area = area_in(m, s, block);
-        if (area < 0.0f) continue;
-        if (!m.best_fit) return block;
+        if (area < 0.0f || area > most) continue;
+        if (m.fit == FIRST) return block;
         if (area <= little) {
             if (m.blocks[block].width > widest) best = block, widest = m.blocks[block].width;
         } else if (widest == 0 && (best < 0 || area < least)) best = block, least = area;
@@ -150,9 +155,11 @@ static inline int find_superblock(Manager m, const Strip *s) {
     return best;
 }
 
-static inline bool attach_anywhere(Manager m, int strip) {
+// snug: whether only where it wastes little, if the atlas is tight.
+static inline bool attach_anywhere(Manager m, int strip, bool snug) {
     const Strip s = m.strips[strip];
-    for (int block = find_superblock(m, &s); block >= 0; block = find_superblock(m, &s))
+    const float most = snug && m.fit == TIGHT ? SNUG * wanted_area(m, &s) : INFINITY;
+    for (int block = find_superblock(m, &s, most); block >= 0; block = find_superblock(m, &s, most))
         if (attach(m, strip, block)) return true;  // else its `room` is smaller now
     return false;
 }
@@ -347,11 +354,11 @@ static inline void place_orphans(Manager m, __global const int *tops) {
         for (int i = 0; i < state[ORPHANS]; i++) {
             const int strip = m.orphans[i];
             if (width_class(m.strips[strip].extent + 1) != width) continue;
-            if (attach_anywhere(m, strip)) continue;
+            if (attach_anywhere(m, strip, true)) continue;
             const Strip s = m.strips[strip];
             const int block = create_superblock(m, &s, true);
             if (block >= 0) attach(m, strip, block);
-            else state[LEFT] += place_in_parts(m, strip);
+            else if (!attach_anywhere(m, strip, false)) state[LEFT] += place_in_parts(m, strip);
         }
 }
 
@@ -360,10 +367,10 @@ static inline void place_orphans(Manager m, __global const int *tops) {
 __kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops,
                      int atlas_width, int atlas_height, int height, float capacity, float shrink, float share,
-                     int enlarge, int best_fit, int entries, __global Strip *strips, __global Superblock *blocks,
+                     int enlarge, int fit, int entries, __global Strip *strips, __global Superblock *blocks,
                      __global int *state, __global int *orphans, __global int *strip_of) {
     if (get_global_id(0) > 0) return;
-    const Manager m = {atlas_width, atlas_height, height,  capacity, shrink, share, enlarge, best_fit,
+    const Manager m = {atlas_width, atlas_height, height,  capacity, shrink, share, enlarge, fit,
                        frozen,      frame,        entries, strips,   blocks, state, orphans, strip_of};
     state[ORPHANS] = state[LEFT] = 0;
     collect(m, used_count, used, map, counts, widest);
@@ -376,7 +383,7 @@ __kernel void manage(int frame, int frozen, int used_count, __global const int *
         } else if (strips[i].superblock >= 0) update(m, i);
         else {
             reshape(m, i, tops);
-            if (!attach_anywhere(m, i)) push_orphan(m, i);
+            if (!attach_anywhere(m, i, true)) push_orphan(m, i);
         }
     }
     if (!frozen) collapse(m);

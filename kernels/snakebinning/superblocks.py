@@ -24,6 +24,7 @@ STRIP = np.dtype([(name, np.int32) for name in (
 SUPERBLOCK = np.dtype([(name, np.int32) for name in ("x", "y", "width", "first", "used", "peak", "room", "strips")])
 STATE = ("strips", "superblocks", "cursor_x", "cursor_y", "left", "outgrown", "shrunk", "collapsed", "orphans", "free")
 PARTS = 1024  # further parts of strips that a frame may make
+FITS = {"first": 0, "best": 1, "tight": 2}
 
 
 @dataclass(frozen=True)
@@ -32,7 +33,8 @@ class Atlas:
 
     height: of superblocks. capacity: room over triangles of a strip that is placed. shrink: a strip with less than this
     share of its room in use gives up the rest. collapse: a superblock with less than this share of its highest use
-    becomes empty. enlarge: "exact" or "paper".
+    becomes empty. enlarge: "exact" or "paper". fit: which superblock a strip gets, "first", "best" or "tight" (see
+    superblocks.cl).
     """
 
     width: int
@@ -49,7 +51,7 @@ class Superblocks:
     """Strips, superblocks and the strip of each bin, int32 (BINS), on the device."""
 
     def __init__(self, device: Device, atlas: Atlas) -> None:
-        self.device, self.atlas = device, atlas
+        self.device = device
         self.kernels = device.build("snakebinning/superblocks.cl")
         self.strip_of = device.empty(BINS, np.int32)
         self.strips = device.zeros(0, STRIP)
@@ -57,11 +59,12 @@ class Superblocks:
         self.blocks = device.zeros(max(1, atlas.width) * -(-atlas.lines // atlas.height), SUPERBLOCK)
         self.state = device.zeros(len(STATE), np.int32)
         self.numbers = dict.fromkeys(STATE, 0)
-        self.reset(atlas.capacity)
+        self.reset(atlas)
 
-    def reset(self, capacity: float) -> None:
-        """Remove all strips and superblocks, and give others room for so much more; counters of events stay."""
-        self.capacity = capacity
+    def reset(self, atlas: Atlas) -> None:
+        """Remove all strips and superblocks, and place others by the rules of `atlas`, of the same size; counters of
+        events stay."""
+        self.atlas = atlas
         self.device.fill(self.strip_of, -1, STAGE)
         kept = {name: self.numbers[name] for name in ("outgrown", "shrunk", "collapsed")}
         self.numbers = {name: kept.get(name, -1 if name == "free" else 0) for name in STATE}
@@ -78,8 +81,8 @@ class Superblocks:
         self._grow(self.numbers["strips"] + bins.used_count + PARTS)
         a = self.atlas
         counted = (bins.used_count, bins.used, targets, bins.counts, bins.widest, tops)
-        rules = (a.width, a.lines, a.height, self.capacity, a.shrink, a.collapse, ENLARGE[a.enlarge])
-        rules += (int(a.fit == "best"), len(self.strips))
+        rules = (a.width, a.lines, a.height, a.capacity, a.shrink, a.collapse, ENLARGE[a.enlarge])
+        rules += (FITS[a.fit], len(self.strips))
         arrays = (self.strips, self.blocks, self.state, self.orphans, self.strip_of)
         self.device.launch(STAGE, self.kernels.manage, 1, frame, int(frozen), *counted, *rules, *arrays, local=1)
         self.numbers = dict(zip(STATE, map(int, self.state.get()), strict=True))
@@ -144,7 +147,7 @@ class SuperblocksTwin:
         for number in orphans:
             self._shape(number, tops)
         for number in sorted(orphans, key=lambda n: -_width_class(self.strips[n]["extent"] + 1)):
-            if not self._attach_anywhere(number) and not self._create(number):
+            if not (self._attach_anywhere(number) or self._create(number) or self._attach_anywhere(number, False)):
                 self.left += self._place_in_parts(number)
         return not self.left
 
@@ -225,21 +228,21 @@ class SuperblocksTwin:
         starts = [*(part["y"] for part in block["parts"]), self.atlas.height]
         return [(end, start - end, place) for place, (end, start) in enumerate(zip(ends, starts, strict=True))]
 
-    def _attach_anywhere(self, number: int) -> bool:
+    def _attach_anywhere(self, number: int, snug: bool = True) -> bool:
         strip = self.strips[number]
+        most = 1.3 * self._wanted(strip) if snug and self.atlas.fit == "tight" else np.inf
         choices = []
         for index, block in enumerate(self.blocks):
             per_row = slots_in(strip, block["width"])
             lines = self._rows(strip, per_row) * strip["lines"] if per_row else 0
-            if per_row and any(height >= lines for _, height, _ in self._gaps(block)):
+            has_room = per_row and any(height >= lines for _, height, _ in self._gaps(block))
+            if has_room and lines * block["width"] <= most:
                 choices.append((index, lines * block["width"]))
         if not choices:
             return False
-        if self.atlas.fit == "best":
-            good = [c for c in choices if c[1] <= 1.2 * self._wanted(strip)]
-            best = max(good, key=lambda c: self.blocks[c[0]]["width"]) if good else min(choices, key=lambda c: c[1])
-        else:
-            best = choices[0]
+        good = [c for c in choices if self.atlas.fit == "best" and c[1] <= 1.2 * self._wanted(strip)]
+        best = max(good, key=lambda c: self.blocks[c[0]]["width"]) if good else min(choices, key=lambda c: c[1])
+        best = choices[0] if self.atlas.fit == "first" else best
         self._attach(number, best[0])
         return True
 

@@ -41,7 +41,8 @@ if TYPE_CHECKING:
     from kernels.samples import Samples
 
 STEPS = 66  # ways to fill the atlas, from full rate on: see SnakeBinning.rate and its neighbours
-POINT_TEXELS = 1.0  # longest edge of a triangle below which it takes one texel, from the second step on
+TIGHT_SPARE = 0.0
+POINT_TEXELS = 2.0  # longest edge of a triangle below which it takes one texel, from the second step on
 OUTSIDE_RATE = 1 / 8  # of pieces that no view from the cell shows
 ROUNDING = 0.2  # texels that float32 barycentrics may round by: pieces that would have smaller texels get larger ones
 UNPLACED = "the atlas is full with every triangle at one texel, and larger ones come first"
@@ -113,11 +114,16 @@ class SnakeBinning(Packer):
         """Set up for an atlas."""
         width, height = frame.atlas_width, frame.atlas_height
         self.superblock = check_atlas(width, height, self.superblock_height)
-        rules = (1 + self.capacity, self.shrink, self.collapse, self.enlarge, self.assignment)
-        atlas = Atlas(width, height, self.superblock, *rules)
-        self.blocks = Superblocks(frame.scene.device, atlas)
+        self.blocks = Superblocks(frame.scene.device, self._atlas(frame))
         self.heights = HeightBins(float(self.superblock - 1), self.logarithmic)
         self.tops = frame.scene.device.upload(self.heights.tops())
+
+    def _atlas(self, frame: Frame) -> Atlas:
+        """The atlas at the present step: from the second on nothing is wasted for coherence."""
+        tight = self.step > 0
+        rules = (self.shrink, self.collapse, self.enlarge, "tight" if tight else self.assignment)
+        capacity = 1 + (TIGHT_SPARE if tight else self.capacity)
+        return Atlas(frame.atlas_width, frame.atlas_height, self.superblock, capacity, *rules)
 
     @property
     def leaves_unwritten(self) -> bool:
@@ -128,11 +134,6 @@ class SnakeBinning(Packer):
     def rate(self) -> float:
         """Texels per pixel: all of them at the first two steps, and 2^(1/8) times fewer at each one further."""
         return self.shading_rate * 2 ** (-max(self.step - 1, 0) / 8)
-
-    @property
-    def spare(self) -> float:
-        """Room of strips beyond what they need: less where the rate is lower, and none at the last step."""
-        return self.capacity * self.rate / self.shading_rate if self.step < STEPS - 1 else 0.0
 
     def _append(self, frame: Frame) -> bool:
         """Add what is new to strips in which nothing moves; False if the set has changed too much for that."""
@@ -201,13 +202,13 @@ class SnakeBinning(Packer):
         """Fill an empty atlas at one step; whether everything has a place."""
         self.step, self.mapped_at = step, self.frame
         self.left_out[:] = False
-        self._empty()
+        self._empty(frame)
         self._measure_set(frame, keep=False)
         return self._settle(frame)
 
-    def _empty(self) -> None:
+    def _empty(self, frame: Frame) -> None:
         self.mapper.reset()
-        self.blocks.reset(1 + self.spare)
+        self.blocks.reset(self._atlas(frame))
 
     def _choose(self, frame: Frame) -> None:
         """Fill an atlas that is too small with as many triangles as it holds, the largest on the screen first."""
@@ -217,7 +218,7 @@ class SnakeBinning(Packer):
             most -= self.blocks.numbers["left"]
             self.left_out[ids[order[most:]]] = True
             self._list_items(frame)
-            self._empty()
+            self._empty(frame)
             self._settle(frame)
 
     def _settle(self, frame: Frame) -> bool:

@@ -305,7 +305,7 @@ class Strips:
             self.most_parts = max(self.most_parts, len(parts))
 
 
-@pytest.mark.parametrize("fit", ["best", "first"])
+@pytest.mark.parametrize("fit", ["best", "first", "tight"])
 @pytest.mark.parametrize("seed", range(3))
 def test_superblocks_match_their_twin_over_frames(device, fit, seed):
     """Exactly: placing, growing, shrinking, collapsing, freezing, in parts, running full."""
@@ -321,7 +321,7 @@ def test_superblocks_match_their_twin_over_frames(device, fit, seed):
         targets[counts < 4] = used[-1]
         results.append(strips.update(used[part], counts[part], widest[part], targets[part], frozen=step in (2, 3)))
     assert any(results) == (seed < 2)
-    assert (strips.most_parts > 1) == (seed > 0)
+    assert strips.most_parts > 1
     assert strips.ours.numbers["outgrown"] + strips.ours.numbers["shrunk"] > 0
 
 
