@@ -219,14 +219,18 @@ static inline int new_entry(Manager m) {
     return strip;
 }
 
-// Places a strip that has room nowhere as a whole in parts: into what the atlas has left, then into gaps, the roomiest
-// first. Returns the number of triangles that have no slot then.
+// Gives a strip that has room nowhere as a whole parts, or a placed one further parts: in what the atlas has left, then
+// in gaps, the roomiest first. Returns the number of triangles that have no slot then.
 static inline int place_in_parts(Manager m, int strip) {
     const int count = m.strips[strip].count, wanted = max(count, (int)(m.capacity * count));
     Strip s = m.strips[strip];
+    int last = s.superblock < 0 ? -1 : strip;
+    while (last >= 0 && m.strips[last].more >= 0) last = m.strips[last].more;
     m.capacity = 1.0f;
-    s.count = wanted;
-    for (int last = -1; s.count > 0;) {
+    s.count = wanted - room_of(m, strip);
+    s.more = -1;
+    s.moved_at = m.frame;
+    while (s.count > 0) {
         const int block = create_superblock(m, &s, false);
         const Gap gap = block >= 0 ? (Gap){block, -1, 0, m.height} : roomiest_gap(m, &s);
         const int part = gap.block < 0 ? -1 : last < 0 ? strip : new_entry(m);
@@ -234,12 +238,11 @@ static inline int place_in_parts(Manager m, int strip) {
         const int per_row = slots_in(&s, m.blocks[gap.block].width);
         const int rows = min((s.count + per_row - 1) / per_row, gap.lines / s.lines);
         insert(m, part, s, gap, rows);
-        m.strips[part].count = 0;
+        m.strips[part].count = part == strip ? count : 0;
         if (last >= 0) m.strips[last].more = part;
         s.count -= rows * per_row;
         last = part;
     }
-    m.strips[strip].count = count;
     return max(0, count - (wanted - s.count));
 }
 
@@ -286,12 +289,15 @@ static inline bool outgrown(const Strip *s, int room, int frozen) {
            (s->native && !frozen && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
 }
 
-// Shrinks a placed strip, or takes it out and makes it an orphan, as also one in parts that needs less room.
+// Shrinks a placed strip, or takes it out and makes it an orphan, as also one in parts that needs less room. In a tight
+// atlas, where it would find no other place, a frozen one gets a further part.
 static inline void update(Manager m, int strip) {
     const Strip s = m.strips[strip];
     const int room = room_of(m, strip);
     const bool sparse = !m.frozen && s.count < m.shrink * room;
-    if (outgrown(&s, room, m.frozen) || (sparse && s.more >= 0)) {
+    if (m.frozen && m.fit == TIGHT) {
+        if (s.count > room) m.state[LEFT] += place_in_parts(m, strip);
+    } else if (outgrown(&s, room, m.frozen) || (sparse && s.more >= 0)) {
         take_out(m, strip);
         m.strips[strip].base = 0;
         m.strips[strip].moved_at = m.frame;

@@ -137,6 +137,8 @@ class SuperblocksTwin:
                 self._take_out(number)
                 del self.strips[number]
                 self._release(entry)
+            elif strip["parts"] and frozen and self.atlas.fit == "tight":
+                self.left += self._place_in_parts(number)
             elif strip["parts"]:
                 orphans += [number] if self._must_move(number, frozen) else []
             else:
@@ -293,10 +295,11 @@ class SuperblocksTwin:
         return row_width(strip, per_row)
 
     def _place_in_parts(self, number: int) -> int:
-        """Place a strip in parts; how many of its triangles have no slot then."""
+        """Give a strip parts, or a placed one that is too small further parts; how many triangles have no slot then."""
         strip, atlas = self.strips[number], self.atlas
-        wanted, rest = self._room(strip), dict(strip)
-        self.atlas, rest["count"] = replace(atlas, capacity=1.0), wanted
+        room = sum(part["rows"] * part["per_row"] for part in strip["parts"])
+        wanted, rest = self._room(strip) if strip["count"] > room else room, dict(strip)
+        self.atlas, rest["count"] = replace(atlas, capacity=1.0), wanted - room
         while rest["count"] > 0 and (found := self._next_gap(rest)) is not None:
             index, gap = found
             per_row = slots_in(strip, self.blocks[index]["width"])

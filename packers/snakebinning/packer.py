@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from kernels.samples import Samples
 
 STEPS = 66  # ways to fill the atlas, from full rate on: see SnakeBinning.rate and its neighbours
-TIGHT_SPARE = 0.0
+TIGHT_SPARE = 0.1  # largest `capacity` from the second step on; at the last there is none
 POINT_TEXELS = 2.0  # longest edge of a triangle below which it takes one texel, from the second step on
 OUTSIDE_RATE = 1 / 8  # of pieces that no view from the cell shows
 ROUNDING = 0.2  # texels that float32 barycentrics may round by: pieces that would have smaller texels get larger ones
@@ -122,7 +122,7 @@ class SnakeBinning(Packer):
         """The atlas at the present step: from the second on nothing is wasted for coherence."""
         tight = self.step > 0
         rules = (self.shrink, self.collapse, self.enlarge, "tight" if tight else self.assignment)
-        capacity = 1 + (TIGHT_SPARE if tight else self.capacity)
+        capacity = 1 + (min(TIGHT_SPARE, self.capacity) if tight else self.capacity) * (self.step < STEPS - 1)
         return Atlas(frame.atlas_width, frame.atlas_height, self.superblock, capacity, *rules)
 
     @property
@@ -186,9 +186,11 @@ class SnakeBinning(Packer):
         """Empty the atlas, and fill it at the first step at which everything has a place; without one, with what fits.
 
         Looked for from the present step on, in growing strides, because the sets of neighbouring frames need about the
-        same.
+        same; on to higher rates only where a reset was due, not where the room ran out.
         """
-        low, high, step, stride = -1, STEPS, self.step, 1  # everything has a place at high, not at low
+        is_due = self.left_out.any() or self._remap_is_due()
+        low, high = -1 if is_due else self.step - 1, STEPS  # everything has a place at high, not at low
+        step, stride = self.step, 1
         while low + 1 < high:
             low, high = (low, step) if self._fits(frame, step) else (step, high)
             further = high - stride if step == high else low + stride

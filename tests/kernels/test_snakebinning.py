@@ -320,7 +320,7 @@ def test_superblocks_match_their_twin_over_frames(device, fit, seed):
         targets = used.copy()
         targets[counts < 4] = used[-1]
         results.append(strips.update(used[part], counts[part], widest[part], targets[part], frozen=step in (2, 3)))
-    assert any(results) == (seed < 2)
+    assert any(results) == (seed < 2 or fit == "tight")
     assert strips.most_parts > 1
     assert strips.ours.numbers["outgrown"] + strips.ours.numbers["shrunk"] > 0
 
