@@ -23,7 +23,7 @@ typedef struct {
 } Strip;
 
 typedef struct {
-    int x, y, width;
+    int x, y, width, height;
     int first;   // strip with the smallest y, -1 for none
     int used;    // lines of texels in strips
     int peak;    // most of them since it was empty

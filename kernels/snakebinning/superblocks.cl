@@ -24,9 +24,10 @@
 #define TIGHT 2  // the one in which it takes the smallest area, which is a new one where that is not snug
 
 typedef struct {
-    int atlas_width, atlas_height, height;  // height of superblocks
+    int atlas_width, atlas_height, height;  // height of superblocks, the highest in a tight atlas
     float capacity, shrink, collapse;       // room / triangles; shares
-    int enlarge, fit, frozen, frame, entries;  // entries that there is room for
+    int enlarge, fit, frozen, frame;
+    int entries, most_blocks;  // strips and superblocks that there is room for
     __global Strip *strips;
     __global Superblock *blocks;
     __global int *state, *orphans, *strip_of;
@@ -48,7 +49,7 @@ static inline void detach(Manager m, int strip) {
     }
     b->used -= s->rows * s->lines;
     b->strips--;
-    b->room = m.height;
+    b->room = b->height;
     if (b->strips == 0) b->peak = 0;
     s->superblock = -1;
 }
@@ -119,8 +120,8 @@ static inline bool attach(Manager m, int strip, int block) {
         above = below;
         below = m.strips[below].next;
     }
-    if (below < 0 && m.height - end < needed) {
-        m.blocks[block].room = max(largest, m.height - end);
+    if (below < 0 && b.height - end < needed) {
+        m.blocks[block].room = max(largest, b.height - end);
         return false;
     }
     insert(m, strip, s, (Gap){block, above, end, needed}, s.rows);
@@ -164,31 +165,47 @@ static inline bool attach_anywhere(Manager m, int strip, bool snug) {
     return false;
 }
 
+// Pairs of slots in a row of the superblock in which the strip would be a square.
+static inline int square(Manager m, const Strip *s) {
+    return max(1, (int)(sqrt(wanted_area(m, s)) / s->period + 0.5f));
+}
+
 // Width of a superblock in which the strip would be a square, to whole blocks of two slots; wider if the strip would
 // be too high, narrower if the atlas ends. 0 if it cannot be, or not for the whole strip.
-static inline int superblock_width(Manager m, const Strip *s, int left, bool whole) {
-    int blocks = max(1, (int)(sqrt(wanted_area(m, s)) / s->period + 0.5f));
-    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > m.height)
+static inline int superblock_width(Manager m, const Strip *s, int left, int height, bool whole) {
+    int blocks = square(m, s);
+    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > height)
         blocks += 1 + blocks / 8;
     const int per_row = min(s->count == 1 ? 1 : 2 * blocks, slots_in(s, left));
-    if (per_row == 0 || (whole && rows_for(s, per_row, m.capacity) * s->lines > m.height)) return 0;
+    if (per_row == 0 || height < s->lines || (whole && rows_for(s, per_row, m.capacity) * s->lines > height)) return 0;
     return row_width(s, per_row);
+}
+
+// Height of a band of superblocks that a strip opens, 0 if the lines left are too few. In a tight atlas it is that of
+// the strip as a square: strips come in the order of their lines then, so that those after it are no higher.
+static inline int band_height(Manager m, const Strip *s, int left) {
+    if (m.fit != TIGHT) return m.height <= left ? m.height : 0;
+    const int lines = rows_for(s, 2 * square(m, s), m.capacity) * s->lines;
+    return min(left, min(m.height, lines));
 }
 
 // A new superblock for a strip, or for a part of it, next to the last one; -1 if the atlas has no room.
 static inline int create_superblock(Manager m, const Strip *s, bool whole) {
     __global int *state = m.state;
-    int x = state[CURSOR_X], y = state[CURSOR_Y], width = superblock_width(m, s, m.atlas_width - x, whole);
-    if (width == 0 && x > 0 && y + 2 * m.height <= m.atlas_height) {
-        x = 0, y += m.height;
-        width = superblock_width(m, s, m.atlas_width, whole);
-    }
-    if (width == 0) return -1;
+    if (state[SUPERBLOCKS] == m.most_blocks) return -1;
     Superblock b;
-    b.x = x, b.y = y, b.width = width;
-    b.first = -1, b.used = b.peak = b.strips = 0, b.room = m.height;
+    b.x = state[CURSOR_X], b.y = state[CURSOR_Y];
+    b.height = b.x > 0 ? m.blocks[state[SUPERBLOCKS] - 1].height : band_height(m, s, m.atlas_height - b.y);
+    b.width = superblock_width(m, s, m.atlas_width - b.x, b.height, whole);
+    if (b.width == 0 && b.x > 0) {
+        b.x = 0, b.y += b.height;
+        b.height = band_height(m, s, m.atlas_height - b.y);
+        b.width = superblock_width(m, s, m.atlas_width, b.height, whole);
+    }
+    if (b.width == 0) return -1;
+    b.first = -1, b.used = b.peak = b.strips = 0, b.room = b.height;
     m.blocks[state[SUPERBLOCKS]] = b;
-    state[CURSOR_X] = x + width, state[CURSOR_Y] = y;
+    state[CURSOR_X] = b.x + b.width, state[CURSOR_Y] = b.y;
     return state[SUPERBLOCKS]++;
 }
 
@@ -201,7 +218,7 @@ static inline Gap roomiest_gap(Manager m, const Strip *s) {
         if (per_row == 0 || m.blocks[block].room < s->lines) continue;
         int end = 0, above = -1;
         for (int below = m.blocks[block].first;; below = m.strips[below].next) {
-            const int lines = (below < 0 ? m.height : m.strips[below].y) - end;
+            const int lines = (below < 0 ? m.blocks[block].height : m.strips[below].y) - end;
             const int slots = min(s->count, lines / s->lines * per_row);
             if (slots > most) most = slots, found = (Gap){block, above, end, lines};
             if (below < 0) break;
@@ -232,7 +249,7 @@ static inline int place_in_parts(Manager m, int strip) {
     s.moved_at = m.frame;
     while (s.count > 0) {
         const int block = create_superblock(m, &s, false);
-        const Gap gap = block >= 0 ? (Gap){block, -1, 0, m.height} : roomiest_gap(m, &s);
+        const Gap gap = block >= 0 ? (Gap){block, -1, 0, m.blocks[block].height} : roomiest_gap(m, &s);
         const int part = gap.block < 0 ? -1 : last < 0 ? strip : new_entry(m);
         if (part < 0) break;
         const int per_row = slots_in(&s, m.blocks[gap.block].width);
@@ -307,7 +324,7 @@ static inline void update(Manager m, int strip) {
         const int rows = rows_for(&s, s.per_row, m.capacity);
         if (rows >= s.rows) return;
         m.blocks[s.superblock].used -= (s.rows - rows) * s.lines;
-        m.blocks[s.superblock].room = m.height;
+        m.blocks[s.superblock].room = m.blocks[s.superblock].height;
         m.strips[strip].rows = rows;
         m.state[SHRUNK]++;
     }
@@ -346,22 +363,27 @@ static inline int width_class(int width) {
     return 8 * whole + ((width << 3 >> whole) & 7);
 }
 
-// Orphans by the width of their slots, the widest first (in eighths of powers of two; equal ones in the order of the
-// list): into a superblock that has room, else into a new one, else in parts. So superblocks hold strips of about their
-// width.
+// By what orphans are placed, the highest first: the width of their slots in eighths of powers of two, or in a tight
+// atlas their lines.
+static inline int place_class(Manager m, const Strip *s) {
+    return m.fit == TIGHT ? s->lines : width_class(s->extent + 1);
+}
+
+// Orphans by their class, equal ones in the order of the list: into a superblock that has room, else into a new one, else in
+// parts. So superblocks hold strips of about their width, or bands those of about their lines.
 static inline void place_orphans(Manager m, __global const int *tops) {
     __global int *state = m.state;
-    int widest = 0;
+    int highest = 0;
     for (int i = 0; i < state[ORPHANS]; i++) {
         reshape(m, m.orphans[i], tops);
-        widest = max(widest, width_class(m.strips[m.orphans[i]].extent + 1));
+        const Strip s = m.strips[m.orphans[i]];
+        highest = max(highest, place_class(m, &s));
     }
-    for (int width = widest; width >= 0; width--)
+    for (int class = highest; class >= 0; class--)
         for (int i = 0; i < state[ORPHANS]; i++) {
             const int strip = m.orphans[i];
-            if (width_class(m.strips[strip].extent + 1) != width) continue;
-            if (attach_anywhere(m, strip, true)) continue;
             const Strip s = m.strips[strip];
+            if (place_class(m, &s) != class || attach_anywhere(m, strip, true)) continue;
             const int block = create_superblock(m, &s, true);
             if (block >= 0) attach(m, strip, block);
             else if (!attach_anywhere(m, strip, false)) state[LEFT] += place_in_parts(m, strip);
@@ -373,11 +395,11 @@ static inline void place_orphans(Manager m, __global const int *tops) {
 __kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops,
                      int atlas_width, int atlas_height, int height, float capacity, float shrink, float share,
-                     int enlarge, int fit, int entries, __global Strip *strips, __global Superblock *blocks,
-                     __global int *state, __global int *orphans, __global int *strip_of) {
+                     int enlarge, int fit, int entries, int most_blocks, __global Strip *strips,
+                     __global Superblock *blocks, __global int *state, __global int *orphans, __global int *strip_of) {
     if (get_global_id(0) > 0) return;
-    const Manager m = {atlas_width, atlas_height, height,  capacity, shrink, share, enlarge, fit,
-                       frozen,      frame,        entries, strips,   blocks, state, orphans, strip_of};
+    const Manager m = {atlas_width, atlas_height, height,      capacity, shrink, share, enlarge, fit,    frozen,
+                       frame,       entries,      most_blocks, strips,   blocks, state, orphans, strip_of};
     state[ORPHANS] = state[LEFT] = 0;
     collect(m, used_count, used, map, counts, widest);
     for (int i = 0; i < state[STRIPS]; i++) {

@@ -21,8 +21,11 @@ STRIP = np.dtype([(name, np.int32) for name in (
     "bin", "count", "superblock", "y", "rows", "per_row", "next", "before8", "after8", "height8", "inset", "extent",
     "lines", "odd", "period", "texels", "need_before8", "need_after8", "native", "base", "moved_at", "more",
 )])  # fmt: skip
-SUPERBLOCK = np.dtype([(name, np.int32) for name in ("x", "y", "width", "first", "used", "peak", "room", "strips")])
+SUPERBLOCK = np.dtype(
+    [(name, np.int32) for name in ("x", "y", "width", "height", "first", "used", "peak", "room", "strips")]
+)
 STATE = ("strips", "superblocks", "cursor_x", "cursor_y", "left", "outgrown", "shrunk", "collapsed", "orphans", "free")
+MOST_BLOCKS = 1 << 14  # superblocks, at least
 PARTS = 1024  # further parts of strips that a frame may make
 FITS = {"first": 0, "best": 1, "tight": 2}
 
@@ -31,7 +34,7 @@ FITS = {"first": 0, "best": 1, "tight": 2}
 class Atlas:
     """The atlas and how strips are given room.
 
-    height: of superblocks. capacity: room over triangles of a strip that is placed. shrink: a strip with less than this
+    height: of superblocks, the highest in a tight atlas. capacity: room over triangles of a strip that is placed. shrink: a strip with less than this
     share of its room in use gives up the rest. collapse: a superblock with less than this share of its highest use
     becomes empty. enlarge: "exact" or "paper". fit: which superblock a strip gets, "first", "best" or "tight" (see
     superblocks.cl).
@@ -56,7 +59,7 @@ class Superblocks:
         self.strip_of = device.empty(BINS, np.int32)
         self.strips = device.zeros(0, STRIP)
         self.orphans = device.zeros(0, np.int32)
-        self.blocks = device.zeros(max(1, atlas.width) * -(-atlas.lines // atlas.height), SUPERBLOCK)
+        self.blocks = device.zeros(max(MOST_BLOCKS, atlas.width * -(-atlas.lines // atlas.height)), SUPERBLOCK)
         self.state = device.zeros(len(STATE), np.int32)
         self.numbers = dict.fromkeys(STATE, 0)
         self.reset(atlas)
@@ -82,7 +85,7 @@ class Superblocks:
         a = self.atlas
         counted = (bins.used_count, bins.used, targets, bins.counts, bins.widest, tops)
         rules = (a.width, a.lines, a.height, a.capacity, a.shrink, a.collapse, ENLARGE[a.enlarge])
-        rules += (FITS[a.fit], len(self.strips))
+        rules += (FITS[a.fit], len(self.strips), len(self.blocks))
         arrays = (self.strips, self.blocks, self.state, self.orphans, self.strip_of)
         self.device.launch(STAGE, self.kernels.manage, 1, frame, int(frozen), *counted, *rules, *arrays, local=1)
         self.numbers = dict(zip(STATE, map(int, self.state.get()), strict=True))
@@ -115,6 +118,7 @@ class SuperblocksTwin:
     blocks: list[dict] = field(default_factory=list)
     entries: list[int | None] = field(default_factory=list)  # bins in the order of the kernel's entries, None for parts
     free: list[int] = field(default_factory=list)
+    cursor: tuple[int, int] = (0, 0)  # where the next superblock goes
 
     def update_twin(
         self,
@@ -148,7 +152,7 @@ class SuperblocksTwin:
             orphans += self._collapse()
         for number in orphans:
             self._shape(number, tops)
-        for number in sorted(orphans, key=lambda n: -_width_class(self.strips[n]["extent"] + 1)):
+        for number in sorted(orphans, key=lambda n: -self._class(self.strips[n])):
             if not (self._attach_anywhere(number) or self._create(number) or self._attach_anywhere(number, False)):
                 self.left += self._place_in_parts(number)
         return not self.left
@@ -227,7 +231,7 @@ class SuperblocksTwin:
     def _gaps(self, block: dict) -> list[tuple[int, int, int]]:
         """First lines of the gaps of a superblock, their heights, and their places among the parts."""
         ends = [0, *(part["y"] + part["rows"] * part["lines"] for part in block["parts"])]
-        starts = [*(part["y"] for part in block["parts"]), self.atlas.height]
+        starts = [*(part["y"] for part in block["parts"]), block["height"]]
         return [(end, start - end, place) for place, (end, start) in enumerate(zip(ends, starts, strict=True))]
 
     def _attach_anywhere(self, number: int, snug: bool = True) -> bool:
@@ -273,26 +277,37 @@ class SuperblocksTwin:
 
     def _open(self, strip: dict, whole: bool) -> int | None:
         """A new superblock for a strip or a part of it."""
-        a, last = self.atlas, self.blocks[-1] if self.blocks else None
-        x, y = (last["x"] + last["width"], last["y"]) if last else (0, 0)
-        width = self._width(strip, a.width - x, whole)
-        if not width and x > 0 and y + 2 * a.height <= a.lines:
-            x, y, width = 0, y + a.height, self._width(strip, a.width, whole)
+        atlas, (x, y) = self.atlas, self.cursor
+        height = self.blocks[-1]["height"] if x > 0 else self._band_height(strip, atlas.lines - y)
+        width = self._width(strip, atlas.width - x, height, whole)
+        if not width and x > 0:
+            x, y = 0, y + height
+            height = self._band_height(strip, atlas.lines - y)
+            width = self._width(strip, atlas.width, height, whole)
         if not width:
             return None
-        self.blocks.append({"x": x, "y": y, "width": width, "parts": [], "peak": 0})
+        self.blocks.append({"x": x, "y": y, "width": width, "height": height, "parts": [], "peak": 0})
+        self.cursor = (x + width, y)
         return len(self.blocks) - 1
 
-    def _width(self, strip: dict, left: int, whole: bool) -> int:
-        blocks = max(1, int(np.sqrt(self._wanted(strip)) / strip["period"] + 0.5))
-        while (
-            row_width(strip, 2 * blocks) < left and self._rows(strip, 2 * blocks) * strip["lines"] > self.atlas.height
-        ):
+    def _square(self, strip: dict) -> int:
+        return max(1, int(np.sqrt(self._wanted(strip)) / strip["period"] + 0.5))
+
+    def _band_height(self, strip: dict, left: int) -> int:
+        if self.atlas.fit != "tight":
+            return self.atlas.height if self.atlas.height <= left else 0
+        return min(left, self.atlas.height, self._rows(strip, 2 * self._square(strip)) * strip["lines"])
+
+    def _width(self, strip: dict, left: int, height: int, whole: bool) -> int:
+        blocks = self._square(strip)
+        while row_width(strip, 2 * blocks) < left and self._rows(strip, 2 * blocks) * strip["lines"] > height:
             blocks += 1 + blocks // 8
         per_row = min(1 if strip["count"] == 1 else 2 * blocks, slots_in(strip, left))
-        if not per_row or (whole and self._rows(strip, per_row) * strip["lines"] > self.atlas.height):
-            return 0
-        return row_width(strip, per_row)
+        too_high = whole and self._rows(strip, max(per_row, 1)) * strip["lines"] > height
+        return 0 if not per_row or height < strip["lines"] or too_high else row_width(strip, per_row)
+
+    def _class(self, strip: dict) -> int:
+        return strip["lines"] if self.atlas.fit == "tight" else _width_class(strip["extent"] + 1)
 
     def _place_in_parts(self, number: int) -> int:
         """Give a strip parts, or a placed one that is too small further parts; how many triangles have no slot then."""
@@ -313,7 +328,7 @@ class SuperblocksTwin:
         """A superblock, and a gap in it, for a part of what is left of a strip: a new one, else the roomiest gap."""
         index = self._open(rest, False)
         if index is not None:
-            return index, (0, self.atlas.height, 0)
+            return index, (0, self.blocks[index]["height"], 0)
         gaps = [
             (min(rest["count"], gap[1] // rest["lines"] * slots_in(rest, block["width"])), index, gap)
             for index, block in enumerate(self.blocks)
@@ -333,7 +348,8 @@ class SuperblocksTwin:
                     self._take_out(number)
                     orphans.append(number)
         while self.blocks and not self.blocks[-1]["parts"]:
-            self.blocks.pop()
+            gone = self.blocks.pop()
+            self.cursor = (gone["x"], gone["y"])
         return orphans
 
 

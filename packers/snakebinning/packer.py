@@ -367,9 +367,7 @@ class SnakeBinning(Packer):
         owner = np.full(payload.planes["atlas"].shape[:2], -1, np.int32)
         found = payload.owners()
         owner.reshape(-1)[found.texel] = found.triangle
-        return {
-            "packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), self.superblock, owner)
-        }
+        return {"packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), owner)}
 
     def client(self, scene: ClientScene) -> SnakeBinningClient:
         """A client without any triangle yet."""
@@ -382,7 +380,7 @@ class SnakeBinning(Packer):
         rows = placed["rows"].astype(np.int64)
         slots = int((rows * placed["per_row"] * placed["texels"]).sum())
         in_rows = int((rows * placed["lines"] * blocks["width"][placed["superblock"]]).sum())
-        in_superblocks = int(blocks["width"].sum()) * self.superblock
+        in_superblocks = int((blocks["width"].astype(np.int64) * blocks["height"]).sum())
         atlas = self.blocks.atlas
         sinks = int(np.count_nonzero(strips["count"] > self.sink))
         return self.noted | {
