@@ -26,7 +26,7 @@ from kernels.snakebinning.footprint import (
     rounded_twin,
 )
 from kernels.snakebinning.mapping import Mapping, map_bins_twin
-from kernels.snakebinning.place import Places, find_new, list_records, place_triangles, place_twin
+from kernels.snakebinning.place import Places, find_new, list_records, parts_twin, place_triangles, place_twin
 from kernels.snakebinning.slices import Slices
 from kernels.snakebinning.split import piece_maps, split_samples, split_samples_twin
 from kernels.snakebinning.superblocks import Atlas, Superblocks, SuperblocksTwin
@@ -262,10 +262,13 @@ def placing(device: Device, kind: str, size: int) -> Trial:
         records, _ = run()
         bins, lengths = scene.footprints.bins.get()[:size], scene.footprints.lengths.get()[:size, :3].astype(int)
         numbers = packed.blocks.strip_of.get()[packed.mapping.targets.get()[bins]]
-        strip, live = packed.blocks.strips.get()[numbers], packed.blocks.live_superblocks()
+        strips, live = packed.blocks.strips.get(), packed.blocks.live_superblocks()
         rank = np.array([np.count_nonzero(numbers[:i] == number) for i, number in enumerate(numbers)])
+        parts, rank = parts_twin(strips, numbers, rank)
+        strip = strips[parts]
         corner = np.stack([live["x"], live["y"]], axis=1)[strip["superblock"]]
         places, drawn = place_twin(rank, strip, corner, lengths)
+        places = np.where(parts < 0, 0, places)
         placed = places > 0
         return [Result(records[:, 0], places), Result(packed.places.drawn.get()[:size, :3][placed], drawn[placed])]
 

@@ -369,8 +369,8 @@ static inline int place_class(Manager m, const Strip *s) {
     return m.fit == TIGHT ? s->lines : width_class(s->extent + 1);
 }
 
-// Orphans by their class, equal ones in the order of the list: into a superblock that has room, else into a new one, else in
-// parts. So superblocks hold strips of about their width, or bands those of about their lines.
+// Orphans by their class, equal ones in the order of the list: into a superblock that has room, else into a new one,
+// else in parts. So superblocks hold strips of about their width, or bands those of about their lines.
 static inline void place_orphans(Manager m, __global const int *tops) {
     __global int *state = m.state;
     int highest = 0;

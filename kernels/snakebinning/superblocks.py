@@ -34,10 +34,10 @@ FITS = {"first": 0, "best": 1, "tight": 2}
 class Atlas:
     """The atlas and how strips are given room.
 
-    height: of superblocks, the highest in a tight atlas. capacity: room over triangles of a strip that is placed. shrink: a strip with less than this
-    share of its room in use gives up the rest. collapse: a superblock with less than this share of its highest use
-    becomes empty. enlarge: "exact" or "paper". fit: which superblock a strip gets, "first", "best" or "tight" (see
-    superblocks.cl).
+    height: of superblocks, the highest in a tight atlas. capacity: room over triangles of a strip that is placed.
+    shrink: a strip with less than this share of its room in use gives up the rest. collapse: a superblock with less
+    than this share of its highest use becomes empty. enlarge: "exact" or "paper". fit: which superblock a strip gets,
+    "first", "best" or "tight" (see superblocks.cl).
     """
 
     width: int
