@@ -284,7 +284,7 @@ def test_nothing_is_lost_in_a_full_atlas_and_the_largest_come_first(alike, width
 def test_triangles_below_two_texels_get_one_before_the_rate_falls(alike):
     everything = np.arange(alike.triangles.count, dtype=np.int32)
     texels, found = alike.triangles.count, []
-    for side in (2048, 600, 300):
+    for side in (2048, 800, 300):
         stream, frame = Stream(alike), frame_of(alike, side, side, 0, everything)
         payload = stream.send(frame)
         assert stream.violations(frame, payload) == []
