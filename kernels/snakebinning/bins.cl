@@ -5,6 +5,7 @@
 #define COLUMN 1504  // bins of a column: heights padded to whole words
 #define WORDS 47     // of 32 bins, per column
 #define BINS (ANGLES * ANGLES * COLUMN)
+#define POINTS HEIGHTS  // bin of the triangles that are drawn as one texel: the padding after the first column
 
 // thresholds: cotangents of the lower edges of bins 1 to 29 of alpha, then, from BETA_EDGES on, of beta.
 #define BETA_EDGES 32

@@ -12,6 +12,7 @@ ANGLES = 30  # bins of alpha, 15 to 90 degrees, and of beta, 0 to 60 degrees
 HEIGHTS = 1500
 COLUMN = 1504  # heights padded to whole words of 32 bins
 BINS = ANGLES * ANGLES * COLUMN
+POINTS = HEIGHTS  # bin of the triangles that are drawn as one texel: the padding after the first column
 SHORTEST = 1.0  # texels: a strip has at least two rows of texels, so lower triangles are drawn this high
 UNIT = 8  # lengths are stored in 1/8 texel
 LARGEST_ATLAS = 8192  # texels per side: the largest position is (8192 - 1) * 8, which 16 bits hold
@@ -33,6 +34,7 @@ class HeightBins:
     """Heights from SHORTEST to `highest` texels in HEIGHTS bins, with edges spaced logarithmically or linearly.
 
     A bin holds heights up to its upper edge; the first holds those of SHORTEST, which is what lower ones are drawn as.
+    That of POINTS is 0.
     """
 
     highest: float
@@ -48,6 +50,7 @@ class HeightBins:
         """int32 (COLUMN): upper edge of each bin in 1/8 texel, rounded up, at most `highest`."""
         steps = np.arange(COLUMN) / self.scale
         edges = SHORTEST * power(2.0, steps) if self.logarithmic else SHORTEST + steps
+        edges[POINTS] = 0
         return np.ceil(np.minimum(edges, self.highest) * UNIT - 1e-9).astype(np.int32)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -26,7 +26,7 @@ from kernels.snakebinning.footprint import (
     rounded_twin,
 )
 from kernels.snakebinning.mapping import Mapping, map_bins_twin
-from kernels.snakebinning.place import Places, find_new, list_records, place_triangles, place_twin
+from kernels.snakebinning.place import Places, find_new, list_records, parts_twin, place_triangles, place_twin
 from kernels.snakebinning.slices import Slices
 from kernels.snakebinning.split import piece_maps, split_samples, split_samples_twin
 from kernels.snakebinning.superblocks import Atlas, Superblocks, SuperblocksTwin
@@ -37,13 +37,14 @@ if TYPE_CHECKING:
 
     from kernels.device import Device
 
-FIT = Fit(HeightBins(511.0), 1022.0)
+FITS = {"typical": Fit(HeightBins(511.0), 1022.0)}
+FITS["adversarial"] = replace(FITS["typical"], point=2.0)
 WIDTH = 2048
 
 
 @dataclass
 class Scene:
-    """Triangles before two views, measured."""
+    """Triangles before two views, measured. Adversarial: of all sizes, those below 2 texels as points."""
 
     device: Device
     corners: np.ndarray
@@ -52,6 +53,7 @@ class Scene:
     pieces: tuple
     views: np.ndarray
     footprints: Footprints
+    fit: Fit
 
     @classmethod
     def make(cls, device: Device, kind: str, count: int) -> Scene:
@@ -65,14 +67,14 @@ class Scene:
         eyes = [look_at((x, 0.02, 0), (x, 0, -5)) for x in (0.0, 0.1)]
         views = pack_views([(view, perspective(60, 16 / 9), 960) for view in eyes], 0.7)
         ids, pieces = device.upload(np.arange(count, dtype=np.int32)), (count, Slices().upload(device))
-        scene = cls(device, corners, triangles, ids, pieces, views, Footprints.allocate(device, count))
+        scene = cls(device, corners, triangles, ids, pieces, views, Footprints.allocate(device, count), FITS[kind])
         scene.measure()
         return scene
 
     def measure(self) -> None:
         known = (self.ids, len(self.corners), self.triangles.positions, self.triangles.indices, self.pieces)
         fresh = Footprints.allocate(self.device, len(self.corners))
-        measure_triangles(self.device, *known, self.views, FIT, fresh)
+        measure_triangles(self.device, *known, self.views, self.fit, fresh)
         self.footprints = fresh
 
 
@@ -93,7 +95,7 @@ class Packed:
         counts.count(scene.ids, count, scene.footprints.bins, scene.footprints.lengths)
         mapping.update(counts.used, counts.used_count, counts.counts)
         blocks, places = Superblocks(device, Atlas(WIDTH, WIDTH, 512)), Places.allocate(device, count)
-        blocks.update(1, counts, mapping.targets, device.upload(FIT.heights.tops()), False)
+        blocks.update(1, counts, mapping.targets, device.upload(scene.fit.heights.tops()), False)
         packed = cls(scene, counts, mapping, blocks, places)
         packed.place()
         return packed
@@ -123,7 +125,7 @@ def footprints(device: Device, kind: str, size: int) -> Trial:
 
     def results() -> list[Result]:
         scene.measure()
-        found, expected = scene.footprints, measure_triangles_twin(scene.corners, scene.views, FIT)
+        found, expected = scene.footprints, measure_triangles_twin(scene.corners, scene.views, scene.fit)
         same = found.words.get()[:size] >> 24 == expected.roles
         lengths = found.lengths.get()[:size, :3].astype(int)
         return [Result(lengths[same], rounded_twin(expected.shape)[same])]
@@ -200,7 +202,7 @@ def hierarchical_mapping(device: Device, kind: str, size: int) -> Trial:
 
 @case({"superblocks.manage": Cost("u", "(16 + 168)*u")}, 1500, 300)
 def superblocks(device: Device, kind: str, size: int) -> Trial:
-    """A frame with everything new. Adversarial: an atlas too small for it."""
+    """A frame with everything new. Adversarial: an atlas too small for it, so that strips lie in parts."""
     rng, used_and_counts = seeded(kind), crowd(seeded(kind), size)
     used, counts = used_and_counts
     widest, side = rng.integers(8, 400, (len(used), 2)), 512 if kind == "adversarial" else 8192
@@ -218,10 +220,23 @@ def superblocks(device: Device, kind: str, size: int) -> Trial:
         return ours
 
     def results() -> list[Result]:
-        strips, twin = {int(s["bin"]): s for s in run().live_strips()}, SuperblocksTwin(atlas)
+        live, twin = run().live_strips(), SuperblocksTwin(atlas)
         twin.update_twin(used, used, counts, widest, tops, False)
+        strips = {int(strip["bin"]): strip for strip in live[live["count"] > 0]}
         found = np.array([[strips[number][name] for name in names] for number in twin.strips])
-        return [Result(found, np.array([[strip[name] for name in names] for strip in twin.strips.values()]))]
+        expected = np.array([[strip[name] for name in names] for strip in twin.strips.values()])
+        placed = live[live["superblock"] >= 0]
+        parts = [np.array([placed[name] for name in ("bin", "superblock", "y", "rows", "per_row")]).T]
+        parts.append(
+            np.array(
+                [
+                    [number, *(part[name] for name in ("block", "y", "rows", "per_row"))]
+                    for number, strip in twin.strips.items()
+                    for part in strip["parts"]
+                ]
+            )
+        )
+        return [Result(found, expected), Result(*(part[np.lexsort(part.T)] for part in parts))]
 
     return Trial({"u": len(used)}, run, results)
 
@@ -247,10 +262,13 @@ def placing(device: Device, kind: str, size: int) -> Trial:
         records, _ = run()
         bins, lengths = scene.footprints.bins.get()[:size], scene.footprints.lengths.get()[:size, :3].astype(int)
         numbers = packed.blocks.strip_of.get()[packed.mapping.targets.get()[bins]]
-        strip, live = packed.blocks.strips.get()[numbers], packed.blocks.live_superblocks()
+        strips, live = packed.blocks.strips.get(), packed.blocks.live_superblocks()
         rank = np.array([np.count_nonzero(numbers[:i] == number) for i, number in enumerate(numbers)])
+        parts, rank = parts_twin(strips, numbers, rank)
+        strip = strips[parts]
         corner = np.stack([live["x"], live["y"]], axis=1)[strip["superblock"]]
         places, drawn = place_twin(rank, strip, corner, lengths)
+        places = np.where(parts < 0, 0, places)
         placed = places > 0
         return [Result(records[:, 0], places), Result(packed.places.drawn.get()[:size, :3][placed], drawn[placed])]
 

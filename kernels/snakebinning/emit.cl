@@ -6,6 +6,8 @@
 
 #define OUTSIDE 1.9f       // texels that a sample's barycentrics may lie further outside than one height
 #define POSITIVE 0.35f     // share of the least inverse distance that the interpolated one stays above
+#define MIDDLE (1.0f / 3.0f)  // texels from the tip's foot to the middle of POINT_SHAPE, both ways
+#define POINT_SHAPE (ushort4)(0, 8, 8, 0)  // whose middle, and steps from texel to texel, are those of a point
 
 static inline int2 columns_of(const Strip *s, ushort4 own, int line, int full, int enlarge) {
     const int2 slot = needed_columns(s->before8, s->before8, s->after8, s->height8, s->inset, line, enlarge);
@@ -151,7 +153,9 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
         if (!place) continue;
         const Strip s = strips[slots[triangle].x];
         const ushort4 own = drawn[triangle];
-        const Plane p = plane_of(own, words[triangle], positions, indices, triangle, first_piece, pieces);
+        const int point = own.z == 0;
+        const Plane p = plane_of(point ? POINT_SHAPE : own, words[triangle], positions, indices, triangle, first_piece,
+                                 pieces);
         const int turned = place >> 29 & 1, sign = turned ? -1 : 1;
         const int tip8 = 8 * s.inset + s.before8, row = place >> 16 & 0x1FFF;
         const int origin = ((int)(place & 0xFFFF) - sign * tip8) / 8;  // column of the slot's column 0
@@ -162,7 +166,8 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
             const int first = (row + sign * line) * atlas_width + origin;
             for (int k = 0; k < samples; k += 8) {
                 const int column = columns.x + k, to = at + k;
-                const Samples8 v = sample8(&p, (float)column - 0.125f * tip8 + step, (float)line);
+                const float x = point ? MIDDLE : (float)column - 0.125f * tip8, y = point ? MIDDLE : (float)line;
+                const Samples8 v = sample8(&p, x + step, y);
                 const int8 texels = first + sign * (column + lane);
                 if (to + 8 <= last) {  // lanes beyond the line are written again by the next lines of this run
                     *(__global loose_int8 *)(triangle_out + to) = (int8)(p.triangle);

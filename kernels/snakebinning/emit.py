@@ -44,7 +44,8 @@ def emit_samples(
 
     full: all texels of a slot, but for pieces, whose surroundings are other pieces; else, and for those, what the
     triangle needs (see needed_columns in strip.cl). Shading continues beyond the edges, up to one height and two texels
-    outside. A sample's footprint is the longer of the two ways on the surface from texel to texel.
+    outside. A sample's footprint is the longer of the two ways on the surface from texel to texel. A point has one
+    sample, in its middle, with steps as if it were one texel high and long.
     """
     kernels = device.build("snakebinning/emit.cl")
     run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
@@ -100,7 +101,10 @@ def emit_twin(
         column += range(first, last + 1)
         line += [y] * max(0, last + 1 - first)
     column, line = np.array(column, np.int64), np.array(line, np.int64)
-    bary, footprint = _surface(column - foot / 8, line, np.array([before, after, height]) / 8, word, corners)
+    x, y, shape = column - foot / 8, line, np.array([before, after, height]) / 8
+    if height == 0:
+        x, y, shape = np.array([1 / 3]), np.array([1 / 3]), np.array([0, 1, 1])
+    bary, footprint = _surface(x, y, shape, word, corners)
     return {
         "triangle": np.full(len(column), triangle),
         "bary1": bary[:, 1],

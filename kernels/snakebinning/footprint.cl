@@ -17,6 +17,9 @@
 #define SLENDER 2
 #define CLIPPED 4
 #define KEPT 8
+#define POINT 16
+
+#define STAYS 1.125f  // texels' worth of longest edge that a point may grow to before it has a shape again
 
 typedef struct {
     float8 x, y, z;
@@ -180,12 +183,14 @@ static inline float area_of(ushort4 length) {
 }
 
 // lengths: before, after, height in 1/8 texel, by triangle; words: weights and, from bit 24 on, roles; bins: by
-// triangle, -1 at first; areas in texels, by place in the list. A triangle keeps all three while its bin, measured with its old roles, is near its old one.
+// triangle, -1 at first; areas in texels, by place in the list. A triangle keeps all three while its bin, measured with
+// its old roles, is near its old one. Triangles, but no pieces, whose longest edge is shorter than `point` are points.
 __kernel void measure_triangles(int count, __global const int *triangles, __global const float *positions,
                                 __global const int *indices, int first_piece, __global const float *pieces,
                                 int views, __global const float *view,
                                 __constant const float *edges, float scale, int logarithmic, float highest,
-                                float longest, int perspective, int near_height, int near_angle, __global int *bins,
+                                float longest, float point, int perspective, int near_height, int near_angle,
+                                __global int *bins,
                                 __global ushort4 *lengths, __global uint *words, __global uchar *notes,
                                 __global float *areas) {
     const int first = 8 * get_global_id(0);
@@ -223,7 +228,8 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
         }
         int flags = ((float *)&best.back)[lane] > 0.0f ? MOVED_BACK : 0;
         const int before = bins[triangle];
-        if (near_height >= 0 && before >= 0) {
+        const int was_point = near_height >= 0 && before == POINTS;
+        if (near_height >= 0 && before >= 0 && !was_point) {
             const int a = words[triangle] >> 24 & 3, turned = words[triangle] >> 26 & 1;
             const int after_a = a == 2 ? 0 : a + 1, last = 3 - a - after_a;
             const Shape raw = shape_on(x, y, a, turned ? last : after_a, turned ? after_a : last);
@@ -233,7 +239,7 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
             const int3 then = (int3)(before / COLUMN / ANGLES, before / COLUMN % ANGLES, before % COLUMN);
             const int3 d = now - then;
             if (raw.before >= OBTUSE * s.height && raw.after >= OBTUSE * s.height && abs(d.x) <= near_angle &&
-                abs(d.y) <= near_angle && abs(d.z) <= near_height) {
+                abs(d.y) <= near_angle && abs(d.z) <= near_height && raw.before + raw.after >= point) {
                 notes[first + lane] = flags | unused | KEPT;
                 areas[first + lane] = area_of(lengths[triangle]);
                 continue;
@@ -241,7 +247,16 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
         }
         const int roles = roles_of(x, y), a = roles & 3, after_a = a == 2 ? 0 : a + 1, last = 3 - a - after_a;
         const int b = roles & 4 ? last : after_a, c = roles & 4 ? after_a : last;
-        const Shape s = fitted(shape_on(x, y, a, b, c), highest, longest, &flags);
+        const Shape raw = shape_on(x, y, a, b, c);
+        if (triangle < first_piece && raw.before + raw.after < (was_point ? STAYS * point : point)) {
+            bins[triangle] = POINTS;
+            lengths[triangle] = (ushort4)(0);
+            words[triangle] = 0xFFFFFFu | (uint)roles << 24;
+            notes[first + lane] = flags | POINT | (was_point ? KEPT : 0);
+            areas[first + lane] = 0.5f * ((float *)&largest)[lane];
+            continue;
+        }
+        const Shape s = fitted(raw, highest, longest, &flags);
         const int3 index = indices_of(s, edges, scale, logarithmic);
         const ushort low = (ushort)(UNIT * s.before + 0.5f), high = (ushort)(UNIT * s.after + 0.5f);
         bins[triangle] = bin_of(index.x, index.y, index.z);

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 
 from arithmetic.matrices import turned
-from kernels.snakebinning.bins import ANGLES, HEIGHTS, UNIT, HeightBins, bin_of, edge_table, indices_of
+from kernels.snakebinning.bins import ANGLES, HEIGHTS, POINTS, UNIT, HeightBins, bin_of, edge_table, indices_of
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 STAGE = "structs/footprint"
 Pieces: TypeAlias = "tuple[int, Array]"
 VIEW_FLOATS = 16
-MOVED_BACK, SLENDER, CLIPPED, KEPT = 1, 2, 4, 8  # notes on a triangle
+MOVED_BACK, SLENDER, CLIPPED, KEPT, POINT = 1, 2, 4, 8, 16  # notes on a triangle
 FLATTEST = 3.7320508  # cot 15 degrees, the largest cotangent of alpha that is drawn
 OBTUSE = -0.22  # cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
 STEEPEST = 0.3  # of the perspective's change per texel
@@ -31,7 +31,8 @@ class Fit:
     """What shapes have to fit into.
 
     heights: bins of the height. longest: length of the longest edge, in texels. perspective: whether samples are
-    placed perspective-correct. near_height, near_angle: hysteresis in bins; -1 for none.
+    placed perspective-correct. near_height, near_angle: hysteresis in bins; -1 for none. point: texels of the longest
+    edge below which a triangle is drawn as one texel; 0 for none.
     """
 
     heights: HeightBins
@@ -39,6 +40,7 @@ class Fit:
     perspective: bool = True
     near_height: int = 30
     near_angle: int = 5
+    point: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -46,8 +48,9 @@ class Footprints:
     """Per triangle of the scene, on the device, kept from frame to frame.
 
     bins: int32 (T), -1 for one never measured. lengths: uint16 (T, 4): before and after the height's foot, and height,
-    in 1/8 texel. words: uint32 (T): inverse distances of vertices 0 to 2 as parts of 255 in bits 0, 8 and 16; roles in
-    bits 24 and 25 (the vertex with the angle alpha) and 26 (set if beta is at the vertex before it, not after).
+    in 1/8 texel, zeros for a point. words: uint32 (T): inverse distances of vertices 0 to 2 as parts of 255 in bits 0,
+    8 and 16; roles in bits 24 and 25 (the vertex with the angle alpha) and 26 (set if beta is at the vertex before it,
+    not after).
     """
 
     bins: Array
@@ -94,11 +97,12 @@ def measure_triangles(
     Of all views the one counts in which the triangle is largest, seen by a camera turned to its middle, and moved back
     until it is all on the screen. A triangle whose bin is within fit.near_height and fit.near_angle of its old one,
     measured with its old roles, keeps everything. Notes are MOVED_BACK, SLENDER (alpha below 15 degrees, drawn as 15),
-    CLIPPED (larger than the atlas) and KEPT.
+    CLIPPED (larger than the atlas), KEPT, and POINT (no piece is one). A point's area is that of the triangle itself,
+    and it stays one while its longest edge is shorter than 1.125 of fit.point.
     """
     notes, areas = device.recycled(count, np.uint8), device.recycled(count, np.float32)
     heights = fit.heights
-    constants = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest))
+    constants = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest), float(fit.point))
     constants += (int(fit.perspective), fit.near_height, fit.near_angle)
     seen = (triangles, positions, indices, *pieces, len(views), device.upload(views), device.upload(edge_table()))
     kernel = device.build("snakebinning/footprint.cl").measure_triangles
@@ -130,8 +134,11 @@ def measure_triangles_twin(corners: np.ndarray, views: np.ndarray, fit: Fit) -> 
 
     turned = squared(c, i) > squared(c, j)
     a, b = np.where(turned, j, i), np.where(turned, i, j)
-    shape, notes = fitted_twin(_shape(x, y, a, b, c), fit)
+    raw = _shape(x, y, a, b, c)
+    point = raw[:, 0] + raw[:, 1] < fit.point
+    shape, notes = fitted_twin(raw, fit)
     weights = _weights(w, a, b, c, shape) if fit.perspective else np.full((len(c), 3), 255)
+    shape[point], weights[point], notes[point] = 0, 255, POINT
     notes |= np.where(back > 0, MOVED_BACK, 0)
     return Measured(shape, a + 4 * turned, weights, bins_twin(shape, fit), notes)
 
@@ -196,13 +203,15 @@ def fitted_twin(shape: np.ndarray, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bins_twin(shape: np.ndarray, fit: Fit) -> np.ndarray:
-    """Bins of fitted shapes (n, 3)."""
+    """Bins of fitted shapes (n, 3), of which points are zeros."""
     edges = edge_table().astype(np.float64)
     before, after, height = shape.T
     alpha = (before[:, None] < edges[: ANGLES - 1] * height[:, None]).sum(axis=1)
     beta = (after[:, None] < edges[32 : 32 + ANGLES - 1] * height[:, None]).sum(axis=1)
-    steps = fit.heights.scale * (np.log2(height) if fit.heights.logarithmic else height - 1)
-    return bin_of(alpha, beta, np.clip(np.ceil(steps).astype(np.int64), 0, HEIGHTS - 1))
+    safe = np.maximum(height, 1)
+    steps = fit.heights.scale * (np.log2(safe) if fit.heights.logarithmic else safe - 1)
+    bins = bin_of(alpha, beta, np.clip(np.ceil(steps).astype(np.int64), 0, HEIGHTS - 1))
+    return np.where(height > 0, bins, POINTS)
 
 
 def _weights(w: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, shape: np.ndarray) -> np.ndarray:
@@ -223,7 +232,7 @@ def _weights(w: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, shape: 
 
 
 def near_twin(old: np.ndarray, new: np.ndarray, fit: Fit) -> np.ndarray:
-    """Whether bins `new` are within the hysteresis of bins `old`."""
+    """Whether bins `new` are within the hysteresis of bins `old`; no point among them."""
     if fit.near_height < 0:
         return np.zeros(len(old), bool)
     alpha, beta, height = (np.abs(n - o) for o, n in zip(indices_of(old), indices_of(new), strict=True))
@@ -231,6 +240,6 @@ def near_twin(old: np.ndarray, new: np.ndarray, fit: Fit) -> np.ndarray:
 
 
 def rounded_twin(shape: np.ndarray) -> np.ndarray:
-    """Lengths in 1/8 texel, int (n, 3), of fitted shapes."""
+    """Lengths in 1/8 texel, int (n, 3), of fitted shapes; of points as they are."""
     before, after, height = np.floor(UNIT * shape + 0.5).astype(np.int64).T
-    return np.stack([before, np.where(before + after < UNIT, UNIT - before, after), height], axis=1)
+    return np.stack([before, np.where((before + after < UNIT) & (height > 0), UNIT - before, after), height], axis=1)

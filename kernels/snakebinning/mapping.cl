@@ -7,14 +7,15 @@
 #define PER_ANGLE 400     // squared bins of height that one squared bin of an angle counts for
 #define FAR 0x7FFFFFFF
 
-// map: a bin's target, -1 for one without. sinks: a bit per bin. sources: becomes the number of bins left without.
+// map: a bin's target, -1 for one without. sinks: a bit per bin. sources: becomes the number of bins left without. The
+// bin of points stays by itself: no other has their slots.
 __kernel void find_sinks(int count, __global const int *used, __global const int *counts, int most,
                          __global int *map, __global uint *sinks, __global int *sources) {
     const int i = get_global_id(0);
     if (i >= count) return;
     const int bin = used[i];
     if (map[bin] >= 0) return;
-    if (counts[bin] <= most) {
+    if (counts[bin] <= most && bin != POINTS) {
         atomic_inc(sources);
         return;
     }
@@ -76,7 +77,7 @@ static inline Place place_in(int level, int bin) {
 
 __kernel void add_sinks(int count, __global const int *used, __global const int *map, __global uint *keys) {
     const int i = get_global_id(0);
-    if (i >= count || map[used[i]] != used[i]) return;
+    if (i >= count || map[used[i]] != used[i] || used[i] == POINTS) return;
     for (int level = 0; level < LEVELS; level++) {
         const int side = SIDES[level], tall = 20 * side;
         const Place p = place_in(level, used[i]);

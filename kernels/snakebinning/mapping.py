@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.snakebinning.bins import ANGLES, BINS, HEIGHTS, bin_of, indices_of
+from kernels.snakebinning.bins import ANGLES, BINS, HEIGHTS, POINTS, bin_of, indices_of
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -69,9 +69,12 @@ class Mapping:
 def map_bins_twin(
     used: np.ndarray, counts: np.ndarray, most: int, search: str, earlier: np.ndarray | None = None
 ) -> np.ndarray:
-    """Targets int (k) of k used bins with `counts` triangles each, before which only the bins `earlier` are sinks."""
-    targets = np.where(counts > most, used, -1)
-    sinks = np.unique(np.concatenate([targets[targets >= 0], np.empty(0, int) if earlier is None else earlier]))
+    """Targets int (k) of k used bins with `counts` triangles each, before which only the bins `earlier` are sinks.
+
+    The bin of points stays by itself."""
+    targets = np.where((counts > most) | (used == POINTS), used, -1)
+    found = targets[(targets >= 0) & (targets != POINTS)]
+    sinks = np.unique(np.concatenate([found, np.empty(0, int) if earlier is None else earlier]))
     find = nearest_sink if search == "exact" else first_in_hierarchy
     for i in np.flatnonzero(targets < 0):
         target = find(int(used[i]), sinks)

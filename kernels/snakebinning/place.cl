@@ -21,8 +21,19 @@ __kernel void find_strips(int count, int frame, __global const int *triangles, _
     classes[i] = is_new[i] || strips[strip].moved_at == frame ? strip : -1;
 }
 
+// The part of a strip with a rank, which becomes that in the part; -1 where there are not so many slots.
+static inline int find_part(__global const Strip *strips, int strip, int *rank) {
+    for (; strip >= 0; strip = strips[strip].more) {
+        const int room = strips[strip].superblock < 0 ? 0 : strips[strip].rows * strips[strip].per_row;
+        if (*rank < room) break;
+        *rank -= room;
+    }
+    return strip;
+}
+
 // A place: column of the tip in 1/8 texel, from the first texel's centre | line of the longest edge << 16 |
-// turned << 29 | 1 << 31; 0 for none. drawn: lengths in 1/8 texel as they are in the atlas. slots: strip and rank.
+// turned << 29 | 1 << 31; 0 for none. drawn: lengths in 1/8 texel as they are in the atlas. slots: strip, or
+// its part, and rank in it.
 __kernel void place_triangles(int count, int frame, __global const int *triangles, __global const int *classes,
                               __global const int *ranks, __global const Strip *strips,
                               __global const int *block_corners, __global const ushort4 *lengths,
@@ -31,12 +42,13 @@ __kernel void place_triangles(int count, int frame, __global const int *triangle
     const int i = get_global_id(0);
     if (i >= count || classes[i] < 0) return;
     const int triangle = triangles[i];
-    const Strip s = strips[classes[i]];
-    const int rank = s.base + ranks[i];
-    slots[triangle] = (int2)(classes[i], rank);
+    int rank = strips[classes[i]].base + ranks[i];
+    const int part = find_part(strips, classes[i], &rank);
+    slots[triangle] = (int2)(part < 0 ? classes[i] : part, rank);
     placed_at[triangle] = frame;
     places[triangle] = 0;
-    if (s.superblock < 0) return;
+    if (part < 0) return;
+    const Strip s = strips[part];
     const int row = rank / s.per_row, column = rank % s.per_row, turned = column & 1;
     const int x = block_corners[2 * s.superblock] + column / 2 * s.period;
     const int y = block_corners[2 * s.superblock + 1] + s.y + row * s.lines;

@@ -23,8 +23,8 @@ STAGE = "structs/place"
 class Places:
     """Per triangle of the scene, on the device, kept from frame to frame.
 
-    placed_at: int32 (T), frame in which it got its slot, -1 for never. slots: int32 (T, 2), strip and rank.
-    places: uint32 (T), 0 for none, else column of the tip in 1/8 texel from the centre of the first, line of the
+    placed_at: int32 (T), frame in which it got its slot, -1 for never. slots: int32 (T, 2), part of a strip and rank in
+    it. places: uint32 (T), 0 for none, else column of the tip in 1/8 texel from the centre of the first, line of the
     longest edge << 16, turned << 29, 1 << 31. drawn: uint16 (T, 4), lengths in 1/8 texel as they are in the atlas:
     before and after the foot of the height, and the height.
     """
@@ -68,8 +68,8 @@ def place_triangles(
 ) -> None:
     """Give those of `count` triangles, int32, that are new (uint8) or in strips that have moved slots, in list order.
 
-    targets: int32 (BINS). No place where the strip has none. A triangle wider than its strip's slots is drawn as wide
-    as these.
+    targets: int32 (BINS). No place where the strip has no slot left. A triangle wider than its strip's slots is drawn
+    as wide as these.
     """
     kernels = device.build("snakebinning/place.cl")
     classes = device.recycled(count, np.int32)
@@ -86,8 +86,8 @@ def place_triangles(
 def place_twin(
     rank: np.ndarray, strip: np.ndarray, corner: np.ndarray, lengths: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Places and drawn lengths (n, 3) of triangles with ranks (n) in their strips (STRIP records, n), whose superblocks
-    begin at `corner` (n, 2); lengths (n, 3) in 1/8 texel."""
+    """Places and drawn lengths (n, 3) of triangles with ranks (n) in their parts of strips (STRIP records, n), whose
+    superblocks begin at `corner` (n, 2); lengths (n, 3) in 1/8 texel."""
     row, column = np.divmod(rank, np.maximum(strip["per_row"], 1))
     turned = column % 2
     x = corner[:, 0] + column // 2 * strip["period"]
@@ -102,6 +102,19 @@ def place_twin(
         drawn[:, side] += np.minimum(short, largest[:, side] - drawn[:, side])
     places = tip | line << 16 | turned << 29 | 1 << 31
     return np.where(strip["superblock"] < 0, 0, places), drawn
+
+
+def parts_twin(strips: np.ndarray, number: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Parts of the strips `number` (n) that ranks (n) lie in, -1 beyond their slots, and ranks in these."""
+    number, rank = number.copy(), rank.copy()
+    for i in range(len(number)):
+        while number[i] >= 0:
+            part = strips[number[i]]
+            room = part["rows"] * part["per_row"] if part["superblock"] >= 0 else 0
+            if rank[i] < room:
+                break
+            number[i], rank[i] = part["more"], rank[i] - room
+    return number, rank
 
 
 def list_records(

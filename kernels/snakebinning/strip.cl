@@ -1,10 +1,11 @@
 // A strip: the triangles of a bin one after the other, folded into rows of a superblock (sections 3.2 and 3.5). Lengths
 // `...8` are in 1/8 texel. A triangle stands in its slot with the tip at the slot's tip, and its longest edge on the
-// centres of the slot's first line; every second slot is turned by 180 degrees.
+// centres of the slot's first line; every second slot is turned by 180 degrees. A point, whose lengths are 0, has one
+// texel. What does not fit into one place lies in several, each with whole rows: the strip and its further parts.
 
 typedef struct {
     int bin;         // -1 for an entry that is free
-    int count;       // triangles in it
+    int count;       // triangles in it and its further parts; 0 in these
     int superblock;  // -1 for none
     int y, rows;     // first line of texels, and rows of slots
     int per_row;     // slots in a row
@@ -18,10 +19,11 @@ typedef struct {
     int native;                    // whether these are the bin's own
     int base;                      // triangles in it that keep their slots
     int moved_at;                  // frame in which all of them got their slots
+    int more;                      // its next part, -1 for none
 } Strip;
 
 typedef struct {
-    int x, y, width;
+    int x, y, width, height;
     int first;   // strip with the smallest y, -1 for none
     int used;    // lines of texels in strips
     int peak;    // most of them since it was empty
@@ -35,16 +37,16 @@ typedef struct {
 // column `inset`. Exact: those that bilinear lookups inside it touch, which is those less than one texel away in both
 // directions. As in the paper: those inside the triangle with its sides moved out by half a texel.
 static inline int2 needed_columns(int tip8, int before8, int after8, int height8, int inset, int line, int enlarge) {
-    if (enlarge == HALF_PIXEL) {
+    if (enlarge == HALF_PIXEL && height8 > 0) {
         const float out_before = 4.0f * sqrt(1.0f + (float)before8 * before8 / ((float)height8 * height8));
         const float out_after = 4.0f * sqrt(1.0f + (float)after8 * after8 / ((float)height8 * height8));
         const float up = 8.0f * line / height8;
         const float first = (tip8 - before8) + up * before8 - out_before, last = tip8 + after8 - up * after8 + out_after;
         return (int2)(inset + (int)ceil(first * 0.125f), inset + (int)floor(last * 0.125f));
     }
-    const uint above = line > 0 ? line - 1 : 0;
-    const int first8 = tip8 - before8 + (int)(8u * before8 * above / height8);
-    const int last8 = tip8 + after8 - (int)(8u * after8 * above / height8);
+    const uint above = line > 0 ? line - 1 : 0, height = max(height8, 1);
+    const int first8 = tip8 - before8 + (int)(8u * before8 * above / height);
+    const int last8 = tip8 + after8 - (int)(8u * after8 * above / height);
     return (int2)(inset + (first8 >> 3), inset + ((last8 + 7) >> 3));
 }
 
@@ -66,7 +68,8 @@ static inline int slots_in(const Strip *s, int width) {
 // The slot's shape from the largest triangle: lengths in 1/8 texel.
 static inline void set_shape(Strip *s, int before8, int after8, int height8, int enlarge) {
     s->before8 = before8, s->height8 = height8;
-    s->after8 = max(after8 + ((8 - ((before8 + after8) & 7)) & 7), 8 - before8);  // ends on a texel's centre
+    // Ends on a texel's centre.
+    s->after8 = height8 == 0 ? 0 : max(after8 + ((8 - ((before8 + after8) & 7)) & 7), 8 - before8);
     s->lines = lines_of(height8);
     const int2 bottom = needed_columns(before8, before8, s->after8, height8, 0, 0, enlarge);
     s->inset = -bottom.x, s->extent = bottom.y - bottom.x;

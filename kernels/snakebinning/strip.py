@@ -18,8 +18,8 @@ def needed_columns(
     exact: texels less than one away, in both directions, from some point of the triangle. The nearest such point is on
     the line below, because the sides lean inwards. paper: inside the triangle with its sides half a texel further out.
     """
-    if enlarge == "exact":
-        lean = max(line - 1, 0) / height
+    if enlarge == "exact" or height == 0:
+        lean = max(line - 1, 0) / max(height, 1)
         first, last = (tip - before) / UNIT + before * lean, (tip + after) / UNIT - after * lean
         return inset + int(np.floor(first + 1e-9)), inset + int(np.ceil(last - 1e-9))
     first = (tip - before) / UNIT + before * line / height - 0.5 * hypot(1, before / height)
@@ -33,8 +33,8 @@ def lines_of(height: int) -> int:
 
 
 def slot_shape(before: int, after: int, height: int, enlarge: str = "exact") -> dict[str, int]:
-    """The fields of a strip (see STRIP) that follow from its largest triangle."""
-    after = max(after + -(before + after) % UNIT, UNIT - before)
+    """The fields of a strip (see STRIP) that follow from its largest triangle; a point, of lengths 0, has one texel."""
+    after = max(after + -(before + after) % UNIT, UNIT - before) if height > 0 else 0
     lines = lines_of(height)
     first, last = needed_columns(before, before, after, height, 0, 0, enlarge)
     columns = [needed_columns(before, before, after, height, -first, line, enlarge) for line in range(lines)]

@@ -8,7 +8,7 @@
 #define SUPERBLOCKS 1
 #define CURSOR_X 2     // where the next superblock goes
 #define CURSOR_Y 3
-#define FULL 4         // the atlas has no room for a strip
+#define LEFT 4         // triangles without a slot, because the atlas is full
 #define OUTGROWN 5     // counters of events, since the packer began
 #define SHRUNK 6
 #define COLLAPSED 7
@@ -16,11 +16,18 @@
 #define FREE 9         // first free entry, linked by `next`, -1 for none
 
 #define GENEROUS 1.2f  // area over what is needed that counts as no waste
+#define SNUG 1.3f      // and that a strip may take where another superblock could be made for it, if the atlas is tight
+
+// Which superblock a strip gets.
+#define FIRST 0  // the first with room
+#define BEST 1   // the widest in which it wastes next to nothing, else the one in which it takes the smallest area
+#define TIGHT 2  // the one in which it takes the smallest area, which is a new one where that is not snug
 
 typedef struct {
-    int atlas_width, atlas_height, height;  // height of superblocks
+    int atlas_width, atlas_height, height;  // height of superblocks, the highest in a tight atlas
     float capacity, shrink, collapse;       // room / triangles; shares
-    int enlarge, best_fit, frozen, frame;
+    int enlarge, fit, frozen, frame;
+    int entries, most_blocks;  // strips and superblocks that there is room for
     __global Strip *strips;
     __global Superblock *blocks;
     __global int *state, *orphans, *strip_of;
@@ -30,7 +37,7 @@ static inline void push_orphan(Manager m, int strip) {
     m.orphans[m.state[ORPHANS]++] = strip;
 }
 
-// Takes a strip out of its superblock.
+// Takes a part of a strip out of its superblock.
 static inline void detach(Manager m, int strip) {
     __global Strip *s = m.strips + strip;
     __global Superblock *b = m.blocks + s->superblock;
@@ -42,9 +49,36 @@ static inline void detach(Manager m, int strip) {
     }
     b->used -= s->rows * s->lines;
     b->strips--;
-    b->room = m.height;
+    b->room = b->height;
     if (b->strips == 0) b->peak = 0;
     s->superblock = -1;
+}
+
+static inline void release(Manager m, int strip) {
+    if (m.strips[strip].superblock >= 0) detach(m, strip);
+    m.strips[strip].bin = -1;
+    m.strips[strip].moved_at = m.frame;
+    m.strips[strip].next = m.state[FREE];
+    m.state[FREE] = strip;
+}
+
+// Takes a strip out of the superblocks, and makes one of its parts again.
+static inline void take_out(Manager m, int strip) {
+    __global Strip *s = m.strips + strip;
+    if (s->superblock >= 0) detach(m, strip);
+    while (s->more >= 0) {
+        const int part = s->more;
+        s->more = m.strips[part].more;
+        release(m, part);
+    }
+}
+
+// Slots of a strip and its further parts.
+static inline int room_of(Manager m, int strip) {
+    int room = 0;
+    for (int part = strip; part >= 0; part = m.strips[part].more)
+        if (m.strips[part].superblock >= 0) room += m.strips[part].rows * m.strips[part].per_row;
+    return room;
 }
 
 static inline int rows_for(const Strip *s, int per_row, float capacity) {
@@ -52,13 +86,31 @@ static inline int rows_for(const Strip *s, int per_row, float capacity) {
     return (room + per_row - 1) / per_row;
 }
 
+// Free lines of a superblock, below a strip; above: -1 for the top. block: -1 for no gap.
+typedef struct {
+    int block, above, y, lines;
+} Gap;
+
+// Puts so many rows of a strip into a gap that holds them; s: its shape.
+static inline void insert(Manager m, int strip, Strip s, Gap gap, int rows) {
+    __global Superblock *b = m.blocks + gap.block;
+    s.superblock = gap.block, s.y = gap.y, s.rows = rows, s.per_row = slots_in(&s, b->width);
+    s.next = gap.above < 0 ? b->first : m.strips[gap.above].next;
+    m.strips[strip] = s;
+    if (gap.above < 0) b->first = strip;
+    else m.strips[gap.above].next = strip;
+    b->used += rows * s.lines;
+    b->strips++;
+    b->peak = max(b->peak, b->used);
+}
+
 // Puts a strip into the first gap of a superblock that holds it; whether there is one.
 static inline bool attach(Manager m, int strip, int block) {
     Strip s = m.strips[strip];
     Superblock b = m.blocks[block];
-    s.per_row = slots_in(&s, b.width);
-    if (s.per_row == 0) return false;
-    s.rows = rows_for(&s, s.per_row, m.capacity);
+    const int per_row = slots_in(&s, b.width);
+    if (per_row == 0) return false;
+    s.rows = rows_for(&s, per_row, m.capacity);
     const int needed = s.rows * s.lines;
     if (needed > b.room) return false;
     int above = -1, below = b.first, end = 0, largest = 0;
@@ -68,17 +120,11 @@ static inline bool attach(Manager m, int strip, int block) {
         above = below;
         below = m.strips[below].next;
     }
-    if (below < 0 && m.height - end < needed) {
-        m.blocks[block].room = max(largest, m.height - end);
+    if (below < 0 && b.height - end < needed) {
+        m.blocks[block].room = max(largest, b.height - end);
         return false;
     }
-    s.superblock = block, s.y = end, s.next = below;
-    m.strips[strip] = s;
-    if (above < 0) m.blocks[block].first = strip;
-    else m.strips[above].next = strip;
-    m.blocks[block].used += needed;
-    m.blocks[block].strips++;
-    m.blocks[block].peak = max(m.blocks[block].peak, m.blocks[block].used);
+    insert(m, strip, s, (Gap){block, above, end, needed}, s.rows);
     return true;
 }
 
@@ -94,16 +140,15 @@ static inline float area_in(Manager m, const Strip *s, int block) {
     return lines > m.blocks[block].room ? -1.0f : (float)lines * m.blocks[block].width;
 }
 
-// The superblock for a strip, -1 for none: the first with room, or, for best fit, the widest in which it wastes next to
-// nothing, else the one in which it takes the smallest area.
-static inline int find_superblock(Manager m, const Strip *s) {
-    const float little = GENEROUS * wanted_area(m, s);
+// The superblock for a strip in which it takes at most an area, -1 for none.
+static inline int find_superblock(Manager m, const Strip *s, float most) {
+    const float little = m.fit == BEST ? GENEROUS * wanted_area(m, s) : 0.0f;
     int best = -1, widest = 0;
     float least = 0.0f;
     for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
         const float area = area_in(m, s, block);
-        if (area < 0.0f) continue;
-        if (!m.best_fit) return block;
+        if (area < 0.0f || area > most) continue;
+        if (m.fit == FIRST) return block;
         if (area <= little) {
             if (m.blocks[block].width > widest) best = block, widest = m.blocks[block].width;
         } else if (widest == 0 && (best < 0 || area < least)) best = block, least = area;
@@ -111,48 +156,118 @@ static inline int find_superblock(Manager m, const Strip *s) {
     return best;
 }
 
-static inline bool attach_anywhere(Manager m, int strip) {
+// snug: whether only where it wastes little, if the atlas is tight.
+static inline bool attach_anywhere(Manager m, int strip, bool snug) {
     const Strip s = m.strips[strip];
-    for (int block = find_superblock(m, &s); block >= 0; block = find_superblock(m, &s))
+    const float most = snug && m.fit == TIGHT ? SNUG * wanted_area(m, &s) : INFINITY;
+    for (int block = find_superblock(m, &s, most); block >= 0; block = find_superblock(m, &s, most))
         if (attach(m, strip, block)) return true;  // else its `room` is smaller now
     return false;
 }
 
+// Pairs of slots in a row of the superblock in which the strip would be a square.
+static inline int square(Manager m, const Strip *s) {
+    return max(1, (int)(sqrt(wanted_area(m, s)) / s->period + 0.5f));
+}
+
 // Width of a superblock in which the strip would be a square, to whole blocks of two slots; wider if the strip would
-// be too high, narrower if the atlas ends. 0 if it cannot be.
-static inline int superblock_width(Manager m, const Strip *s, int left) {
-    int blocks = max(1, (int)(sqrt(wanted_area(m, s)) / s->period + 0.5f));
-    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > m.height)
+// be too high, narrower if the atlas ends. 0 if it cannot be, or not for the whole strip.
+static inline int superblock_width(Manager m, const Strip *s, int left, int height, bool whole) {
+    int blocks = square(m, s);
+    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > height)
         blocks += 1 + blocks / 8;
     const int per_row = min(s->count == 1 ? 1 : 2 * blocks, slots_in(s, left));
-    if (per_row == 0 || rows_for(s, per_row, m.capacity) * s->lines > m.height) return 0;
+    if (per_row == 0 || height < s->lines || (whole && rows_for(s, per_row, m.capacity) * s->lines > height)) return 0;
     return row_width(s, per_row);
 }
 
-// A new superblock for a strip, next to the last one; false if the atlas has no room.
-static inline bool create_superblock(Manager m, int strip) {
-    __global int *state = m.state;
-    const Strip s = m.strips[strip];
-    int x = state[CURSOR_X], y = state[CURSOR_Y], width = superblock_width(m, &s, m.atlas_width - x);
-    if (width == 0 && x > 0 && y + 2 * m.height <= m.atlas_height) {
-        x = 0, y += m.height;
-        width = superblock_width(m, &s, m.atlas_width);
-    }
-    if (width == 0) return false;
-    Superblock b;
-    b.x = x, b.y = y, b.width = width;
-    b.first = -1, b.used = b.peak = b.strips = 0, b.room = m.height;
-    m.blocks[state[SUPERBLOCKS]] = b;
-    state[CURSOR_X] = x + width, state[CURSOR_Y] = y;
-    return attach(m, strip, state[SUPERBLOCKS]++);
+// Height of a band of superblocks that a strip opens, 0 if the lines left are too few. In a tight atlas it is that of
+// the strip as a square: strips come in the order of their lines then, so that those after it are no higher.
+static inline int band_height(Manager m, const Strip *s, int left) {
+    if (m.fit != TIGHT) return m.height <= left ? m.height : 0;
+    const int lines = rows_for(s, 2 * square(m, s), m.capacity) * s->lines;
+    return min(left, min(m.height, lines));
 }
 
-// An entry for the strip of a bin that has none.
+// A new superblock for a strip, or for a part of it, next to the last one; -1 if the atlas has no room.
+static inline int create_superblock(Manager m, const Strip *s, bool whole) {
+    __global int *state = m.state;
+    if (state[SUPERBLOCKS] == m.most_blocks) return -1;
+    Superblock b;
+    b.x = state[CURSOR_X], b.y = state[CURSOR_Y];
+    b.height = b.x > 0 ? m.blocks[state[SUPERBLOCKS] - 1].height : band_height(m, s, m.atlas_height - b.y);
+    b.width = superblock_width(m, s, m.atlas_width - b.x, b.height, whole);
+    if (b.width == 0 && b.x > 0) {
+        b.x = 0, b.y += b.height;
+        b.height = band_height(m, s, m.atlas_height - b.y);
+        b.width = superblock_width(m, s, m.atlas_width, b.height, whole);
+    }
+    if (b.width == 0) return -1;
+    b.first = -1, b.used = b.peak = b.strips = 0, b.room = b.height;
+    m.blocks[state[SUPERBLOCKS]] = b;
+    state[CURSOR_X] = b.x + b.width, state[CURSOR_Y] = b.y;
+    return state[SUPERBLOCKS]++;
+}
+
+// The gap in which most of a strip's slots have room.
+static inline Gap roomiest_gap(Manager m, const Strip *s) {
+    Gap found = {-1, -1, 0, 0};
+    int most = 0;
+    for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
+        const int per_row = slots_in(s, m.blocks[block].width);
+        if (per_row == 0 || m.blocks[block].room < s->lines) continue;
+        int end = 0, above = -1;
+        for (int below = m.blocks[block].first;; below = m.strips[below].next) {
+            const int lines = (below < 0 ? m.blocks[block].height : m.strips[below].y) - end;
+            const int slots = min(s->count, lines / s->lines * per_row);
+            if (slots > most) most = slots, found = (Gap){block, above, end, lines};
+            if (below < 0) break;
+            above = below, end = m.strips[below].y + m.strips[below].rows * m.strips[below].lines;
+        }
+    }
+    return found;
+}
+
+// An entry of the list of strips, -1 if there is none.
+static inline int new_entry(Manager m) {
+    const int strip = m.state[FREE];
+    if (strip < 0) return m.state[STRIPS] < m.entries ? m.state[STRIPS]++ : -1;
+    m.state[FREE] = m.strips[strip].next;
+    return strip;
+}
+
+// Gives a strip that has room nowhere as a whole parts, or a placed one further parts: in what the atlas has left, then
+// in gaps, the roomiest first. Returns the number of triangles that have no slot then.
+static inline int place_in_parts(Manager m, int strip) {
+    const int count = m.strips[strip].count, wanted = max(count, (int)(m.capacity * count));
+    Strip s = m.strips[strip];
+    int last = s.superblock < 0 ? -1 : strip;
+    while (last >= 0 && m.strips[last].more >= 0) last = m.strips[last].more;
+    m.capacity = 1.0f;
+    s.count = wanted - room_of(m, strip);
+    s.more = -1;
+    s.moved_at = m.frame;
+    while (s.count > 0) {
+        const int block = create_superblock(m, &s, false);
+        const Gap gap = block >= 0 ? (Gap){block, -1, 0, m.blocks[block].height} : roomiest_gap(m, &s);
+        const int part = gap.block < 0 ? -1 : last < 0 ? strip : new_entry(m);
+        if (part < 0) break;
+        const int per_row = slots_in(&s, m.blocks[gap.block].width);
+        const int rows = min((s.count + per_row - 1) / per_row, gap.lines / s.lines);
+        insert(m, part, s, gap, rows);
+        m.strips[part].count = part == strip ? count : 0;
+        if (last >= 0) m.strips[last].more = part;
+        s.count -= rows * per_row;
+        last = part;
+    }
+    return max(0, count - (wanted - s.count));
+}
+
+// The strip of a bin that has none.
 static inline int new_strip(Manager m, int bin) {
-    int strip = m.state[FREE];
-    if (strip >= 0) m.state[FREE] = m.strips[strip].next;
-    else strip = m.state[STRIPS]++;
+    const int strip = new_entry(m);
     m.strips[strip].bin = bin;
+    m.strips[strip].more = -1;
     m.strips[strip].superblock = -1;
     m.strips[strip].count = m.strips[strip].base = m.strips[strip].native = 0;
     m.strips[strip].need_before8 = m.strips[strip].need_after8 = 0;
@@ -160,14 +275,6 @@ static inline int new_strip(Manager m, int bin) {
     m.strips[strip].moved_at = m.frame;
     m.strip_of[bin] = strip;
     return strip;
-}
-
-static inline void release(Manager m, int strip) {
-    if (m.strips[strip].superblock >= 0) detach(m, strip);
-    m.strip_of[m.strips[strip].bin] = -1;
-    m.strips[strip].bin = -1;
-    m.strips[strip].next = m.state[FREE];
-    m.state[FREE] = strip;
 }
 
 // The frame's triangles per strip, and how wide those of the strip's own bin are; if it has none, those mapped to it.
@@ -194,25 +301,30 @@ static inline void collect(Manager m, int used_count, __global const int *used, 
 
 // Whether a placed strip must move: too many triangles, or, where things may move, those of its own bin are wider than
 // it by more than an eighth.
-static inline bool outgrown(const Strip *s, int frozen) {
-    return s->count > s->rows * s->per_row ||
+static inline bool outgrown(const Strip *s, int room, int frozen) {
+    return s->count > room ||
            (s->native && !frozen && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
 }
 
-// Shrinks a placed strip, or takes it out and makes it an orphan.
+// Shrinks a placed strip, or takes it out and makes it an orphan, as also one in parts that needs less room. In a tight
+// atlas, where it would find no other place, a frozen one gets a further part.
 static inline void update(Manager m, int strip) {
     const Strip s = m.strips[strip];
-    if (outgrown(&s, m.frozen)) {
-        detach(m, strip);
+    const int room = room_of(m, strip);
+    const bool sparse = !m.frozen && s.count < m.shrink * room;
+    if (m.frozen && m.fit == TIGHT) {
+        if (s.count > room) m.state[LEFT] += place_in_parts(m, strip);
+    } else if (outgrown(&s, room, m.frozen) || (sparse && s.more >= 0)) {
+        take_out(m, strip);
         m.strips[strip].base = 0;
         m.strips[strip].moved_at = m.frame;
         push_orphan(m, strip);
         m.state[OUTGROWN]++;
-    } else if (!m.frozen && s.count < m.shrink * s.rows * s.per_row) {
+    } else if (sparse) {
         const int rows = rows_for(&s, s.per_row, m.capacity);
         if (rows >= s.rows) return;
         m.blocks[s.superblock].used -= (s.rows - rows) * s.lines;
-        m.blocks[s.superblock].room = m.height;
+        m.blocks[s.superblock].room = m.blocks[s.superblock].height;
         m.strips[strip].rows = rows;
         m.state[SHRUNK]++;
     }
@@ -223,8 +335,8 @@ static inline void collapse(Manager m) {
     for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
         if (m.blocks[block].strips == 0 || m.blocks[block].used >= m.collapse * m.blocks[block].peak) continue;
         while (m.blocks[block].first >= 0) {
-            const int strip = m.blocks[block].first;
-            detach(m, strip);
+            const int strip = m.strip_of[m.strips[m.blocks[block].first].bin];
+            take_out(m, strip);
             push_orphan(m, strip);
         }
         m.state[COLLAPSED]++;
@@ -251,20 +363,30 @@ static inline int width_class(int width) {
     return 8 * whole + ((width << 3 >> whole) & 7);
 }
 
-// Orphans by the width of their slots, the widest first (in eighths of powers of two; equal ones in the order of the
-// list): into a superblock that has room, else into a new one. So superblocks hold strips of about their width.
+// By what orphans are placed, the highest first: the width of their slots in eighths of powers of two, or in a tight
+// atlas their lines.
+static inline int place_class(Manager m, const Strip *s) {
+    return m.fit == TIGHT ? s->lines : width_class(s->extent + 1);
+}
+
+// Orphans by their class, equal ones in the order of the list: into a superblock that has room, else into a new one,
+// else in parts. So superblocks hold strips of about their width, or bands those of about their lines.
 static inline void place_orphans(Manager m, __global const int *tops) {
     __global int *state = m.state;
-    int widest = 0;
+    int highest = 0;
     for (int i = 0; i < state[ORPHANS]; i++) {
         reshape(m, m.orphans[i], tops);
-        widest = max(widest, width_class(m.strips[m.orphans[i]].extent + 1));
+        const Strip s = m.strips[m.orphans[i]];
+        highest = max(highest, place_class(m, &s));
     }
-    for (int width = widest; width >= 0; width--)
+    for (int class = highest; class >= 0; class--)
         for (int i = 0; i < state[ORPHANS]; i++) {
             const int strip = m.orphans[i];
-            if (width_class(m.strips[strip].extent + 1) != width) continue;
-            if (!attach_anywhere(m, strip) && !create_superblock(m, strip)) state[FULL] = 1;
+            const Strip s = m.strips[strip];
+            if (place_class(m, &s) != class || attach_anywhere(m, strip, true)) continue;
+            const int block = create_superblock(m, &s, true);
+            if (block >= 0) attach(m, strip, block);
+            else if (!attach_anywhere(m, strip, false)) state[LEFT] += place_in_parts(m, strip);
         }
 }
 
@@ -273,20 +395,23 @@ static inline void place_orphans(Manager m, __global const int *tops) {
 __kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops,
                      int atlas_width, int atlas_height, int height, float capacity, float shrink, float share,
-                     int enlarge, int best_fit, __global Strip *strips, __global Superblock *blocks, __global int *state,
-                     __global int *orphans, __global int *strip_of) {
+                     int enlarge, int fit, int entries, int most_blocks, __global Strip *strips,
+                     __global Superblock *blocks, __global int *state, __global int *orphans, __global int *strip_of) {
     if (get_global_id(0) > 0) return;
-    const Manager m = {atlas_width, atlas_height, height,  capacity, shrink,  share,
-                       enlarge,     best_fit, frozen, frame, strips,  blocks,   state,  orphans, strip_of};
-    state[ORPHANS] = state[FULL] = 0;
+    const Manager m = {atlas_width, atlas_height, height,      capacity, shrink, share, enlarge, fit,    frozen,
+                       frame,       entries,      most_blocks, strips,   blocks, state, orphans, strip_of};
+    state[ORPHANS] = state[LEFT] = 0;
     collect(m, used_count, used, map, counts, widest);
     for (int i = 0; i < state[STRIPS]; i++) {
-        if (strips[i].bin < 0) continue;
-        if (strips[i].count == 0) release(m, i);
-        else if (strips[i].superblock >= 0) update(m, i);
+        if (strips[i].bin < 0 || strip_of[strips[i].bin] != i) continue;
+        if (strips[i].count == 0) {
+            take_out(m, i);
+            strip_of[strips[i].bin] = -1;
+            release(m, i);
+        } else if (strips[i].superblock >= 0) update(m, i);
         else {
             reshape(m, i, tops);
-            if (!attach_anywhere(m, i)) push_orphan(m, i);
+            if (!attach_anywhere(m, i, true)) push_orphan(m, i);
         }
     }
     if (!frozen) collapse(m);

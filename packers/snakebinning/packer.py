@@ -18,6 +18,7 @@ from kernels.snakebinning.footprint import (
     CLIPPED,
     KEPT,
     MOVED_BACK,
+    POINT,
     SLENDER,
     Fit,
     Footprints,
@@ -39,10 +40,12 @@ if TYPE_CHECKING:
 
     from kernels.samples import Samples
 
-RATES = 65  # shading rates tried: each is 2^(1/8) times smaller than the one before, down to 1/256
+STEPS = 66  # ways to fill the atlas, from full rate on: see SnakeBinning.rate and its neighbours
+TIGHT_SPARE = 0.1  # largest `capacity` from the second step on; at the last there is none
+POINT_TEXELS = 2.0  # longest edge of a triangle below which it takes one texel, from the second step on
 OUTSIDE_RATE = 1 / 8  # of pieces that no view from the cell shows
 ROUNDING = 0.2  # texels that float32 barycentrics may round by: pieces that would have smaller texels get larger ones
-UNPLACED = "the atlas is full at 1/256 of the shading rate"
+UNPLACED = "the atlas is full with every triangle at one texel, and larger ones come first"
 
 
 class SnakeBinning(Packer):
@@ -72,7 +75,8 @@ class SnakeBinning(Packer):
         self.frame = self.rebuilt = self.frozen_frames = 0
         self.rebuilt_area = self.added_area = 0.0  # texels, at the last rebuild and since then
         self.rebuilds = self.remappings = self.resets = 0
-        self.rate_step = self.since_mapping = 0
+        self.step = self.mapped_at = 0
+        self.left_out = np.zeros(count + MOST, bool)  # triangles and pieces for which the atlas is too small
         self.blocks: Superblocks | None = None
 
     def rare_costs(self) -> tuple[RareCost, ...]:
@@ -91,7 +95,7 @@ class SnakeBinning(Packer):
         device = frame.scene.device
         self.frame += 1
         if self.blocks is None:
-            self._begin(frame, check_atlas(frame.atlas_width, frame.atlas_height, self.superblock_height))
+            self._begin(frame)
             self._reset(frame)
         elif not self._append(frame):
             self.rebuilds += 1
@@ -106,17 +110,20 @@ class SnakeBinning(Packer):
             clear_strips(device, self.blocks, planes["atlas"])
         return self._payload(frame, records, cuts, samples, planes)
 
-    def _begin(self, frame: Frame, superblock: int) -> None:
-        """Set up for superblocks of this height."""
+    def _begin(self, frame: Frame) -> None:
+        """Set up for an atlas."""
         width, height = frame.atlas_width, frame.atlas_height
-        if self.blocks is not None and superblock == self.superblock:
-            return
-        self.superblock = superblock
-        rules = (1 + self.capacity, self.shrink, self.collapse, self.enlarge, self.assignment)
-        atlas = Atlas(width, height, self.superblock, *rules)
-        self.blocks = Superblocks(frame.scene.device, atlas)
+        self.superblock = check_atlas(width, height, self.superblock_height)
+        self.blocks = Superblocks(frame.scene.device, self._atlas(frame))
         self.heights = HeightBins(float(self.superblock - 1), self.logarithmic)
         self.tops = frame.scene.device.upload(self.heights.tops())
+
+    def _atlas(self, frame: Frame) -> Atlas:
+        """The atlas at the present step: from the second on nothing is wasted for coherence."""
+        tight = self.step > 0
+        rules = (self.shrink, self.collapse, self.enlarge, "tight" if tight else self.assignment)
+        capacity = 1 + (min(TIGHT_SPARE, self.capacity) if tight else self.capacity) * (self.step < STEPS - 1)
+        return Atlas(frame.atlas_width, frame.atlas_height, self.superblock, capacity, *rules)
 
     @property
     def leaves_unwritten(self) -> bool:
@@ -125,8 +132,8 @@ class SnakeBinning(Packer):
 
     @property
     def rate(self) -> float:
-        """Texels per pixel of the current frame."""
-        return self.shading_rate * 2 ** (-self.rate_step / 8)
+        """Texels per pixel: all of them at the first two steps, and 2^(1/8) times fewer at each one further."""
+        return self.shading_rate * 2 ** (-max(self.step - 1, 0) / 8)
 
     def _append(self, frame: Frame) -> bool:
         """Add what is new to strips in which nothing moves; False if the set has changed too much for that."""
@@ -140,13 +147,18 @@ class SnakeBinning(Packer):
         new = ids[is_new.get()[: len(ids)] > 0]
         whole, uploaded = new[new < self.pieces[0]], frame.scene.device.upload(new)
         _, areas = self._measure(frame, uploaded, len(whole), self.rate, keep=self.hysteresis)
-        self.added_area += float(areas.sum(dtype=np.float64)) + self._measure_pieces(frame, new[len(whole) :])
-        if self.added_area >= self.freeze * self.rebuilt_area or not self._place(frame, is_new, (uploaded, len(new))):
+        of_pieces = self._measure_pieces(frame, new[len(whole) :])
+        self.added_area += float(areas.sum(dtype=np.float64)) + float(of_pieces.sum(dtype=np.float64))
+        if self.added_area >= self.freeze * self.rebuilt_area:
+            return False
+        if self.left_out.any():
+            self.left_out[new] = True
+            self._list_items(frame)
+        elif not self._place(frame, is_new, (uploaded, len(new))):
             return False
         if not frame.scene.skips.leaves_out("re-binning", True):
             self._bin_in_vain(frame)
         self.frozen_frames += 1
-        self.since_mapping += 1
         return True
 
     def _bin_in_vain(self, frame: Frame) -> None:
@@ -157,72 +169,67 @@ class SnakeBinning(Packer):
         bins.count(frame.pvs_device, count, spare.bins, spare.lengths)
 
     def _rebuild(self, frame: Frame) -> bool:
-        """Bins, mapping, superblocks and ranks of the whole set; False if the atlas has no room."""
+        """Bins, mapping, superblocks and ranks of the whole set; False if the atlas has or had no room for some."""
+        if self.left_out.any() or (self.step > 0 and self._remap_is_due()):
+            return False
         if self._remap_is_due():
-            if self.rate_step > 0:
-                return False
             self.mapper.reset()
             self.remappings += 1
-            self.since_mapping = 0
+            self.mapped_at = self.frame
         self._measure_set(frame, keep=self.hysteresis)
         return self._settle(frame)
 
     def _remap_is_due(self) -> bool:
-        return 0 < self.remap_interval <= self.since_mapping
+        return 0 < self.remap_interval <= self.frame - self.mapped_at
 
     def _reset(self, frame: Frame) -> None:
-        """Empty the atlas, and fill it at the largest shading rate at which everything has a place.
+        """Empty the atlas, and fill it at the first step at which everything has a place; without one, with what fits.
 
-        A bin's strip lies in one superblock. Where so many triangles are alike that theirs is larger, no shading rate
-        helps, but higher superblocks do; the lowest are taken that allow the largest rate.
+        Looked for from the present step on, in growing strides, because the sets of neighbouring frames need about the
+        same; on to higher rates only where a reset was due, not where the room ran out.
         """
-        self.since_mapping = 0
-        best, chosen = RATES, self.superblock
-        for height in self._superblock_heights(frame):
-            self._begin(frame, height)
-            step = self._largest_rate(frame, best)
-            best, chosen = (step, height) if step < best else (best, chosen)
-            if best == 0:
-                return
-        self._begin(frame, chosen)
-        self._fits(frame, min(best, RATES - 1))
-
-    def _superblock_heights(self, frame: Frame) -> list[int]:
-        """Heights of superblocks to try, the current one first; only that where the height is a parameter."""
-        heights = [self.superblock]
-        while not self.superblock_height and heights[-1] < frame.atlas_height:
-            heights.append(min(2 * heights[-1], frame.atlas_height))
-        return heights
-
-    def _largest_rate(self, frame: Frame, below: int) -> int:
-        """The first step of the shading rate, below a step, at which everything has a place; that step if none has."""
-        if self._fits(frame, 0):
-            return 0
-        if not self._fits(frame, below - 1):
-            return below
-        low, high = 0, below - 1
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (low, middle) if self._fits(frame, middle) else (middle, high)
-        return high
+        is_due = self.left_out.any() or self._remap_is_due()
+        low, high = -1 if is_due else self.step - 1, STEPS  # everything has a place at high, not at low
+        step, stride = self.step, 1
+        while low + 1 < high:
+            low, high = (low, step) if self._fits(frame, step) else (step, high)
+            further = high - stride if step == high else low + stride
+            step, stride = further if low < further < high else (low + high) // 2, 2 * stride
+        if high == STEPS:
+            self._choose(frame)
+        elif high != self.step:
+            self._fits(frame, high)
 
     def _fits(self, frame: Frame, step: int) -> bool:
-        """Fill an empty atlas at one shading rate; whether everything has a place."""
-        self.rate_step = step
-        self.mapper.reset()
-        self.blocks.reset()
+        """Fill an empty atlas at one step; whether everything has a place."""
+        self.step, self.mapped_at = step, self.frame
+        self.left_out[:] = False
+        self._empty(frame)
         self._measure_set(frame, keep=False)
-        self._settle(frame)
-        return not self.blocks.numbers["full"]
+        return self._settle(frame)
+
+    def _empty(self, frame: Frame) -> None:
+        self.mapper.reset()
+        self.blocks.reset(self._atlas(frame))
+
+    def _choose(self, frame: Frame) -> None:
+        """Fill an atlas that is too small with as many triangles as it holds, the largest on the screen first."""
+        ids = self._list_items(frame)
+        order, most = np.lexsort((ids, -self.item_areas)), len(ids)
+        while self.blocks.numbers["left"]:
+            most -= self.blocks.numbers["left"]
+            self.left_out[ids[order[most:]]] = True
+            self._list_items(frame)
+            self._empty(frame)
+            self._settle(frame)
 
     def _settle(self, frame: Frame) -> bool:
         """Place the whole set as measured; False if the atlas has no room for some."""
         self.rebuilt = self.frame
         is_new = frame.scene.device.recycled(self.items[1], np.uint8)  # all strips move, so it says nothing
-        if not self._place(frame, is_new) and self.rate_step < RATES - 1:
+        if not self._place(frame, is_new):
             return False
         self.added_area, self.frozen_frames, self.rebuilt_bins = 0.0, 0, self.bins.used_count
-        self.since_mapping += 1
         return True
 
     def _measure_set(self, frame: Frame, keep: bool) -> None:
@@ -232,19 +239,20 @@ class SnakeBinning(Packer):
             self.sliced_at = self.frame
             self._slice(frame, frame.pvs[(notes & MOVED_BACK) > 0])
         self._list_items(frame)
-        named = {"moved_back": MOVED_BACK, "slender": SLENDER, "clipped": CLIPPED, "kept_bins": KEPT}
+        named = {"moved_back": MOVED_BACK, "slender": SLENDER, "clipped": CLIPPED, "kept_bins": KEPT, "points": POINT}
         self.noted = {name: int(np.count_nonzero(notes & bit)) for name, bit in named.items()}
-        self.rebuilt_area = float(areas[~np.isin(frame.pvs, self.slices.parents)].sum(dtype=np.float64))
         everything = self.pieces[0] + np.arange(len(self.slices.parents), dtype=np.int32)
-        self.rebuilt_area += self._measure_pieces(frame, everything)
+        of_pieces, whole = self._measure_pieces(frame, everything), ~np.isin(frame.pvs, self.slices.parents)
+        self.item_areas = np.concatenate([areas[whole], np.full(len(self.shown_pieces), np.inf)])  # pieces dominate
+        self.rebuilt_area = float(areas[whole].sum(dtype=np.float64)) + float(of_pieces.sum(dtype=np.float64))
 
-    def _measure_pieces(self, frame: Frame, ids: np.ndarray) -> float:
-        """Footprints of pieces, coarser where float32 barycentrics could not tell their texels apart; their area."""
-        if not len(ids):
-            return 0.0
+    def _measure_pieces(self, frame: Frame, ids: np.ndarray) -> np.ndarray:
+        """Footprints of pieces, coarser where float32 barycentrics could not tell their texels apart; their areas."""
         rows = ids - self.pieces[0]
         rates = np.where(self.slices.inside[rows], self.rate, self.rate * OUTSIDE_RATE)
         areas = self._measure_each(frame, ids, rates)
+        if not len(ids):
+            return areas
         end = self.pieces[0] + len(self.slices.parents)
         measured = (a[self.pieces[0] : end].get()[rows] for a in (self.footprints.lengths, self.footprints.words))
         steps = texel_steps(self.slices.bary[rows], *measured)
@@ -252,7 +260,7 @@ class SnakeBinning(Packer):
         if fine.any():
             halvings = np.ceil(log2(steps[fine] / ROUNDING)).astype(int)
             areas[fine] = self._measure_each(frame, ids[fine], np.ldexp(rates[fine], -halvings))
-        return float(areas.sum(dtype=np.float64))
+        return areas
 
     def _measure_each(self, frame: Frame, ids: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """Measure pieces, each at its own rate, without hysteresis: areas."""
@@ -274,13 +282,15 @@ class SnakeBinning(Packer):
             self.pieces = (triangles.count, self.slices.upload(frame.scene.device))
 
     def _list_items(self, frame: Frame) -> np.ndarray:
-        """What gets slots in this frame: the triangles of the set that are not sliced, and the pieces of the others."""
+        """What gets slots in this frame: the triangles of the set that are not sliced, and the pieces of the others,
+        without those that are left out."""
         self.shown_pieces = np.flatnonzero(np.isin(self.slices.parents, frame.pvs))
-        if not len(self.shown_pieces):
+        if not len(self.shown_pieces) and not self.left_out.any():
             self.items = (frame.pvs_device, len(frame.pvs))
             return frame.pvs
         whole = frame.pvs[~np.isin(frame.pvs, self.slices.parents)]
         ids = np.concatenate([whole, self.pieces[0] + self.shown_pieces.astype(np.int32)])
+        ids = ids[~self.left_out[ids]]
         self.items = (frame.scene.device.upload(ids), len(ids))
         return ids
 
@@ -296,7 +306,7 @@ class SnakeBinning(Packer):
         """Footprints of triangles: notes and areas; those within the hysteresis keep their bins if `keep`."""
         views = [(view.view, view.projection, view.width) for view in reference_views(frame, self.prediction_frames)]
         near = (30, 5) if keep else (-1, -1)
-        fit = Fit(self.heights, float(frame.atlas_width - 2), self.perspective, *near)
+        fit = Fit(self.heights, float(frame.atlas_width - 2), self.perspective, *near, POINT_TEXELS * (self.step > 0))
         scene = frame.scene.triangles
         known = (scene.positions, scene.indices, self.pieces, pack_views(views, rate), fit)
         known += (footprints or self.footprints,)
@@ -310,7 +320,7 @@ class SnakeBinning(Packer):
         sparse = self.mapper.update(bins.used, bins.used_count, bins.counts, always="bin mapping" in skips.off)
         skips.leaves_out("bin mapping", not sparse)
         fits = self.blocks.update(self.frame, bins, self.mapper.targets, self.tops, frozen)
-        if fits or (not frozen and self.rate_step == RATES - 1):
+        if fits:
             known = (is_new, self.footprints, self.mapper.targets, self.blocks, self.places)
             place_triangles(device, self.frame, *self.items, *known)
         return fits
@@ -320,13 +330,14 @@ class SnakeBinning(Packer):
     ) -> Payload:
         """listed: records of the items."""
         slices, shown = self.slices, self.shown_pieces
-        whole = len(listed) - len(shown)
         is_sliced = np.isin(frame.pvs, slices.parents[shown])
-        of_pieces = listed[whole:]
+        is_listed = ~is_sliced & ~self.left_out[frame.pvs]
+        whole, of_pieces = np.count_nonzero(is_listed), np.zeros((len(shown), FIELDS), np.uint32)
+        of_pieces[~self.left_out[self.pieces[0] + shown]] = listed[whole:]
         lost = np.unique(slices.parents[shown][of_pieces[:, 0] == 0])  # a triangle is there as a whole, or not at all
         sent = ~np.isin(slices.parents[shown], lost)
         records = np.zeros((len(frame.pvs), FIELDS), np.uint32)
-        records[~is_sliced] = listed[:whole]
+        records[is_listed] = listed[:whole]
         before = self.sent[frame.pvs]
         places = encode_records(records, before)
         self.sent[frame.pvs] = records
@@ -356,9 +367,7 @@ class SnakeBinning(Packer):
         owner = np.full(payload.planes["atlas"].shape[:2], -1, np.int32)
         found = payload.owners()
         owner.reshape(-1)[found.texel] = found.triangle
-        return {
-            "packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), self.superblock, owner)
-        }
+        return {"packing": draw_packing(self.blocks.live_strips(), self.blocks.live_superblocks(), owner)}
 
     def client(self, scene: ClientScene) -> SnakeBinningClient:
         """A client without any triangle yet."""
@@ -371,13 +380,13 @@ class SnakeBinning(Packer):
         rows = placed["rows"].astype(np.int64)
         slots = int((rows * placed["per_row"] * placed["texels"]).sum())
         in_rows = int((rows * placed["lines"] * blocks["width"][placed["superblock"]]).sum())
-        in_superblocks = int(blocks["width"].sum()) * self.superblock
+        in_superblocks = int((blocks["width"].astype(np.int64) * blocks["height"]).sum())
         atlas = self.blocks.atlas
         sinks = int(np.count_nonzero(strips["count"] > self.sink))
         return self.noted | {
             "shading_rate": self.rate,
             "bins_before_mapping": self.rebuilt_bins,
-            "bins_after_mapping": len(strips),
+            "bins_after_mapping": int(np.count_nonzero(strips["count"])),
             "sinks": sinks,
             "sources": max(0, self.rebuilt_bins - sinks),
             "superblocks": len(blocks),
@@ -410,7 +419,7 @@ def check_atlas(width: int, height: int, superblock_height: int) -> int:
         raise ValueError(
             f"The atlas of {width}x{height} has a side outside 2 to {LARGEST_ATLAS} texels: give another size."
         )
-    chosen = superblock_height or min(height, max(512, height // 4))
+    chosen = superblock_height or height // max(1, height // max(512, height // 4))
     if not 2 <= chosen <= height:
         raise ValueError(f"The superblock height {chosen} is outside 2 to the atlas height {height}; 0 chooses one.")
     return chosen

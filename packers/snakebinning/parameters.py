@@ -41,7 +41,7 @@ PARAMETERS = {
         "3.4; number: ours",
     ),
     "superblock_height": Parameter(
-        0, (0, 512, 1024), "height of superblocks; 0 chooses one for atlas and set", "texels", "3.5"
+        0, (0, 512, 1024), "height of superblocks; 0 chooses one for the atlas", "texels", "3.5"
     ),
     "assignment": Parameter(
         "best",

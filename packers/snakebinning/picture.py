@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 
 
-def draw_packing(strips: np.ndarray, blocks: np.ndarray, height: int, owner: np.ndarray) -> np.ndarray:
+def draw_packing(strips: np.ndarray, blocks: np.ndarray, owner: np.ndarray) -> np.ndarray:
     """uint8 (H, W, 3): superblocks in dark colours, strips in a lighter shade, samples in one of their triangle's.
 
-    strips, blocks: STRIP and SUPERBLOCK records; height: of superblocks. owner: int (H, W), triangle per texel or -1.
+    strips, blocks: STRIP and SUPERBLOCK records. owner: int (H, W), triangle per texel or -1.
     """
     picture = np.zeros((*owner.shape, 3), np.uint8)
     hues = np.array(
         [[(40 + 97 * k) % 130, (90 + 61 * k) % 130, (20 + 37 * k) % 130] for k in range(max(1, len(blocks)))]
     )
     for block, hue in zip(blocks, hues, strict=False):
-        picture[block["y"] : block["y"] + height, block["x"] : block["x"] + block["width"]] = hue // 2
+        picture[block["y"] : block["y"] + block["height"], block["x"] : block["x"] + block["width"]] = hue // 2
     for strip in strips[strips["superblock"] >= 0]:
         block = blocks[strip["superblock"]]
         top = block["y"] + strip["y"]

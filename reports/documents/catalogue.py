@@ -220,6 +220,16 @@ LIMITED = Source(
         )
     },
 )
+
+
+def _full_atlas(name: str, scene: str) -> Source:
+    pattern = f"bench run {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas {{size}} --frames 2 --codec none"
+    commands = tuple(f"{pattern.format(size=f'{side}x{side}')} --metrics flip" for side in (256, 512, 1024, 2048, 4096))
+    columns = _numbers(placed="placed: .1%", samples="samples: ,.0f", flip="FLIP: .4f")
+    part = Part(("atlas", "method"), (_words("atlas", "{atlas}"), _words("method", "{method}"), *columns))
+    return Source(f"full-atlas-{name}", commands, digests.full_atlas_parts, {ROWS: part})
+
+
 RESETS = Source(
     "resets",
     ("bench run --scene village --method sas --size 160x90 --atlas 512x512 --crf 25 --frames 110 --metrics flip",),
@@ -329,6 +339,8 @@ SOURCES: dict[str, Source] = {
         SLANTED,
         SPEED,
         LIMITED,
+        _full_atlas("hall", "hall --detail 1000000"),
+        _full_atlas("viking", VIKING),
         THESIS,
         RESETS,
         CLAIMS,

@@ -184,6 +184,18 @@ def limit_parts(folders: Sequence[Path]) -> Parts:
     return {ROWS: rows}
 
 
+def full_atlas_parts(folders: Sequence[Path]) -> Parts:
+    """Runs in atlases of several sizes: what share of the triangles has a place, at which error and with how many
+    samples."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        for key in lanes.keys:
+            row: Row = {"atlas": f"{lanes.rows[0]['atlas_width']}x{lanes.rows[0]['atlas_height']}", "method": key[0]}
+            row |= {"placed": _ratio(*(lanes.median(key, f"{name}_triangles") for name in ("placed", "pvs")))}
+            rows.append(row | {name: lanes.median(key, name) for name in ("samples", "flip")})
+    return {ROWS: rows}
+
+
 def reset_parts(folders: Sequence[Path]) -> Parts:
     """What one method sends in the first 12 frames of a run and in all of them, and the frame that sends most."""
     (folder,) = folders

@@ -5,7 +5,7 @@ from functools import partial
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from harness.pvs import potentially_visible
@@ -14,10 +14,14 @@ from harness.stress_catalogue import CATALOGUE
 from harness.trial import Stage, try_method, try_rasteriser
 from harness.validity import Gaps, check
 from harness.views import CellFrustum, Pose, client_view
+from kernels.snakebinning.bins import HeightBins
+from kernels.snakebinning.footprint import Fit, Footprints, measure_triangles, pack_views
+from kernels.snakebinning.slices import Slices
 from packers.interface import Frame, Payload, ServerScene, View
 from packers.snakebinning import SnakeBinning
 from packers.snakebinning.client import decode_records, encode_records
 from packers.snakebinning.packer import check_atlas, reference_views
+from scenes.model import Scene
 from tests.packers import streams
 from tests.packers.rooms import CELL, FOV, NEAR, SIZE, changing_sets, frame_of, novel_view, room, server_of, wall
 
@@ -161,9 +165,10 @@ def test_a_rebuilt_frame_puts_triangles_in_primitive_order(scene):
         np.testing.assert_array_equal(slots[slots[:, 0] == strip, 1], np.arange((slots[:, 0] == strip).sum()))
 
 
+@pytest.mark.parametrize("side", [256, 96, 24])  # at full rate, at a lower one, and not all of it
 @pytest.mark.parametrize(("local_size", "chunks"), [(1, 3), (7, 64), (256, 1000)])
-def test_work_groups_and_chunks_change_no_byte(device, scene, local_size, chunks, monkeypatch):
-    frames = [frame_of(scene, 256, 256, step) for step in (0, 1, 8)]
+def test_work_groups_and_chunks_change_no_byte(device, scene, side, local_size, chunks, monkeypatch):
+    frames = [frame_of(scene, side, side, step) for step in (0, 1, 8)]
 
     def send_all() -> list[tuple]:
         stream = Stream(scene, mapping="hierarchical", average_clear=True)
@@ -203,19 +208,116 @@ def test_an_atlas_too_small_for_four_texels_each_names_the_rest(scene):
     assert not np.isin(image.triangle.get(), list(payload.unplaced)).any()
 
 
-def test_more_equal_triangles_than_a_superblock_holds_get_a_higher_one(device):
-    """No shading rate helps where everything is of the smallest size, and so in one strip."""
+def test_more_equal_triangles_than_a_superblock_holds_lie_in_parts(device):
+    """Everything is in one strip, and that larger than a superblock."""
     positions, indices = wall((-1, -0.5, -2), (2, 0, 0), (0, 1, 0), 70, 70, 0)
     surface = surface_of(positions.astype(np.float32), indices.astype(np.int32))
     scene = server_of(device, replace(room(), **surface))
     everything = np.arange(scene.triangles.count, dtype=np.int32)
-    for parameters, placed in ({}, True), ({"superblock_height": 512}, False):
-        stream = Stream(scene, shading_rate=0.05, **parameters)
+    for height in (0, 128):
+        stream = Stream(scene, shading_rate=0.05, superblock_height=height)
         for step in range(2):
             frame = frame_of(scene, 96, 1024, step, everything)
             payload = stream.send(frame)
             assert stream.violations(frame, payload) == []
-            assert (payload.unplaced == {}) == placed
+            assert payload.unplaced == {}
+            strips = stream.packer.blocks.live_strips()
+            assert len(strips) > len(np.unique(strips["bin"]))
+
+
+def spheres(rows: int, rings: int) -> Scene:
+    """rows^2 spheres of 4 rings^2 triangles each, all alike, in a wall two units before the camera."""
+    polar, around = np.meshgrid(
+        np.linspace(0, np.pi, rings + 1), np.linspace(0, 2 * np.pi, 2 * rings + 1), indexing="ij"
+    )
+    ball = np.stack([np.sin(polar) * np.cos(around), np.cos(polar), np.sin(polar) * np.sin(around)], axis=2).reshape(
+        -1, 3
+    )
+    corner = (np.arange(rings)[:, None] * (2 * rings + 1) + np.arange(2 * rings)).reshape(-1, 1)
+    faces = (corner + np.array([[0, 1, 2 * rings + 1, 1, 2 * rings + 2, 2 * rings + 1]])).reshape(-1, 3)
+    middles = np.stack(np.meshgrid(*2 * [(np.arange(rows) - (rows - 1) / 2) / rows]), axis=2).reshape(-1, 1, 2)
+    positions = np.concatenate([middles, np.zeros((rows * rows, 1, 1))], axis=2) * 2 + 0.9 / rows * ball
+    indices = np.arange(rows * rows).reshape(-1, 1, 1) * len(ball) + faces
+    return replace(
+        room(), **surface_of(positions.reshape(-1, 3).astype(np.float32), indices.reshape(-1, 3).astype(np.int32))
+    )
+
+
+@pytest.fixture(scope="module")
+def alike(device) -> ServerScene:
+    """73 984 triangles, more than the texels of an atlas of 256 x 256."""
+    return server_of(device, spheres(17, 8))
+
+
+def screen_areas(frame: Frame) -> np.ndarray:
+    """Of the triangles of a frame's set, in pixels of the server's view, each seen by a camera turned to it."""
+    scene, count = frame.scene.triangles, len(frame.pvs)
+    view, fit = frame.server, Fit(HeightBins(511.0), 1e4, near_height=-1, point=1e9)
+    known = (scene.positions, scene.indices, (scene.count, Slices().upload(frame.scene.device)))
+    views = pack_views([(view.view, view.projection, view.width)], 1.0)
+    fresh = Footprints.allocate(frame.scene.device, scene.count)
+    return measure_triangles(frame.scene.device, frame.pvs_device, count, *known, views, fit, fresh)[1]
+
+
+@settings(max_examples=5, deadline=None)
+@given(width=st.integers(256, 1024), height=st.integers(256, 1024), seed=st.integers(0, 100))
+@example(width=256, height=256, seed=0)
+def test_nothing_is_lost_in_a_full_atlas_and_the_largest_come_first(alike, width, height, seed):
+    """A set of any size, and then one that has changed a little."""
+    rng, stream = np.random.default_rng(seed), Stream(alike)
+    chosen = rng.random(alike.triangles.count) < (1.0 if seed == 0 else rng.uniform(0.3, 1))
+    for step in range(2):
+        frame = frame_of(alike, width, height, step, np.flatnonzero(chosen).astype(np.int32))
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        placed, left = np.unique(payload.owners().triangle), np.array(sorted(payload.unplaced), np.int32)
+        np.testing.assert_array_equal(np.sort(np.concatenate([placed, left])), frame.pvs)
+        assert len(left) == max(0, len(frame.pvs) - width * height) or step > 0
+        if step == 0 and len(left):
+            areas = screen_areas(frame)
+            lost = np.isin(frame.pvs, left)
+            assert areas[~lost].min() >= 0.999 * areas[lost].max()
+            assert areas[lost].max() < 0.5
+        chosen ^= rng.random(len(chosen)) < 0.01
+
+
+def test_triangles_below_two_texels_get_one_before_the_rate_falls(alike):
+    everything = np.arange(alike.triangles.count, dtype=np.int32)
+    texels, found = alike.triangles.count, []
+    for side in (2048, 800, 300):
+        stream, frame = Stream(alike), frame_of(alike, side, side, 0, everything)
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.unplaced == {}
+        found.append((payload.statistics["shading_rate"], payload.statistics["points"]))
+    assert found[0] == (0.7, 0)
+    assert found[1][0] == 0.7
+    assert found[2][0] < 0.7
+    assert 0.3 * texels < found[1][1] < found[2][1] <= texels
+
+
+def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
+    """Filled so often: when it is new, in frames that are frozen, in one that is not, and with 1% of the set new."""
+    filled = []
+    settle = SnakeBinning._settle
+    monkeypatch.setattr(SnakeBinning, "_settle", lambda *known: filled.append(known) or settle(*known))
+    stream, few = Stream(alike, freeze_frames=2), np.arange(alike.triangles.count) % 100
+    numbers = []
+    for step, kept in enumerate((few < 99, few < 99, few > 0, few > 0)):
+        filled.clear()
+        payload = stream.send(frame_of(alike, 256, 256, 0, np.flatnonzero(kept).astype(np.int32)))
+        numbers.append(len(filled))
+        assert payload.statistics["frozen_frames"] == (0, 1, 2, 0)[step]
+        assert step not in (1, 2) or payload.statistics["triangles_moved"] == 0
+        assert len(payload.unplaced) == (len(few[kept]) - 256 * 256 if step in (0, 3) else len(payload.unplaced))
+    assert numbers[0] < 14
+    assert numbers[1:] == [0, 0, 2]
+
+
+def test_searching_a_rate_brings_no_mapping_earlier(scene):
+    stream, frame = Stream(scene, freeze=0.0, remap_interval=5), frame_of(scene, 96, 96)
+    found = [stream.send(frame).statistics["remappings"] for _ in range(7)]
+    assert found == [0, 0, 0, 0, 0, 1, 1]
 
 
 def test_a_smaller_set_gets_the_full_rate_back(scene):

@@ -19,7 +19,7 @@ GOLDEN = {
     "FLIP": "6d2c3468093d6081",
     "IW-SSIM": "1bebcdfe7eab408e",
     "SSIM and PSNR": "295262324a533c51",
-    "SnakeBinning": "cbb1500569e26954",
+    "SnakeBinning": "de5bed8a7a8dc3f6",
     "TSS": "5924952bf3873711",
     "sRGB": "da1d9e6ad7c8d8cf",
     "glTF": "5c6ca04721a08488",
