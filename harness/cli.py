@@ -47,7 +47,14 @@ Method = Annotated[
 ]
 SceneName = Annotated[Text, _option(WORK, "A built-in scene or a file. Default: hall", metavar="NAME|FILE")]
 Detail = Annotated[Whole, _option(WORK, "Triangles of a built-in scene", metavar="N")]
-Unit = Annotated[Number, _option(WORK, "Metres per unit of a file. Default: 1", metavar="M")]
+Unit = Annotated[
+    Text,
+    _option(
+        WORK,
+        "Of a file, whatever it states: m, cm, mm, km, in, ft, or metres. Default: as stated (glTF: m), else a guess",
+        metavar="UNIT",
+    ),
+]
 Repair = Annotated[
     Switch, _option(WORK, "Remove duplicate and degenerate faces and non-manifold edges first", "--repair")
 ]
