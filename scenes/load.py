@@ -169,7 +169,7 @@ def _guessed(scene: Scene) -> Standing:
     scene.unit_from = f"a guess: the object is {_OBJECT_SIZE:g} m large"
     note = f"The file states no unit: the object is taken to be {_OBJECT_SIZE:g} m large (--unit changes that)."
     scene.notes.append(note)
-    return Standing(False, f"It is a place neither in metres nor in centimetres. {standing.reason}")
+    return Standing(False, f"It is no place, be its unit {' or '.join(_GUESSES.values())}.")
 
 
 def _see_through(scene: Scene) -> list[str]:
