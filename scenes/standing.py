@@ -3,8 +3,8 @@
 Vertical rays on a lattice find floors: level surfaces with room for a person above, joined over steps. Below ground
 there is nothing; below what is level on an object there is the object. Some spots are looked at closely: rays all
 around, about level, say how far it is to what stands there. A spot is *inside* where a ceiling is above and walls are
-around, and *among* things where they stand on more than one side: on top of an object nothing does, beside one it
-stands on one side. Wide ground that rises is land, and a place without anything around. Of the spots left the one with
+around, and *among* things where they stand on opposite sides: on top of an object nothing does, beside one it stands
+on one side. Wide ground that rises is land, and a place without anything around. Of the spots left the one with
 the best view is taken: much to see, neither at the nose nor far away.
 """
 
@@ -17,7 +17,7 @@ import numpy as np
 from arithmetic.functions import arctan2
 from arithmetic.matrices import dot
 from scenes.model import Camera, Scene
-from scenes.rays import SLOPES, Rays, lattice_pairs, panorama_directions
+from scenes.rays import SLOPES, TURNS, Rays, lattice_pairs, panorama_directions
 from scenes.walking import EYE_HEIGHT, HEADROOM, KNEE, carries
 
 LATTICE, FINEST = 160, 0.1  # columns along the longer side of a scene; metres between them at least
@@ -30,8 +30,9 @@ SLAB = 1.5  # metres: what is thicker below a floor is an object, or the storeys
 HIGHEST_CEILING = 30.0  # metres above the floor; a painted sky is higher
 FAR = 100.0  # metres: what is farther away does not stand around
 ROOMY = 0.5  # metres from the eyes to the nearest wall, at least
-WALLED, SURROUNDED = 0.6, 0.35  # of all azimuths: where things stand around who is inside, or among them
+WALLED, SURROUNDED = 0.6, 0.35  # of all azimuths: where walls stand around who is inside; things on opposite sides
 ROOMS = 0.3  # of the spots under a ceiling that are looked at: how many are inside where a scene has rooms
+STREETS = 0.2  # of the others: how many are among things where it has streets; four of 24 may be the corners of a yard
 GROUND = 0.25  # of a scene's area: how much open ground it has where people are on it
 LAND, RELIEF = 30.0, 1.0  # metres: how wide land is at least, and how much it rises
 SPOTS, NEARBY = 24, 8  # that are looked at: all over the scene, and then around the best
@@ -77,8 +78,8 @@ def decide(scene: Scene) -> Standing:
     on_ground = spots.ground_share(scene) >= GROUND
     if len(rooms) >= max(2, ROOMS * spots.covered[chosen].sum()):
         pool, reason = rooms + (streets if on_ground else []), "A person in it has a ceiling above and walls around."
-    elif on_ground and len(streets) >= 2:
-        pool, reason = streets, "A person on its ground has things on more than one side."
+    elif on_ground and len(streets) >= max(2, STREETS * (~spots.covered[chosen]).sum()):
+        pool, reason = streets, "A person on its ground has things on opposite sides."
     elif on_ground and spots.is_land(scene):
         pool, reason = [look for look in looks if look.fine], "Its ground is land, wide and not flat."
     else:
@@ -137,7 +138,7 @@ class _Spots:
     def ground_share(self, scene: Scene) -> float:
         """How much open ground there is, over the area that holds the middle nine tenths of the triangles."""
         step = max(1, scene.triangle_count // 200_000)
-        centres = scene.positions[scene.indices[::step, 0]][:, [0, 2]].astype(np.float64)
+        centres = scene.positions[:, [0, 2]][scene.indices[::step]].mean(axis=1, dtype=np.float64)
         size = np.quantile(centres, 0.95, axis=0) - np.quantile(centres, 0.05, axis=0)
         area = max(float(size[0] * size[1]), self.spacing * self.spacing)
         return float((self.grounded & ~self.covered).sum()) * self.spacing * self.spacing / area
@@ -241,7 +242,7 @@ def _crowded(scene: Scene, points: np.ndarray, usable: np.ndarray, spacing: floa
 
     low, high = scene.bounds
     shape = np.ceil((high - low)[[0, 2]] / spacing).astype(int) + 1
-    centres = scene.positions[scene.indices[:, 0]][:, [0, 2]]
+    centres = scene.positions[:, [0, 2]][scene.indices].mean(axis=1, dtype=np.float64)
 
     def cells(places: np.ndarray) -> np.ndarray:
         x, z = ((places - low[[0, 2]]) / spacing).astype(int).T
@@ -291,7 +292,9 @@ class _Look:
         level = panorama_directions()[:, len(SLOPES) // 2]
         standing = (distances[:, SLOPES > -0.01] < FAR).any(axis=1)
         angles = _angles(level)
-        share, gap = float(angles[standing].sum() / (2 * np.pi)), _widest_gap(standing, angles)
+        around, opposite = (
+            float(angles[where].sum() / (2 * np.pi)) for where in (standing, standing & np.roll(standing, TURNS // 2))
+        )
         front = float(seen.fronts[hits].mean()) if hits.any() else 1.0
         scores = front * _scores(distances, seen.triangles, level, angles)
         best = int(np.argmax(scores))
@@ -299,8 +302,8 @@ class _Look:
             spot,
             eye,
             fine=front >= 0.5 and float(distances.min()) >= ROOMY,
-            inside=bool(spots.covered[spot] and share >= WALLED),
-            among=share >= SURROUNDED and gap < np.pi,
+            inside=bool(spots.covered[spot] and around >= WALLED),
+            among=opposite >= SURROUNDED,
             score=float(scores[best]),
             direction=level[best],
         )
@@ -312,18 +315,6 @@ def _angles(level: np.ndarray) -> np.ndarray:
     edges = (turn + np.roll(turn, -1)) / 2
     edges[-1] = turn[-1] + (turn[0] + 2 * np.pi - turn[-1]) / 2
     return np.diff(np.concatenate([[edges[-1] - 2 * np.pi], edges]))
-
-
-def _widest_gap(standing: np.ndarray, angles: np.ndarray) -> float:
-    """The widest run of directions, in radians, in which nothing stands."""
-    if not standing.any():
-        return 2 * np.pi
-    first = int(np.argmax(standing))
-    gap = widest = 0.0
-    for stands, angle in zip(np.roll(standing, -first), np.roll(angles, -first), strict=True):
-        gap = 0.0 if stands else gap + float(angle)
-        widest = max(widest, gap)
-    return widest
 
 
 def _scores(distances: np.ndarray, triangles: np.ndarray, level: np.ndarray, angles: np.ndarray) -> np.ndarray:
