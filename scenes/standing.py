@@ -21,6 +21,7 @@ from scenes.rays import SLOPES, TURNS, Rays, lattice_pairs, panorama_directions
 from scenes.walking import EYE_HEIGHT, HEADROOM, KNEE, carries
 
 LATTICE, FINEST = 160, 0.1  # columns along the longer side of a scene; metres between them at least
+MOST_HITS = 4e6  # about: tests of vertical rays against triangles; heaps of large triangles get fewer columns
 OFFSET = 0.37  # of a column, where its ray is: models have edges on round numbers
 NARROWEST = 3.0  # metres: less is an object on a table
 STRIDE, STEEPNESS = 0.2, 0.7  # metres up or down between columns of one floor, and per metre between them
@@ -112,7 +113,7 @@ class _Spots:
     def find(cls, scene: Scene) -> _Spots:
         """All spots on floors of some size."""
         unit, (low, high) = scene.metres_per_unit, scene.bounds
-        spacing = max(float(max((high - low)[[0, 2]])) / LATTICE, FINEST / unit)
+        spacing = max(float(max((high - low)[[0, 2]])) / LATTICE, FINEST / unit, _overlap(scene) / np.sqrt(MOST_HITS))
         depth = int(np.ceil((high[2] - low[2]) / spacing)) + 1
         column, height, triangle, upwards = _vertical_hits(scene, low, spacing, depth)
         # Columns one above the other: one sorted row of numbers for all searches along columns.
@@ -167,6 +168,13 @@ class _Spots:
         near = (away <= np.sort(away[chosen])[min(2, len(chosen) - 1)]) & (away > 0) & self.roomy
         near &= (self.floors == self.floors[best]) & (self.covered == self.covered[best])
         return _spread(self.points, np.flatnonzero(near), NEARBY) if near.any() else np.zeros(0, np.int64)
+
+
+def _overlap(scene: Scene) -> float:
+    """The side, in scene units, of a square as large as the rectangles around all triangles from above together."""
+    corners = [scene.positions[scene.indices[:, corner]][:, [0, 2]] for corner in range(3)]
+    size = np.maximum.reduce(corners) - np.minimum.reduce(corners)
+    return float(np.sqrt((size[:, 0].astype(np.float64) * size[:, 1]).sum()))
 
 
 def _vertical_hits(
