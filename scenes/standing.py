@@ -40,7 +40,7 @@ SPOTS, NEARBY = 24, 8  # that are looked at: all over the scene, and then around
 CROWD = 10.0  # metres: spots are sought where many triangles are within this distance
 VIEW = 0.85  # cosine of half the angle that views are judged over
 FOUND = "found"  # the name of a camera that is placed here
-PLAIN = 0.2  # what a view of a single triangle is worth of one where every ray meets another
+PLAIN = 0.5  # what a view of a single triangle is worth of one where every ray meets another
 MIDDLE, FAR_ENOUGH = 4.0, 30.0  # metres: at half its worth to look at; from where on it is worth less again
 
 
