@@ -77,10 +77,12 @@ def decide(scene: Scene) -> Standing:
     rooms = [look for look in looks if look.fine and look.inside]
     streets = [look for look in looks if look.fine and look.among and not spots.covered[look.spot]]
     on_ground = spots.ground_share(scene) >= GROUND
-    if len(rooms) >= max(2, ROOMS * spots.covered[chosen].sum()):
-        pool, reason = rooms + (streets if on_ground else []), "A person in it has a ceiling above and walls around."
-    elif on_ground and len(streets) >= max(2, STREETS * (~spots.covered[chosen]).sum()):
+    has_streets = on_ground and len(streets) >= max(2, STREETS * (~spots.covered[chosen]).sum())
+    has_rooms = len(rooms) >= max(2, ROOMS * spots.covered[chosen].sum())
+    if has_streets and (not has_rooms or spots.covered.mean() < 0.5):
         pool, reason = streets, "A person on its ground has things on opposite sides."
+    elif has_rooms:
+        pool, reason = rooms, "A person in it has a ceiling above and walls around."
     elif on_ground and spots.is_land(scene):
         pool, reason = [look for look in looks if look.fine], "Its ground is land, wide and not flat."
     else:

@@ -16,6 +16,7 @@ from scenes.model import Scene
 from scenes.paths import make_path
 from scenes.rays import SLOPES, TURNS, Rays, panorama_directions
 from scenes.standing import decide
+from scenes.village import make_village
 from tests.conftest import REAL_SCENES
 from tests.scenes.checks import nearest, point_distance
 
@@ -101,6 +102,12 @@ def test_a_place_is_stood_in(name: str) -> None:
     path = make_path(scene, "walk")
     assert path.name == "walk"
     assert "viewpoint" in path.notes[0]
+
+
+def test_a_village_is_outdoors_though_its_houses_are_hollow() -> None:
+    standing = decide(replace(make_village(detail=130_000), cameras=[], route=None))
+    assert standing.place
+    assert "ground" in standing.reason
 
 
 @pytest.mark.parametrize("name", OBJECTS)
