@@ -47,7 +47,14 @@ Method = Annotated[
 ]
 SceneName = Annotated[Text, _option(WORK, "A built-in scene or a file. Default: hall", metavar="NAME|FILE")]
 Detail = Annotated[Whole, _option(WORK, "Triangles of a built-in scene", metavar="N")]
-Unit = Annotated[Number, _option(WORK, "Metres per unit of a file. Default: 1", metavar="M")]
+Unit = Annotated[
+    Text,
+    _option(
+        WORK,
+        "Of a file, whatever it states: m, cm, mm, km, in, ft, or metres. Default: as stated (glTF: m), else a guess",
+        metavar="UNIT",
+    ),
+]
 Repair = Annotated[
     Switch, _option(WORK, "Remove duplicate and degenerate faces and non-manifold edges first", "--repair")
 ]
@@ -243,12 +250,23 @@ def sweep(
 
 
 @app.command("list")
-def list_everything() -> None:
-    """Show the packers with their parameters, the scenes, paths, devices and metrics."""
-    from harness.console import guarded, show_catalogue
+def list_everything(scene: SceneName = None, unit: Unit = None) -> None:
+    """Show the packers with their parameters, the scenes, paths, devices and metrics.
+
+    With --scene only that scene: whether it is a place or an object and why, its unit, and how its walk starts.
+    """
+    from harness.console import InputError, guarded, show_catalogue
 
     with guarded():
-        show_catalogue()
+        if scene is not None:
+            from harness.scene_view import show_scene
+            from harness.settings import parse_unit
+
+            show_scene(scene, None if unit is None else parse_unit(unit))
+        elif unit is not None:
+            raise InputError("--unit is for bench list --scene FILE: give both.")
+        else:
+            show_catalogue()
 
 
 @app.command()

@@ -27,8 +27,6 @@ from scenes.paths import CameraPath, make_path
 if TYPE_CHECKING:
     from packers.interface import Packer
 
-# An object whose file states no unit is taken to be this large, so that a view cell in metres means something.
-OBJECT_SIZE = 2.0
 OPENING = (
     3600.0  # seconds after which opening a session counts as hanging; repairing millions of triangles takes minutes
 )
@@ -101,12 +99,14 @@ def open_scene(settings: Settings) -> Scene:
     )
     if settings.opaque:
         scene = opaque_version(scene)
-    if scene.place or settings.unit is not None or scene.metres_per_unit != 1:
+    size = float(max(scene.bounds[1] - scene.bounds[0])) * scene.metres_per_unit
+    if scene.place or size >= 2 * settings.cell_radius:
         return scene
-    low, high = scene.bounds
-    size = float(max(high - low))
-    note = f"The file states no unit: the object is taken to be {OBJECT_SIZE:g} m large (--unit changes that)."
-    return replace(scene, metres_per_unit=OBJECT_SIZE / size, notes=[*scene.notes, note])
+    note = (
+        f"The object is {size:.2g} m large ({scene.unit_from}), and so inside the view cell, which is "
+        f"{2 * settings.cell_radius:.2g} m wide: --unit sets another size, --cell another cell."
+    )
+    return replace(scene, notes=[*scene.notes, note])
 
 
 def open_path(settings: Settings, scene: Scene) -> CameraPath:

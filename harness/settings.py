@@ -13,6 +13,7 @@ from harness.views import Cell
 CELLS = {"default": Cell(0.08, 80), "pvs1": Cell(0.10, 90), "pvs2": Cell(0.20, 125), "pvs3": Cell(0.30, 160)}
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}  # metres
 METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
 
 
@@ -102,7 +103,10 @@ class Settings:
                 "--crf and --display-crf take whole numbers from 0 to 51.",
             ),
             (bool(self.crf), "--crf is empty: give at least one number."),
-            (self.unit is None or self.unit > 0, f"--unit is {self.unit}: give metres per unit above 0."),
+            (
+                self.unit is None or 0 < self.unit < float("inf"),
+                f"--unit is {self.unit}: give one of {', '.join(UNITS)}, or metres per unit above 0.",
+            ),
             (
                 self.decimate is None or 0 < self.decimate < 1,
                 f"--decimate is {self.decimate}: give the share of triangles to keep, between 0 and 1.",
@@ -159,6 +163,8 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
         given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
     if "crf" in given:
         given["crf"] = parse_crfs(given["crf"])
+    if "unit" in given:
+        given["unit"] = parse_unit(str(given["unit"]))
     if "metrics" in given:
         given["metrics"] = tuple(part.strip() for part in given["metrics"].split(",") if part.strip())
     if "no_skip" in given:
@@ -206,6 +212,18 @@ def parse_cell(text: str) -> Cell:
     if "," not in text:
         raise SettingsError(f"--cell is {text!r}: give RADIUS,FOV like 0.1,90, or one of {', '.join(CELLS)}.")
     return Cell(*parse_pair(text, ",", "--cell", "0.1,90"))
+
+
+def parse_unit(text: str) -> float:
+    """Metres per unit, from the name of a unit or a number."""
+    if text.strip() in UNITS:
+        return UNITS[text.strip()]
+    try:
+        return float(text)
+    except ValueError as error:
+        raise SettingsError(
+            f"--unit is {text!r}: give one of {', '.join(UNITS)}, or metres per unit above 0."
+        ) from error
 
 
 def parse_crfs(text: str) -> tuple[int, ...]:

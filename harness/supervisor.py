@@ -25,7 +25,7 @@ from typing import Any
 from kernels.journal import VARIABLE, read_journal
 
 # `bench tables` runs these as processes of their own, each of which is watched.
-WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor")
+WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "list")
 HARMLESS = {"--help", "--dry-run", "--list"}
 SWITCH = "BENCH_SUPERVISED"  # 0 switches it off, for debuggers; watched processes find 1
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on

@@ -152,7 +152,7 @@ def _arrays(scene: Scene) -> dict[str, np.ndarray]:
 
 
 _ANIMATED = ("times", "positions", "orientations")
-_PLAIN = ("name", "exposure", "metres_per_unit", "place", "notes", "content_hash")
+_PLAIN = ("name", "exposure", "metres_per_unit", "unit_from", "place", "because", "notes", "content_hash")
 
 
 def _record(scene: Scene) -> dict:

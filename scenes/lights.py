@@ -23,7 +23,6 @@ _LAMP_CONE = 65.0  # degrees; a shadow map of twice that still has even texels
 _LAMP_RISE = 8.0  # metres above the viewer at most: lamps hang, they are not stuck to a vault
 _FARTHEST = 25.0  # metres from the viewer to where a room is explored
 _HIGHEST_ROOF = 30.0  # metres above the viewer; what closes the sky higher up is a painted dome, not a roof
-_NARROWEST = 3.0  # metres: less is an object on a table
 _MIDDLE_GREY = 0.18
 _EXPOSURES = (0.45, 1.6)  # how far the light rigs are corrected for bright and dark surfaces
 _RECEIVED_OUTSIDE, _RECEIVED_INSIDE = 1.0, 0.6  # usual irradiance / pi of what is seen under either rig
@@ -50,24 +49,6 @@ def add_lights(scene: Scene) -> str:
     return done
 
 
-def is_place(scene: Scene) -> bool:
-    """Whether a person can walk in a scene: at least 3 m wide either way, and with a camera or a room inside.
-
-    A room is closed in by walls, floor and ceiling around the middle, 2.2 m to 200 m large.
-    """
-    low, high = scene.bounds
-    size = (high - low) * scene.metres_per_unit
-    if min(size[0], size[2]) < _NARROWEST:
-        return False
-    if scene.cameras:
-        return any(((low < camera.position) & (camera.position < high)).all() for camera in scene.cameras)
-    if size[1] < 2.2 or max(size) > 200:
-        return False
-    rays, middle = Rays(scene), (low + high) / 2
-    axes = np.concatenate([np.eye(3), -np.eye(3)])
-    return all(np.isfinite(rays.distance(middle, axis)) for axis in axes) and _faces_inwards(scene, middle)
-
-
 def mean_albedo(scene: Scene) -> float:
     """Mean luminance of the base colours, weighted by area."""
     area, _ = triangle_shapes(scene)
@@ -85,14 +66,6 @@ def _mean_colour(scene: Scene, index: int) -> np.ndarray:
     texels = scene.textures[material.base_texture].texels[::8, ::8]
     opaque = texels[texels[..., 3] > 127]
     return colour * power(opaque[:, :3] / 255, 2.2).mean(axis=0) if len(opaque) else colour
-
-
-def _faces_inwards(scene: Scene, middle: np.ndarray) -> bool:
-    """Whether most of the surface, by the solid angle that it fills, shows its front to a point."""
-    a, b, c = (scene.positions[scene.indices[:, corner]] - middle for corner in range(3))
-    volume = dot(a, np.cross(b, c))
-    distance = np.maximum(np.linalg.norm(a + b + c, axis=1) / 3, 1e-9)
-    return float((volume / (distance * distance * distance)).sum()) < 0
 
 
 def _viewpoint(scene: Scene) -> np.ndarray | None:

@@ -15,15 +15,20 @@ from scenes.cameras import read_cameras
 from scenes.dependencies import input_files
 from scenes.features import content_digest, find_features
 from scenes.gltf import read_gltf
-from scenes.lights import add_lights, is_place
+from scenes.lights import add_lights
 from scenes.mesh_files import read_mesh_file
 from scenes.model import Scene, SceneError
 from scenes.raw import RawScene
+from scenes.standing import Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
 _READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
 
 _MOST_DETAIL = 50_000_000
+_STATES_METRES = (".glb", ".gltf")  # by their specification
+_GUESSES = {1.0: "metres", 0.01: "centimetres"}  # of files that state no unit, where these make it a place
+_OBJECT_SIZE = 2.0  # metres: what other files are taken to be, so that a view cell in metres means something
+_LIKELY = (1e-3, 1e5)  # metres: how large scenes are
 
 _PROCEDURAL = {
     "hall": "an indoor hall: a few very large surfaces, very many small ones, railings and pipes, 3 shadowed lights",
@@ -49,7 +54,8 @@ def load_scene(
 ) -> Scene:
     """A built-in scene by name, or a .glb, .gltf, .obj, .ply, .stl or .off file.
 
-    unit: metres per unit of a file; a `metres_per_unit` in `cameras.json` beside it wins; 1 without either.
+    unit: metres per unit of a file, whatever it states. Without it that of `cameras.json` beside it counts, then the
+        metre for glTF; of other files it is guessed, with a note.
     detail: triangles of a built-in scene, made from `seed`.
     repair: drop duplicate and degenerate faces and faces at non-manifold edges. decimate: ratio of triangles to keep.
     cache: folder of loaded scenes; without it nothing is kept. Arrays of cached scenes are read-only.
@@ -125,13 +131,45 @@ def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | N
     cameras, stated_unit = read_cameras(path.parent / "cameras.json")
     raw.cameras = cameras + raw.cameras
     scene = assemble(_scene_name(path), raw, repair, decimate)
-    scene.metres_per_unit = stated_unit or unit or 1.0
-    scene.place = is_place(scene)
+    standing = _scaled(scene, path, unit, stated_unit)
+    scene.place, scene.because = standing.place, standing.reason
+    if standing.camera:
+        scene.cameras = [standing.camera]
     scene.notes.append(add_lights(scene))
     scene.notes += _see_through(scene)
     scene.features = find_features(scene)
     scene.content_hash = content_digest(scene)
     return scene
+
+
+def _scaled(scene: Scene, path: Path, unit: float | None, stated: float | None) -> Standing:
+    """Set what a file's unit is; whether it is a place at that scale."""
+    source = "cameras.json" if stated else "glTF, which is in metres"
+    stated = stated or (1.0 if path.suffix.lower() in _STATES_METRES else None)
+    if unit is None and stated is None:
+        return _guessed(scene)
+    if unit is not None and stated not in (None, unit):
+        scene.notes.append(f"The unit is {unit:g} m as asked for, not {stated:g} m as stated ({source}).")
+    scene.metres_per_unit, scene.unit_from = (stated, source) if unit is None else (unit, "--unit")
+    size = float(max(scene.bounds[1] - scene.bounds[0])) * scene.metres_per_unit
+    if not _LIKELY[0] <= size <= _LIKELY[1]:
+        scene.notes.append(f"The scene is {size:.3g} m large by its unit ({scene.unit_from}); --unit sets another.")
+    return decide(scene)
+
+
+def _guessed(scene: Scene) -> Standing:
+    """Set the unit of a file that states none: one in which the scene is a place, or that makes an object 2 m large."""
+    for unit, name in _GUESSES.items():
+        scene.metres_per_unit, scene.unit_from = unit, f"a guess: {name}"
+        standing = decide(scene)
+        if standing.place:
+            scene.notes.append(f"The file states no unit: it is taken to be in {name} (--unit changes that).")
+            return standing
+    scene.metres_per_unit = _OBJECT_SIZE / float(max(scene.bounds[1] - scene.bounds[0]))
+    scene.unit_from = f"a guess: the object is {_OBJECT_SIZE:g} m large"
+    note = f"The file states no unit: the object is taken to be {_OBJECT_SIZE:g} m large (--unit changes that)."
+    scene.notes.append(note)
+    return Standing(False, f"It is no place, be its unit {' or '.join(_GUESSES.values())}.")
 
 
 def _see_through(scene: Scene) -> list[str]:

@@ -169,9 +169,9 @@ class Scene:
     further_uvs: float32 (S, V, 2), sets of UVs of textures that do not use `uvs`, or None where all do.
     tangents: float32 (V, 4) with the bitangent's sign in w, or None where no normal map needs them.
     material_ids: int32 (T).
-    metres_per_unit: scale of the positions.
+    metres_per_unit: scale of the positions. unit_from: who says so.
     notes: sentences for the report: repairs made, things the file has that are not supported.
-    place: whether a person can walk in it (walk); objects are orbited instead.
+    place: whether a person can walk in it (walk); objects are orbited instead. because: why a file's is.
     route: float64 (N, 3), floor points of a walk designed with the scene, origin-relative; None where there is none.
     """
 
@@ -191,9 +191,11 @@ class Scene:
     exposure: float = 1.0
     origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
     metres_per_unit: float = 1.0
+    unit_from: str = "made in metres"
     cameras: list[Camera] = field(default_factory=list)
     animations: list[CameraAnimation] = field(default_factory=list)
     place: bool = True
+    because: str = ""
     route: np.ndarray | None = None
     features: Features = field(default_factory=Features)
     notes: list[str] = field(default_factory=list)

@@ -20,7 +20,8 @@ from scenes.lines import curve, smoothed
 from scenes.model import Scene
 from scenes.quaternions import about, looking, multiply, slerp
 from scenes.rays import Rays
-from scenes.walking import EYE_HEIGHT, route_from, viewpoints
+from scenes.standing import FOUND, decide
+from scenes.walking import EYE_HEIGHT, route_from
 
 RATE = 60.0  # frames per second
 WALK_FRAMES, ORBIT_FRAMES = 660, 300
@@ -287,22 +288,21 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
         eyes = scene.route + np.array([0.0, EYE_HEIGHT / scene.metres_per_unit, 0.0])
         direction = np.asarray(scene.cameras[0].direction) if scene.cameras else eyes[1] - eyes[0]
         return _stroll(_rounded(eyes), direction, scene.metres_per_unit, seed)
-    for camera in scene.cameras[:1]:
-        eye = np.array(camera.position)
-        route = route_from(scene, eye, np.array(camera.direction), length)
-        if route is not None and _in_sight(scene, eye, route.eyes[0]):
-            if not route.on_floor:
-                notes.append("The scene's camera does not stand on a floor: the walk stays at its height.")
-            return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
-        notes.append("The scene's camera has no room to walk: the person there takes a small step and looks around.")
-        return _stand(scene, eye, np.array(camera.direction), seed)
-    for eye, direction in viewpoints(scene):
-        route = route_from(scene, eye, direction, length)
-        if route is not None:
-            notes.append("The walk starts at a viewpoint found inside the scene.")
-            return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
-    notes.append("The scene has no room to walk: walk falls back to orbit.")
-    return None
+    camera = scene.cameras[0] if scene.cameras else decide(scene).camera
+    if camera is None:
+        notes.append("The scene has no room to walk: walk falls back to orbit.")
+        return None
+    who = "viewpoint found in the scene" if camera.name == FOUND else "scene's camera"
+    if camera.name == FOUND:
+        notes.append("The walk starts at a viewpoint found inside the scene.")
+    eye, direction = np.array(camera.position), np.array(camera.direction)
+    route = route_from(scene, eye, direction, length)
+    if route is not None and _in_sight(scene, eye, route.eyes[0]):
+        if not route.on_floor:
+            notes.append(f"The {who} does not stand on a floor: the walk stays at its height.")
+        return _stroll(route.eyes, route.direction, scene.metres_per_unit, seed)
+    notes.append(f"The {who} has no room to walk: the person there takes a small step and looks around.")
+    return _stand(scene, eye, direction, seed)
 
 
 def _in_sight(scene: Scene, eye: np.ndarray, other: np.ndarray) -> bool:

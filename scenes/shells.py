@@ -17,7 +17,8 @@ from scenes.model import Camera, Light, Scene, SceneError, Sky
 DEFAULT_DETAIL = 60_000
 LEAST_DETAIL, MOST_DETAIL = 2_000, 5_000_000
 ALPHA = 0.5
-SHELLS = (  # radius in metres, colour, share of the triangles
+ACROSS = 2.0  # metres, bumps and all
+SHELLS = (  # radius, colour, share of the triangles
     (1.0, (0.75, 0.30, 0.12), 0.4),
     (0.72, (0.15, 0.45, 0.70), 0.3),
     (0.45, (0.70, 0.62, 0.20), 0.2),
@@ -95,6 +96,7 @@ def make_shells(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
         _ring(radius, tube, tilt, left, glass(f"ring {number}", colour))
         for number, (radius, tube, tilt, colour) in enumerate(RINGS, 1)
     ]
+    points = np.concatenate([part.positions for part in parts]).astype(np.float64)
     sun = Light("directional", (1.9, 1.8, 1.6), direction=(-0.4, -1.0, -0.6), shadows=False)
     return palette.assemble(
         "shells",
@@ -102,5 +104,6 @@ def make_shells(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
         lights=[sun],
         sky=Sky((0.20, 0.26, 0.38), (0.30, 0.33, 0.36), (0.10, 0.09, 0.08)),
         cameras=[Camera((0.0, 0.5, 3.4), (0.0, -0.147, -1.0), name="front")],
+        metres_per_unit=ACROSS / float((points.max(axis=0) - points.min(axis=0)).max()),
         place=False,
     )

@@ -100,7 +100,7 @@ def _halves(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([p, middle, r], axis=1), np.stack([middle, q, r], axis=1)])
 
 
-def _carries(scene: Scene, ids: np.ndarray) -> np.ndarray:
+def carries(scene: Scene, ids: np.ndarray) -> np.ndarray:
     """Whether triangles (N ids) carry a person: not steep ones, and not leaves and grass, which are alpha-masked."""
     corners = scene.positions[scene.indices[ids]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -112,7 +112,7 @@ def _carries(scene: Scene, ids: np.ndarray) -> np.ndarray:
 def _on_floors(scene: Scene, owner: np.ndarray) -> np.ndarray:
     """Whether points (N), given by their triangles' ids, lie on triangles that carry a person."""
     ids, inverse = np.unique(owner, return_inverse=True)
-    return _carries(scene, ids)[inverse]
+    return carries(scene, ids)[inverse]
 
 
 class Surroundings:
@@ -284,39 +284,3 @@ def _farthest(graph, cells: np.ndarray, here: int, forward: np.ndarray, wanted: 
     while way[-1] != here:
         way.append(int(before[way[-1]]))
     return way[::-1]
-
-
-def viewpoints(scene: Scene, count: int = 4) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Places to stand inside the bounds, best first: eye points and directions of view, both (3).
-
-    Good is a floor with room all around near the middle of what the scene holds, and the view goes towards that.
-    """
-    from scipy.ndimage import distance_transform_edt
-
-    low, high = scene.bounds
-    spacing = max((high - low).max() / 110, 0.2 / scene.metres_per_unit)
-    shape = np.ceil((high - low) / spacing).astype(int) + 1
-    points, owner = surface_points(scene, low - spacing, high + spacing, spacing)
-    floors, filled = np.zeros((2, *shape), bool)
-    cells = np.clip(((points - low) / spacing).astype(int), 0, shape - 1)
-    filled[tuple(cells.T)] = True
-    floors[tuple(cells[_on_floors(scene, owner)].T)] = True
-    clear = distance_transform_edt(~filled) * spacing * scene.metres_per_unit
-    eye = max(1, round(EYE_HEIGHT / scene.metres_per_unit / spacing))
-    stands = np.zeros(shape, bool)
-    stands[:, eye:] = floors[:, : shape[1] - eye]
-    spots = np.argwhere(stands & (clear > 0.5))
-    if not len(spots):
-        return []
-    middle = np.median(points, axis=0)
-    off = np.linalg.norm((low + (spots + 0.5) * spacing - middle), axis=1) / np.linalg.norm(high - low, axis=-1)
-    score = np.minimum(clear[tuple(spots.T)], 1.5) - 4 * off
-    out: list[tuple[np.ndarray, np.ndarray]] = []
-    for best in np.argsort(-score, kind="stable"):
-        place = low + (spots[best] + 0.5) * spacing
-        if all(np.linalg.norm(place - other, axis=-1) * scene.metres_per_unit > 2 for other, _ in out):
-            towards = (middle - place) * np.array([1, 0, 1]) + np.array([0, 0, -1e-6])
-            out.append((place, towards / np.linalg.norm(towards, axis=-1)))
-        if len(out) == count:
-            break
-    return out

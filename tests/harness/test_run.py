@@ -230,6 +230,7 @@ def test_reports_are_rebuilt_and_runs_compared(whole: Path):
         (["--seed", "-1"], "--seed"),
         (["--scene", ""], "--scene"),
         (["--unit", "2"], "--unit"),
+        (["--unit", "furlong"], "km"),
         (["--codec", "none", "--crf", "5"], "--crf"),
         (["--method", "sas[fit=2]"], "fit"),
         (["--method", "sas[superblock=100]"], "superblock"),

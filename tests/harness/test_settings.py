@@ -4,7 +4,16 @@ import json
 
 import pytest
 
-from harness.settings import Settings, SettingsError, parse_cell, parse_crfs, parse_size, read_settings
+from harness.settings import (
+    Settings,
+    SettingsError,
+    parse_cell,
+    parse_crfs,
+    parse_size,
+    parse_unit,
+    read_settings,
+    settings_of,
+)
 
 
 @pytest.mark.parametrize(
@@ -21,6 +30,7 @@ from harness.settings import Settings, SettingsError, parse_cell, parse_crfs, pa
         ({"crf": (60,)}, "--crf"),
         ({"crf": ()}, "--crf"),
         ({"unit": 0}, "--unit"),
+        ({"unit": float("inf")}, "--unit"),
         ({"decimate": 1.5}, "--decimate"),
         ({"repeat": 0}, "--repeat"),
         ({"timeout": 0}, "--timeout"),
@@ -42,6 +52,15 @@ def test_cells_are_presets_or_pairs():
     assert parse_cell("pvs2") == parse_cell("0.2,125")
     with pytest.raises(SettingsError, match="pvs1"):
         parse_cell("pvs9")
+
+
+def test_units_are_names_or_metres():
+    assert [parse_unit(text) for text in ("m", "cm", "mm", "km", "in", "ft")] == [1, 0.01, 0.001, 1000, 0.0254, 0.3048]
+    assert parse_unit(" 0.5 ") == 0.5
+    assert settings_of({"unit": "in"}).unit == 0.0254
+    for text in ("furlong", "", "1 m", "M"):
+        with pytest.raises(SettingsError, match="m, cm, mm, km, in, ft"):
+            parse_unit(text)
 
 
 def test_rates_are_a_list_and_the_displayed_one_is_always_encoded():

@@ -35,6 +35,7 @@ from scenes.lights import add_lights
 from scenes.load import load_scene
 from scenes.model import Scene
 from scenes.paths import CameraPath, make_path
+from scenes.standing import decide
 from tests.scenes.glb_files import Glb
 
 SMALL = {"hall": 40_000, "village": 130_000, "shells": 2_000}  # triangles
@@ -60,6 +61,8 @@ def scene_hashes(name: str, detail: int | None) -> Iterator[tuple[str, str]]:
         add_lights(bare)
         yield f"{label} found lights", digest(bare.lights, bare.exposure)
         yield f"{label} found walk", make_path(bare, "walk", seed=1).hash
+        standing = decide(replace(bare, cameras=[]))
+        yield f"{label} found viewpoint", digest(standing.place, standing.reason, standing.camera)
         path = make_path(scene, "walk")
         yield f"{label} host", digest(*host_values(scene, path))
 

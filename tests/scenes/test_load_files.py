@@ -107,7 +107,7 @@ def test_cameras_json_gives_cameras_and_scale(tmp_path):
     (tmp_path / "room.obj").write_text(box(8, inwards=True), encoding="utf-8")
     camera = {"eye": [4, 2, 4], "dir": [0, 0, -2], "fov_x_deg": 70}
     (tmp_path / "cameras.json").write_text(json.dumps({"metres_per_unit": 0.5, "cameras": [camera]}), encoding="utf-8")
-    scene = load_scene(str(tmp_path / "room.obj"), unit=100)
+    scene = load_scene(str(tmp_path / "room.obj"))
     assert scene.metres_per_unit == 0.5
     assert scene.place
     assert np.array(scene.cameras[0].position) + scene.origin == pytest.approx([4, 2, 4])

@@ -1,0 +1,198 @@
+"""Places and objects are told apart without cameras, and a person stands where there is something to see."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arithmetic.functions import sin
+from scenes.builder import Palette, ball, box, boxes, merge, sheet
+from scenes.load import load_scene
+from scenes.model import Scene
+from scenes.paths import make_path
+from scenes.rays import SLOPES, TURNS, Rays, panorama_directions
+from scenes.standing import decide
+from scenes.village import make_village
+from tests.conftest import REAL_SCENES
+from tests.scenes.checks import nearest, point_distance
+
+PALETTE = Palette()
+GREY = PALETTE.material("grey")
+
+
+def _scene(*parts) -> Scene:
+    return PALETTE.assemble("made", parts)
+
+
+def _ground(size: float, divisions: int = 1):
+    return sheet((-size / 2, 0, size / 2), (size, 0, 0), (0, 0, -size), GREY, (divisions, divisions))
+
+
+def _room(width: float, height: float, depth: float, door: float = 0.0):
+    """Inward walls, floor and ceiling around the origin; a doorway in the wall at +z."""
+    x, z, side = width / 2, depth / 2, (width - door) / 2
+    parts = [
+        sheet((-x, 0, z), (width, 0, 0), (0, 0, -depth), GREY),
+        sheet((-x, height, -z), (width, 0, 0), (0, 0, depth), GREY),
+        sheet((-x, 0, -z), (width, 0, 0), (0, height, 0), GREY),
+        sheet((-x, 0, z), (0, 0, -depth), (0, height, 0), GREY),
+        sheet((x, 0, -z), (0, 0, depth), (0, height, 0), GREY),
+        sheet((x, 0, z), (-side, 0, 0), (0, height, 0), GREY),
+        sheet((-x + side, 0, z), (-side, 0, 0), (0, height, 0), GREY),
+    ]
+    return merge(parts)
+
+
+def _closed_room() -> Scene:
+    table = box((1.5, 0.7, 1), (1.6, 0.05, 0.9), GREY)
+    return _scene(_room(7, 2.8, 5), table, boxes([(-3.2, 1, 0), (2, 0.5, -2.1)], [(0.5, 2, 1.5), (2, 1, 0.6)], GREY))
+
+
+def _house_with_open_door() -> Scene:
+    walls = boxes(
+        [(-3.6, 1.5, 0), (3.6, 1.5, 0), (0, 1.5, -3.1), (0, 3.1, 0)],
+        [(0.2, 3, 6), (0.2, 3, 6), (7.4, 3, 0.2), (7.4, 0.2, 6.4)], GREY,
+    )  # fmt: skip
+    fronts = boxes([(-2.1, 1.5, 3.1), (2.1, 1.5, 3.1)], [(3.2, 3, 0.2), (3.2, 3, 0.2)], GREY)
+    return _scene(_ground(30), walls, fronts, box((-2, 0.4, -2), (1.5, 0.8, 1), GREY))
+
+
+def _street() -> Scene:
+    rows = [(side * 9.0, 4, z) for side in (-1, 1) for z in range(-24, 25, 12)]
+    return _scene(_ground(80), boxes(rows, [(9, 8, 10)] * len(rows), GREY))
+
+
+def _terrain() -> Scene:
+    land = _ground(120, 60)
+    x, _, z = land.positions.T
+    land.positions[:, 1] = 4 * sin(x / 15) * sin(z / 19)
+    return _scene(land)
+
+
+PLACES = {"room": _closed_room, "house": _house_with_open_door, "street": _street, "terrain": _terrain}
+OBJECTS = {
+    "ball": lambda: _scene(ball(3, 24, GREY)),
+    "block": lambda: _scene(box((0, 4, 0), (8, 8, 8), GREY)),
+    "statue on wide ground": lambda: _scene(_ground(60), box((0, 0.5, 0), (2, 1, 2), GREY), ball(1.5, 24, GREY)),
+    "table": lambda: _scene(box((0, 1, 0), (2, 0.1, 2), GREY)),
+    "wall": lambda: _scene(box((0, 2, 0), (20, 4, 4), GREY)),
+    "flat ground": lambda: _scene(_ground(60)),
+}
+
+
+@pytest.mark.parametrize("name", PLACES)
+def test_a_place_is_stood_in(name: str) -> None:
+    scene = PLACES[name]()
+    standing = decide(scene)
+    assert standing.place, standing.reason
+    eye, way = np.array(standing.camera.position), np.array(standing.camera.direction)
+    down, _ = nearest(scene, eye, np.array([0.0, -1, 0]))
+    assert down == pytest.approx(1.6, abs=0.05)
+    assert point_distance(scene, eye, 0.6) >= 0.45
+    assert way[1] == 0
+    up, _ = nearest(scene, eye, np.array([0.0, 1, 0]))
+    assert np.isfinite(up) == (name in ("room", "house"))
+    if name != "terrain":
+        ahead, _ = nearest(scene, eye, way)
+        assert 2.5 < ahead < 60
+    path = make_path(scene, "walk")
+    assert path.name == "walk"
+    assert "viewpoint" in path.notes[0]
+
+
+def test_a_village_is_outdoors_though_its_houses_are_hollow() -> None:
+    standing = decide(replace(make_village(detail=130_000), cameras=[], route=None))
+    assert standing.place
+    assert "ground" in standing.reason
+
+
+@pytest.mark.parametrize("name", OBJECTS)
+def test_an_object_is_not_walked_on(name: str) -> None:
+    standing = decide(OBJECTS[name]())
+    assert not standing.place
+    assert standing.camera is None
+    assert standing.reason.endswith(".")
+
+
+@pytest.mark.parametrize("unit", [0.01, 1000.0])
+def test_a_unit_changes_nothing_but_numbers(unit: float) -> None:
+    scene = _closed_room()
+    other = replace(scene, positions=scene.positions / np.float32(unit), metres_per_unit=unit)
+    here, there = decide(scene), decide(other)
+    assert (here.place, here.reason) == (there.place, there.reason)
+    assert np.array(there.camera.position) * unit == pytest.approx(np.array(here.camera.position), abs=0.3)
+
+
+def test_a_camera_decides_alone() -> None:
+    room, statue = _closed_room(), OBJECTS["statue on wide ground"]()
+    camera = decide(room).camera
+    assert decide(replace(statue, cameras=[replace(camera, position=(9.0, 1.0, 9.0))])).place
+    far = replace(camera, position=(0.0, 90.0, 0.0))
+    assert not decide(replace(room, cameras=[far])).place
+
+
+def test_a_panorama_is_what_its_single_rays_see() -> None:
+    rng = np.random.default_rng(3)
+    scene = _scene(_room(7, 2.8, 5), boxes(rng.uniform(-3, 3, (40, 3)), rng.uniform(0.01, 1, (40, 3)), GREY))
+    rays = Rays(scene)
+    for start in (np.array([0.1, 1.3, 0.2]), np.array([2.9, 1.0, -1.7])):
+        seen = rays.panorama(start)
+        for turn in range(0, TURNS, 5):
+            for slope in range(len(SLOPES)):
+                way = panorama_directions()[turn, slope]
+                distance, triangle = nearest(scene, start, way)
+                assert seen.distances[turn, slope] == pytest.approx(distance, rel=1e-5)
+                assert rays.distance(start, way) == pytest.approx(distance, rel=1e-5)
+                a, b, c = scene.positions[scene.indices[triangle]].astype(np.float64)
+                assert seen.fronts[turn, slope] == (np.cross(b - a, c - a) @ way < 0)
+
+
+REAL_PLACES = {
+    "classroom": 12.0, "dining_room": 12.0, "living_room": 4.0, "living_room_2": 4.0, "staircase": 4.0,
+    "sibenik": 30.0, "sponza_crytek": 25.0, "sponza_dabrovic": 20.0, "torcs_street1": 1000.0,
+}  # fmt: skip
+REAL_OBJECTS = (
+    "gltf_OrientationTest", "gltf_RecursiveSkeletons", "gltf_SimpleInstancing", "littlest_tokyo", "stanford_bunny",
+    "stanford_dragon",
+)  # fmt: skip
+
+
+def _without_cameras(name: str, folder: Path) -> Scene:
+    """A real scene, loaded from beside a cameras.json that states its scale only."""
+    files = [f for f in (REAL_SCENES / name).glob("*") if f.suffix in (".glb", ".obj", ".ply")]
+    if not files:
+        pytest.skip("real scenes are not here")
+    (folder / files[0].name).write_bytes(files[0].read_bytes())
+    known = REAL_SCENES / name / "cameras.json"
+    if known.exists():
+        scale = {"metres_per_unit": json.loads(known.read_text(encoding="utf-8"))["metres_per_unit"]}
+        (folder / "cameras.json").write_text(json.dumps(scale), encoding="utf-8")
+    return load_scene(str(folder / files[0].name))
+
+
+@pytest.mark.parametrize("name", REAL_PLACES)
+def test_real_places_are_stood_in(name: str, tmp_path: Path) -> None:
+    scene = _without_cameras(name, tmp_path)
+    assert scene.place, scene.because
+    eye, unit = np.array(scene.cameras[0].position), scene.metres_per_unit
+    down, _ = nearest(scene, eye, np.array([0.0, -1, 0]))
+    assert 1.0 < down * unit < 1.7  # plants may stand below
+    seen = Rays(scene).panorama(eye)
+    assert seen.distances.min() * unit >= 0.5
+    ahead = panorama_directions()[:, 3] @ np.array(scene.cameras[0].direction) > 0.9
+    assert np.median(seen.distances[ahead]) * unit > 2
+    assert (seen.triangles[ahead] >= 0).mean() > 0.5
+    known = json.loads((REAL_SCENES / name / "cameras.json").read_text(encoding="utf-8"))["cameras"]
+    away = min(np.linalg.norm(np.array(camera["eye"]) - scene.origin - eye) for camera in known)
+    assert away * unit < REAL_PLACES[name]
+
+
+@pytest.mark.parametrize("name", REAL_OBJECTS)
+def test_real_objects_are_objects(name: str, tmp_path: Path) -> None:
+    scene = _without_cameras(name, tmp_path)
+    assert not scene.place
+    assert not scene.cameras
