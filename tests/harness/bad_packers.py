@@ -74,12 +74,12 @@ class Unprepared(Packer):
 
 
 class Aborting(ShadingAtlasStreaming):
-    """Takes its process with it in its second frame."""
+    """Takes its process with it in its third frame."""
 
     name = "aborting"
 
     def pack(self, frame):
-        if frame.index == 1:
+        if frame.index == 2:
             os.abort()
         return super().pack(frame)
 

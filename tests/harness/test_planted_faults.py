@@ -20,7 +20,7 @@ from packers.sas import ShadingAtlasStreaming
 from packers.sas.client import ShadingAtlasClient
 from reports.store import Store
 from scenes.features import find_features
-from scenes.model import Material, Scene, Texture
+from scenes.model import Camera, Material, Scene, Texture
 from tests.harness import planted_packers as planted
 from tests.packers.test_transparency import glazed
 
@@ -41,6 +41,7 @@ def shiny_room() -> Scene:
     noise[..., 3] = 255
     scene.textures.append(Texture("noise", noise))
     scene.materials[0] = Material(base_texture=1, roughness=0.2, metallic=0.5, double_sided=True)
+    scene.cameras = [Camera((0.0, 0.1, 1.5), (0.0, 0.0, -1.0))]
     scene.features, scene.content_hash = find_features(scene), "shiny room"
     return scene
 

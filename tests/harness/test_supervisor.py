@@ -48,8 +48,8 @@ def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: P
     assert done.returncode == 1, done.stderr
     rows = rows_of(folder)
     assert [status for status, _ in rows["sas"]] == ["ok"] * 3
-    assert [status for status, _ in rows["aborting"]] == ["ok", "failed", "failed"]
-    assert rows["aborting"][1][1] == "frame 1: aborting: the process crashed (SIGABRT)."
+    assert [status for status, _ in rows["aborting"]] == ["ok", "ok", "failed"]
+    assert rows["aborting"][2][1] == "frame 2: aborting: the process crashed (SIGABRT)."
     assert [status for status, _ in rows["aborting-beside"]] == ["failed"] * 3
     assert "measuring frame 0: aborting-beside: the process crashed" in rows["aborting-beside"][0][1]
     assert "Going on without it." in done.stderr

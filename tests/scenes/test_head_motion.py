@@ -108,5 +108,5 @@ def test_malformed_recordings_are_named(tmp_path: Path, text: str, line: int) ->
 
 
 def test_missing_recording_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(PathError, match="cannot be read"):
+    with pytest.raises(PathError, match="There is no file"):
         HeadMotion.recorded(tmp_path / "none.txt")
