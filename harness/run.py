@@ -118,7 +118,7 @@ class Run:
         self.pictured = {0, self.frames // 2, self.frames - 1} if pictures else set()
         self.common = self._common_columns()
         self.workers = 1 if os.environ.get(SERIAL) else WORKERS
-        # Clients must be alone with their payload in every frame: the one that is tried beforehand follows from the run.
+        # Clients must be alone with their payload in every frame: one that follows from the run is tried beforehand.
         known = f"{session.scene.host.content_hash} {session.path_hash}"
         self.tried = 1 + zlib.crc32(known.encode()) % (self.frames - 1) if self.frames > 1 else 0
         self.spent: defaultdict[str, Counter[Lane]] = defaultdict(Counter)  # seconds of each lane by step, last frame

@@ -13,6 +13,7 @@ from packers.interface import View
 
 # A frustum wider than this is split: perspective spends most pixels of a wider one near its edges.
 WIDEST_FRUSTUM = 100.0
+ONE_VIEW = 4  # times the client's pixels, which one view of a cell may have, however wide it is
 
 
 @dataclass(frozen=True)
@@ -89,11 +90,13 @@ def client_view(pose: Pose, fov: float, width: int, height: int, near: float) ->
 
 @dataclass(frozen=True)
 class CellFrustum:
-    """What the cell can see: half-angle tangents of its frustum and pixels per unit tangent at the client's density."""
+    """What the cell can see: half-angle tangents of its frustum, pixels per unit tangent at the client's density, and
+    pixels of the client's picture."""
 
     tan_x: float
     tan_y: float
     density: float
+    pixels: int
 
     @classmethod
     def around(cls, cell: Cell, fov: float, width: int, height: int) -> CellFrustum:
@@ -105,6 +108,7 @@ class CellFrustum:
             float(tan(half_x + margin)),
             float(tan(min(half_y + margin, np.radians(88)))),
             float(width / 2 / tan(half_x)),
+            width * height,
         )
 
     def server_view(self, pose: Pose, near: float) -> View:
@@ -129,9 +133,13 @@ class CellFrustum:
         return views
 
     def split(self, pose: Pose, near: float) -> tuple[View, ...]:
-        """The frusta at the client's density where one view is too wide for the cell, else none (Frame.frusta)."""
-        views = self.frusta(pose, near, self.density)
-        return tuple(views) if len(views) > 1 else ()
+        """The frusta at the client's density where one view is too wide for the cell, else none (Frame.frusta).
+
+        A client that is itself as wide spends its pixels near its edges; frusta have none to spare there.
+        """
+        server, views = self.server_view(pose, near), self.frusta(pose, near, self.density)
+        too_large = server.width * server.height > ONE_VIEW * self.pixels
+        return tuple(views) if len(views) > 1 and too_large else ()
 
     def contains(self, server: Pose, client: View) -> bool:
         """Whether the four corner rays of a client view lie inside the frustum."""

@@ -170,8 +170,9 @@ class Frame:
     predicted: client views predicted for the latency, nearest first.
     atlas_width, atlas_height: the plane to fill, in texels.
     seed: for methods that need random numbers.
-    frusta: where the cell's frustum is wider or higher than 100 degrees, views from the server's eye that cover it
-        together, each turned to its part and at the client's density at its own centre; else none. See `cell_views`.
+    frusta: where the cell's frustum is wider or higher than 100 degrees, and one view of it would have over four times
+        the client's pixels, views from the server's eye that cover it together, each turned to its part and at the
+        client's density at its own centre; else none. See `cell_views`.
     """
 
     index: int

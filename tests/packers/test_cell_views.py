@@ -61,3 +61,10 @@ def test_a_cell_is_split_above_100_degrees_only():
     for cell_fov, count in ((80, 0), (100, 0), (100.1, 2), (160, 4)):
         frustum, _ = views_of(cell_fov, (960, 540))
         assert len(frustum.split(POSE, 0.01)) == count
+
+
+@pytest.mark.parametrize(("fov", "cell_fov"), [(110, 120), (140, 145), (179, 179)])
+def test_a_client_that_is_itself_as_wide_has_one_view(fov, cell_fov):
+    """At the density of its centre frusta would have fewer pixels near its edges than it has itself."""
+    frustum = CellFrustum.around(Cell(0.1, cell_fov), fov, 160, 90)
+    assert frustum.split(POSE, 0.01) == ()
