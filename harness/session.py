@@ -13,6 +13,7 @@ from harness.frames import FrameSource
 from harness.reference import ForwardRenderer
 from harness.settings import Settings, SettingsError
 from harness.upload import upload_scene
+from harness.walks import cached_path
 from kernels.cache import cache_root
 from kernels.device import Device
 from kernels.journal import journal
@@ -22,7 +23,7 @@ from scenes.head_motion import HeadMotion
 from scenes.load import list_scenes, load_scene
 from scenes.model import Scene
 from scenes.opaque import opaque_version
-from scenes.paths import CameraPath, make_path
+from scenes.paths import CameraPath
 
 if TYPE_CHECKING:
     from packers.interface import Packer
@@ -111,7 +112,7 @@ def open_scene(settings: Settings) -> Scene:
 
 def open_path(settings: Settings, scene: Scene) -> CameraPath:
     """The camera path of the settings. Raises PathError; a path shorter than the frames asked for is one."""
-    return make_path(scene, settings.path, settings.frames, settings.seed)
+    return cached_path(scene, settings.path, settings.frames, settings.seed)
 
 
 def open_head_motion(settings: Settings) -> HeadMotion:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness import plan, pvs
+from harness import plan, pvs, walks
 from harness.settings import Settings
 from harness.upload import upload_scene
 from harness.views import Cell, CellFrustum, Pose
@@ -21,6 +21,7 @@ from kernels.device import Device
 from packers.sas import patches
 from scenes import load
 from scenes.model import Scene
+from scenes.paths import CameraPath
 
 SIDE = 12  # cells per side of the meshes that are cached here
 
@@ -57,6 +58,11 @@ def flat(scene: Scene) -> dict[str, Any]:
     }
 
 
+def parts_of(path: CameraPath) -> dict[str, Any]:
+    """A path as values that NumPy compares."""
+    return vars(path) | {"beyond": None if path.beyond is None else vars(path.beyond)}
+
+
 def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[str]) -> None:
     real = getattr(module, name)
 
@@ -67,7 +73,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[
     monkeypatch.setattr(module, name, counting)
 
 
-@pytest.fixture(params=["scene", "patches", "visible set", "pace"])
+@pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk"])
 def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device) -> Kind:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     file, made, root = str(grid_file(tmp_path)), [], plan.cache_root()
@@ -78,6 +84,9 @@ def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: 
     if request.param == "patches":
         counted(monkeypatch, patches, "find_patches", made)
         return Kind(root / "patches", lambda: vars(patches.cached_patches(scene)), made)
+    if request.param == "walk":
+        counted(monkeypatch, walks, "make_path", made)
+        return Kind(root / "walks", lambda: parts_of(walks.cached_path(scene, "walk", 12, 0)), made)
     if request.param == "visible set":
         counted(monkeypatch, pvs, "_draw", made)
         server, pose = upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
