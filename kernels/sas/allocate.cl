@@ -2,6 +2,10 @@
 
 // Persistent allocation of blocks in three phases: request, provision, assign. `top` is log2 of a superblock's side.
 
+#define STEPS 8
+
+static inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
+
 static inline int class_of_word(uint word, int top) {
     const Block block = unpack_location(word);
     return size_class(block.w, block.h, top);
@@ -13,8 +17,8 @@ __kernel void request(int count, __global const int *patches, __global const int
                       __global const uint *words, __global int *wanted, __global int *released) {
     const int i = get_global_id(0);
     if (i >= count) return;
-    const int2 levels = levels_of(sizes[i], bias, top);
-    const int now = size_class(levels.x, levels.y, top);
+    const int w = level_at(sizes[i] & 0xFF, bias, top), h = level_at(sizes[i] >> 8, bias, top);
+    const int now = size_class(w, h, top);
     const uint word = words[patches[i]];
     const int held = word ? class_of_word(word, top) : -1;
     wanted[i] = held == now ? -1 : now;

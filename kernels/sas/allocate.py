@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.common.rank import rank_by_class, rank_by_class_twin
-from kernels.sas.bias import levels_of
+from kernels.sas.bias import levels_at
 from kernels.sas.layout import pack_location, unpack_location
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ class Allocator:
 
 def request_twin(sizes: np.ndarray, bias: int, top: int, words: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Classes of the blocks that patches with these sizes and words want and release, -1 for none."""
-    w, h = levels_of(sizes, bias, top)
+    w, h = levels_at(sizes & 0xFF, bias, top), levels_at(sizes >> 8, bias, top)
     now, held = h * (top + 1) + w, classes_of(words, top)
     return np.where(held == now, -1, now), np.where(held == now, -1, held)
 

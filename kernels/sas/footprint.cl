@@ -49,8 +49,8 @@ INLINE int8 size_steps(float8 pixels) {
     return LESSER(up, (int8)(SIZES - 1));
 }
 
-// sizes: width in steps | height in steps << 8 | triangles beyond the first << 16. histogram (3, SIZES, SIZES): patches
-// by triangles, height and width, counts only, so that the order of the additions changes nothing.
+// sizes: width in steps | height in steps << 8. histogram (SIZES, SIZES): patches by height and width, counts only, so
+// that the order of the additions changes nothing.
 __kernel void measure_sides(int count, __global const int *patches, __global const int *points,
                             __global const float *positions, float eye_x, float eye_y, float eye_z, float low_x,
                             float low_y, float low_z, float pixels, __global int *sizes, __global int *histogram) {
@@ -82,8 +82,7 @@ __kernel void measure_sides(int count, __global const int *patches, __global con
     const int8 height = size_steps(pixels * (fan ? GREATER(height2, height3) : height2));
     for (int k = 0; k < 8 && first + k < count; k++) {
         const int w = ((int *)&width)[k], h = ((int *)&height)[k];
-        const int more = -((int *)&quad)[k] - ((int *)&fan)[k];
-        sizes[first + k] = w | h << 8 | more << 16;
-        atomic_inc(&histogram[SIZES * (SIZES * more + h) + w]);
+        sizes[first + k] = w | h << 8;
+        atomic_inc(&histogram[SIZES * h + w]);
     }
 }

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
 
 STEPS = 8  # per doubling of the size
 SIZES = 128  # sizes 2^0 to 2^(127/8), 60 000 pixels
-KINDS = 3  # patches of one, two and three triangles
 
 
 def measure_sides(
@@ -29,14 +28,13 @@ def measure_sides(
 
     patches: int32 (count). points: int32 (P, 5), vertices at (0,0), (1,0), (1,1), (0,1) and the apex, -1 for none.
     positions: float32 (V, 3). eye: float64 (3).
-    Returns sizes int32 (count), ceil(8 log2(pixels)) of width | of height << 8 | triangles beyond the first << 16, and
-    histogram int32 (3, 128, 128) of their number by triangles, height and width. The width is the longer of the
-    opposite sides (the one with the apex as the sum of its parts), the height likewise, in a fan at least the way from
-    the apex to the middle of the opposite side.
+    Returns sizes int32 (count), ceil(8 log2(pixels)) of width | of height << 8, and histogram int32 (128, 128) of
+    their number by height and width. The width is the longer of the opposite sides (the one with the apex as the sum of
+    its parts), the height likewise, in a fan at least the way from the apex to the middle of the opposite side.
     """
     kernels = device.build("sas/footprint.cl")
     sizes = device.empty(count, np.int32)
-    histogram = device.empty((KINDS, SIZES, SIZES), np.int32)
+    histogram = device.empty((SIZES, SIZES), np.int32)
     device.fill(histogram, 0, "structs/footprint")
     high = eye.astype(np.float32)
     low = (eye - high).astype(np.float32)

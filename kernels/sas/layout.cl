@@ -21,18 +21,5 @@ static inline Block unpack_location(uint word) {
     return block;
 }
 
-#define STEPS 8  // of a side's size per doubling
-#define SIZES 128
-
-static inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
-
-// Levels of the sides of a patch's block at a bias; size as from measure_sides. Each of the patch's triangles owns a texel:
-// two need two texels, three have two rows of two. At a bias of SIZES every block is one texel.
-static inline int2 levels_of(int size, int bias, int top) {
-    const int w = level_at(size & 0xFF, bias, top), h = level_at(size >> 8 & 0xFF, bias, top);
-    const int more = bias < SIZES ? size >> 16 : 0, least = min(1, top);
-    return (int2)(more == 2 || (more == 1 && h == 0) ? max(w, least) : w, more == 2 ? max(h, least) : h);
-}
-
 // Blocks of one size form a class; `top` is log2 of a superblock's side, the largest level.
 static inline int size_class(int w, int h, int top) { return h * (top + 1) + w; }

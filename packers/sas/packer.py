@@ -110,7 +110,7 @@ class ShadingAtlasStreaming(Packer):
         return self._payload(frame, shown, words, samples, bias)
 
     def _search_bias(self, needed: np.ndarray) -> int:
-        """The smallest bias, in eighths, whose request fits; where none does the last: blocks of one texel."""
+        """The smallest bias, in eighths, whose request fits; the largest if none does."""
         fits = np.flatnonzero(needed <= int(self.fit * self.allocator.grid.total))
         return int(fits[0]) if len(fits) else len(needed) - 1
 

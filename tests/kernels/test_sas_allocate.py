@@ -10,14 +10,13 @@ from kernels.sas.layout import unpack_location
 
 
 def visible_frames(rng: np.random.Generator, patches: int, frames: int, churn: float, largest: int):
-    """Per frame the visible patches in any fixed order, and their sizes; some leave, come back and change size. Sizes
-    are of patches of one to three triangles."""
+    """Per frame the visible patches in any fixed order, and their sizes; some leave, come back and change size."""
     order = rng.permutation(patches)
     visible = rng.random(patches) < 0.6
-    sizes, more = rng.integers(0, largest + 1, (patches, 2)), rng.integers(0, 3, patches)
+    sizes = rng.integers(0, largest + 1, (patches, 2))
     for _ in range(frames):
         chosen = order[visible[order]].astype(np.int32)
-        yield chosen, (sizes[chosen, 0] | sizes[chosen, 1] << 8 | more[chosen] << 16).astype(np.int32)
+        yield chosen, (sizes[chosen, 0] | sizes[chosen, 1] << 8).astype(np.int32)
         visible ^= rng.random(patches) < churn / 2
         changed = rng.random(patches) < churn
         sizes[changed] = np.clip(sizes[changed] + rng.integers(-9, 10, (changed.sum(), 2)), 0, largest)

@@ -6,10 +6,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.inputs.patches import ROLES, Soup, random_masks, random_patches, words_in_rows
-from kernels.sas.bias import levels_of
 from kernels.sas.corners import locate_corners_twin
 from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin
-from kernels.sas.footprint import SIZES
 from kernels.triangles import Triangles
 
 WIDTH = 4096
@@ -61,20 +59,6 @@ def test_lookups_inside_a_triangle_touch_written_texels(device, seed, levels):
                 code, own = soup.codes[[triangle]], np.array([patch])
                 corners = locate_corners_twin(own, code, words)[0]
                 assert touched(rng, corners) <= written
-
-
-@settings(max_examples=30, deadline=None)
-@given(seed=st.integers(0, 10_000), bias=st.integers(0, SIZES - 1), top=st.integers(1, 8))
-def test_every_triangle_of_the_set_owns_a_texel(device, seed, bias, top):
-    rng = np.random.default_rng(seed)
-    soup = random_patches(rng, 60)
-    more = (soup.members >= 0).sum(axis=1) - 1
-    steps = np.minimum(rng.exponential(bias + 4, (2, 60)), SIZES - 1).astype(int)
-    levels = np.stack(levels_of(steps[0] | steps[1] << 8 | more << 16, bias, top), axis=1)
-    masks = random_masks(rng, soup)
-    owners = emit(device, soup, masks, words_in_rows(levels.tolist()))["triangle"]
-    wanted = soup.members[(masks[:, None] >> np.arange(3) & 1) > 0]
-    assert np.isin(wanted, owners).all()
 
 
 def touched(rng: np.random.Generator, corners: np.ndarray) -> set[int]:

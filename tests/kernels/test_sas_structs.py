@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 
 from kernels.common.rank import rank_by_class, rank_by_class_twin
 from kernels.inputs.patches import random_patches
-from kernels.sas.bias import levels_of, needed_superblocks, needed_superblocks_twin
+from kernels.sas.bias import levels_at, needed_superblocks, needed_superblocks_twin
 from kernels.sas.corners import locate_corners, locate_corners_twin
-from kernels.sas.footprint import KINDS, SIZES, STEPS, measure_sides, measure_sides_twin
+from kernels.sas.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
 from kernels.sas.layout import (
     POINTS,
     ROLE_POINTS,
@@ -69,13 +69,11 @@ def test_sides_match_their_twin_within_a_step(device, offset, eye_offset):
     sizes, histogram = measure_sides(device, uploaded[0], len(patches), *uploaded[1:], eye, 700.0)
     exact = STEPS * measure_sides_twin(patches, soup.points, positions, eye, 700.0)
     sizes = sizes.get()[: len(patches)]
-    for k, found in enumerate((sizes & 0xFF, sizes >> 8 & 0xFF)):
+    for k, found in enumerate((sizes & 0xFF, sizes >> 8)):
         low, high = np.ceil(exact[:, k] - 1e-3), np.ceil(exact[:, k] + 1e-3)
         assert ((low <= found) & (found <= high)).all()
-    more = (soup.members[patches] >= 0).sum(axis=1) - 1
-    np.testing.assert_array_equal(sizes >> 16, more)
-    counted = np.zeros((KINDS, SIZES, SIZES), np.int64)
-    np.add.at(counted, (more, sizes >> 8 & 0xFF, sizes & 0xFF), 1)
+    counted = np.zeros((SIZES, SIZES), np.int64)
+    np.add.at(counted, (sizes >> 8, sizes & 0xFF), 1)
     np.testing.assert_array_equal(histogram.get(), counted)
 
 
@@ -91,22 +89,19 @@ def test_an_eye_on_a_vertex_gives_finite_sizes(device):
 @given(seed=st.integers(0, 1000), filled=st.integers(0, 400), top=st.integers(0, 8))
 def test_needed_superblocks_match_their_twin(device, seed, filled, top):
     rng = np.random.default_rng(seed)
-    histogram = np.zeros((KINDS, SIZES, SIZES), np.int32)
-    steps = np.minimum(rng.exponential(rng.choice([5, 40]), (2, filled)), SIZES - 1).astype(int)
-    np.add.at(histogram, (rng.integers(0, KINDS, filled), *steps), rng.integers(0, 50, filled))
+    histogram = np.zeros((SIZES, SIZES), np.int32)
+    np.add.at(histogram, (rng.integers(0, SIZES, filled), rng.integers(0, SIZES, filled)), rng.integers(0, 50, filled))
     expected = needed_superblocks_twin(histogram, top)
     np.testing.assert_array_equal(needed_superblocks(device, device.upload(histogram), top), expected)
 
 
 def test_the_largest_bias_makes_every_block_one_texel():
-    sizes = np.arange(KINDS)[:, None] << 16 | np.arange(SIZES) << 8 | np.arange(SIZES)
-    assert not np.any(levels_of(sizes, SIZES, 8))
+    assert (levels_at(np.arange(SIZES), SIZES - 1, 8) == 0).all()
 
 
 def test_a_level_covers_the_footprint_without_bias():
     steps = np.arange(8 * STEPS + 1)
-    for levels in levels_of(steps | steps << 8, 0, 8):
-        assert (levels == np.ceil(steps / STEPS)).all()
+    assert (levels_at(steps, 0, 8) == np.ceil(steps / STEPS)).all()
 
 
 @settings(max_examples=20, deadline=None)
