@@ -25,9 +25,21 @@ from harness.verification.isolation import check_isolation, fixed
 from harness.verification.payload import statistics_of
 from harness.verification.pictures import check_picture
 from harness.verification.truth import Truth
+from harness.watchdog import PackTimeoutError
 from kernels.fill.fill import Filler
 from kernels.metrics.stretch import stretch
-from packers.interface import ALPHA, Client, Decoded, Frame, Image, Owners, Packer, Payload, ServerScene
+from packers.interface import (
+    ALPHA,
+    Client,
+    Decoded,
+    Frame,
+    Image,
+    NotShippedError,
+    Owners,
+    Packer,
+    Payload,
+    ServerScene,
+)
 
 Key = tuple[str, int | None]  # codec and CRF
 T = TypeVar("T")
@@ -203,15 +215,29 @@ class Lane:
         packer = self.packer
         return type(packer)(**{name: getattr(packer, name) for name in packer.parameters})
 
-    def warm_up(self, work: Work) -> None:
+    def warm_up(self, work_of: Callable[[int], Work], tried: int) -> None:
         """Build and run every kernel once, so that no timer sees a compiler, with packers and clients of their own, of
-        which it is checked meanwhile whether they share anything."""
-        self.isolation = check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
+        which it is checked meanwhile whether they share anything.
+
+        work_of: the work of a frame by its number. tried: the number of the frame that they are checked in. A method
+        that fails in it will do so again when its turn comes: then it is the first frame that they are checked in.
+        """
+        work = work_of(tried)
+        try:
+            self.isolation = self._isolation(work)
+        except (NotShippedError, PackTimeoutError):
+            raise
+        except Exception:
+            work = work_of(0)
+            self.isolation = self._isolation(work)
         if self.packer.atlas and len(self.keys()) > 1:
             size = (work.frame.atlas_width, work.frame.atlas_height)
             Filler(self.scene.device, *size).fill(self.scene.device.zeros((*size[::-1], 4), np.uint8)).get()
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
+
+    def _isolation(self, work: Work) -> list[validity.Violation]:
+        return check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
 
     @property
     def display_key(self) -> Key:

@@ -195,9 +195,8 @@ class Run:
         with self._guarded(lane, "preparing"), self._limited(lane, "preparing", PREPARE):
             self.store.notes[f"prepare_ms/{lane.method}[{lane.variant}]"] = f"{lane.prepare():.1f}"
         if not lane.dead:
-            work = self.session.source.work(self.tried)
             with self._guarded(lane, "warming up"), self._limited(lane, "warming up", packs=3):
-                lane.warm_up(work)
+                lane.warm_up(self.session.source.work, self.tried)
 
     def _warm_up_metrics(self) -> None:
         """Build and run the kernels of all metrics once."""

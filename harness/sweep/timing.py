@@ -117,7 +117,7 @@ def _one_pass(cell: Cell, session: Session, warm: bool, ended: dict[str, str]) -
     entries = [(0, "wall/prepare", (time.perf_counter() - start) * 1000)]
     if not warm:
         with time_limit(2 * limit, f"warming up: {name}", ended):
-            lane.warm_up(session.source.work(0))
+            lane.warm_up(session.source.work, 0)
     for index in range(session.settings.frames):
         frame = session.source.work(index).frame
         with time_limit(limit, f"timing frame {index}: {name}", ended):
