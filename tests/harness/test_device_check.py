@@ -207,7 +207,7 @@ def test_a_case_that_raises_is_a_failure(device):
         raise RuntimeError("first line\nsecond line " + 1000 * "x")
 
     finding = examine_case(device, replace(CASES[SMALL], make=make), "typical")
-    assert finding.wrong.startswith("first line second line xxx")
+    assert finding.wrong.startswith("first line second line " + 3 * "x")
     assert len(finding.wrong) < 320
     assert finding.over is None
 
