@@ -78,8 +78,11 @@ __kernel void measure_sides(int count, __global const int *patches, __global con
     const float8 top = fan ? subtended(p[0], p[4]) + subtended(p[4], p[1]) : subtended(p[0], p[1]);
     const float8 bottom = subtended(p[3], p[2]), left = subtended(p[0], p[3]), right = subtended(p[1], p[2]);
     const float8 height2 = quad ? GREATER(left, right) : left, height3 = subtended(p[4], middle);
-    const int8 width = size_steps(pixels * (quad ? GREATER(top, bottom) : top));
-    const int8 height = size_steps(pixels * (fan ? GREATER(height2, height3) : height2));
+    int8 width = size_steps(pixels * (quad ? GREATER(top, bottom) : top));
+    int8 height = size_steps(pixels * (fan ? GREATER(height2, height3) : height2));
+    // The first step is the second texel of a side, and of no side under any bias.
+    width = quad && (fan || height == 0) ? GREATER(width, (int8)(1)) : width;
+    height = fan && width <= STEPS ? GREATER(height, (int8)(1)) : height;
     for (int k = 0; k < 8 && first + k < count; k++) {
         const int w = ((int *)&width)[k], h = ((int *)&height)[k];
         sizes[first + k] = w | h << 8;

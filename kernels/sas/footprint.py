@@ -30,7 +30,9 @@ def measure_sides(
     positions: float32 (V, 3). eye: float64 (3).
     Returns sizes int32 (count), ceil(8 log2(pixels)) of width | of height << 8, and histogram int32 (128, 128) of
     their number by height and width. The width is the longer of the opposite sides (the one with the apex as the sum of
-    its parts), the height likewise, in a fan at least the way from the apex to the middle of the opposite side.
+    its parts), the height likewise, in a fan at least the way from the apex to the middle of the opposite side. Pairs
+    and fans are made a step larger than nothing where, without a bias, a triangle of theirs would own no texel: pairs
+    have two texels at least, fans two columns, of two rows where there are no more columns.
     """
     kernels = device.build("sas/footprint.cl")
     sizes = device.empty(count, np.int32)
@@ -47,7 +49,10 @@ def measure_sides(
 def measure_sides_twin(
     patches: np.ndarray, points: np.ndarray, positions: np.ndarray, eye: np.ndarray, pixels_per_radian: float
 ) -> np.ndarray:
-    """Unrounded logarithms to base 2 of width and height in pixels, float64 (n, 2); those below one pixel are 0."""
+    """Unrounded logarithms to base 2 of width and height in pixels, float64 (n, 2); those below one pixel are 0.
+
+    Where a pair or a fan needs a step for the texels of its triangles, it is exactly one, 1 / STEPS.
+    """
     vertex = points[patches]
     p = positions[vertex].astype(np.float64) - eye
     a, b, c, d, apex = p.transpose(1, 0, 2)
@@ -60,4 +65,7 @@ def measure_sides_twin(
     width = np.where(quad, np.maximum(width, angle(d, c)), width)
     height = np.where(quad, np.maximum(angle(a, d), angle(b, c)), angle(a, d))
     height = np.where(fan, np.maximum(height, angle(apex, (c + d) / 2)), height)
-    return np.log2(np.maximum(pixels_per_radian * np.stack([width, height], axis=1), 1))
+    width, height = (np.log2(np.maximum(pixels_per_radian * side, 1)) for side in (width, height))
+    width = np.where(quad & (fan | (height == 0)), np.maximum(width, 1 / STEPS), width)
+    height = np.where(fan & (width <= 1), np.maximum(height, 1 / STEPS), height)
+    return np.stack([width, height], axis=1)
