@@ -11,7 +11,7 @@ from kernels.inputs.patches import random_masks, random_patches, words_in_rows
 from kernels.sas.allocate import Allocator, AllocatorTwin, Grid
 from kernels.sas.bias import needed_superblocks, needed_superblocks_twin
 from kernels.sas.corners import locate_corners, locate_corners_twin
-from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin
+from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin, without_texel_twin
 from kernels.sas.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
 from kernels.sas.layout import pack_location
 from kernels.sas.visible import visible_patches, visible_patches_twin
@@ -166,13 +166,15 @@ def emission(device: Device, kind: str, size: int) -> Trial:
     triangles = Triangles.upload(device, soup.positions, soup.indices, np.zeros(len(soup.indices), np.uint8))
     uploaded = [device.upload(array) for array in (patches, masks, words, soup.members, soup.codes)]
 
-    def run() -> object:
+    def run() -> tuple:
         unfolded = Unfolded.measure(device, *uploaded[3:], triangles)
         return emit_samples(device, *uploaded[:2], size, uploaded[2], unfolded, 4096, False)
 
     def results() -> list[Result]:
-        samples, arrays = run(), (soup.members, soup.codes, soup.indices, soup.positions)
+        (samples, without), arrays = run(), (soup.members, soup.codes, soup.indices, soup.positions)
         expected = emit_samples_twin(patches, masks, words, *arrays, 4096, False)
-        return [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
+        found = [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
+        bare = without_texel_twin(patches, masks, words, soup.members, expected["triangle"])
+        return [*found, Result(np.array([without]), np.array([bare]))]
 
-    return Trial({"n": run().count, "p": size}, run, results)
+    return Trial({"n": run()[0].count, "p": size}, run, results)

@@ -51,30 +51,6 @@ INLINE int2 touched_columns(Shape shape, int row) {
     return (int2)(first, LESSER(last, width) + 1);
 }
 
-// counts: samples of each run of patches.
-__kernel void count_samples(int count, int run, int runs, int complete, __global const int *patches,
-                            __global const uchar *masks, __global const int *members, __global const uint *words,
-                            __global int *counts) {
-    const int r = get_global_id(0);
-    if (r >= runs) return;
-    int sum = 0;
-    const int end = LESSER(count, (r + 1) * run);
-    for (int i = r * run; i < end; i++) {
-        const uint word = words[patches[i]];
-        if (!word) continue;
-        const Shape shape = shape_of(word, members + 3 * patches[i], masks[i], complete);
-        if (shape.full) {
-            sum += shape.width * shape.height;
-            continue;
-        }
-        for (int row = 0; row < shape.height; row++) {
-            const int2 columns = touched_columns(shape, row);
-            sum += columns.y - columns.x;
-        }
-    }
-    counts[r] = sum;
-}
-
 // The ways on the surface along u and along v, from side to side of the patch: lengths, two per triangle.
 __kernel void measure_ways(int count, __global const uchar *codes, __global const float *weights,
                            __global const int *indices, __global const float *positions, __global float *ways) {
@@ -131,6 +107,51 @@ INLINE Row make_row(Shape shape, int row, float step_u, float step_v, int atlas_
         result.third = (int2)(ud * vd - vn * ud - 2 * un0 * vd + tie, -2 * un1 * vd);
     }
     return result;
+}
+
+// The member that owns a column of a row.
+INLINE int owner_of(Row row, int column) {
+    return row.third.x + row.third.y * column > 0 ? 2 : row.second.x + row.second.y * column > 0 ? 1 : 0;
+}
+
+// How many of the patch's triangles in the set, `mask`, own no texel. Blocks of two columns and four texels, and larger
+// ones, hold some of each.
+INLINE int without_texel(Shape shape, int mask) {
+    if (shape.size == 1 || (shape.width > 1 && shape.width * shape.height > 2)) return 0;
+    int owners = 0;
+    for (int y = 0; y < shape.height; y++) {
+        const Row row = make_row(shape, y, 0.0f, 0.0f, 0);
+        const int2 columns = touched_columns(shape, y);
+        for (int column = columns.x; column < columns.y; column++) owners |= 1 << owner_of(row, column);
+    }
+    return popcount(mask & ~owners);
+}
+
+// counts: samples of each run of patches. without: triangles in the set whose patch has a block, of which they own no
+// texel, added up.
+__kernel void count_samples(int count, int run, int runs, int complete, __global const int *patches,
+                            __global const uchar *masks, __global const int *members, __global const uint *words,
+                            __global int *counts, __global int *without) {
+    const int r = get_global_id(0);
+    if (r >= runs) return;
+    int sum = 0, bare = 0;
+    const int end = LESSER(count, (r + 1) * run);
+    for (int i = r * run; i < end; i++) {
+        const uint word = words[patches[i]];
+        if (!word) continue;
+        const Shape shape = shape_of(word, members + 3 * patches[i], masks[i], complete);
+        bare += without_texel(shape, masks[i]);
+        if (shape.full) {
+            sum += shape.width * shape.height;
+            continue;
+        }
+        for (int row = 0; row < shape.height; row++) {
+            const int2 columns = touched_columns(shape, row);
+            sum += columns.y - columns.x;
+        }
+    }
+    counts[r] = sum;
+    if (bare) atomic_add(without, bare);
 }
 
 // Eight samples of a row from `column` on, of which those beyond the row's end mean nothing.

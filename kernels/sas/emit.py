@@ -62,8 +62,9 @@ def emit_samples(
     atlas_width: int,
     complete: bool,
     runs: int | None = None,
-) -> Samples:
-    """The samples of the blocks of `count` patches, in the order of patches, rows and columns.
+) -> tuple[Samples, int]:
+    """The samples of the blocks of `count` patches, in the order of patches, rows and columns; and how many triangles
+    in the set have a block, but own no texel of it.
 
     patches: int32 (count). masks: uint8 (count), bit k for member k in the set. words: uint32 (P), locations.
     Of each block the texels that bilinear lookups inside the triangles in the set touch, row by row from the first to
@@ -77,14 +78,24 @@ def emit_samples(
     runs = -(-count // run)
     listed = (count, run, runs, int(complete), patches, masks, unfolded.members, words)
     local = 1 if device.is_cpu else None
-    counts = device.empty(runs, np.int32)
-    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
+    counts, without = device.empty(runs, np.int32), device.empty(1, np.int32)
+    device.fill(without, 0, STAGE)
+    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, without, local=local)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
+    bare = int(without.get()[0])
     s = Samples.allocate(device, total)
     known = (unfolded.codes, unfolded.weights, unfolded.ways, atlas_width, counts, offsets)
     arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
-    return s
+    return s, bare
+
+
+def without_texel_twin(
+    patches: np.ndarray, masks: np.ndarray, words: np.ndarray, members: np.ndarray, triangle: np.ndarray
+) -> int:
+    """Triangles in the set with a block of which they own no texel, from the triangles of all samples."""
+    placed = (masks[:, None] >> np.arange(3) & 1 > 0) & (words[patches] > 0)[:, None]
+    return int((~np.isin(members[patches][placed], triangle)).sum())
 
 
 def emit_samples_twin(

@@ -106,15 +106,17 @@ class ShadingAtlasStreaming(Packer):
         shown = patches.get()[:count]
         self.changed = self.allocator.resets > resets or not np.array_equal(words, self.sent[shown])
         listed = (patches, masks, count, self.allocator.words)
-        samples = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        return self._payload(frame, shown, words, samples, bias)
+        samples, without = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
+        return self._payload(frame, shown, words, samples, {"bias": bias / STEPS, "triangles_without_texel": without})
 
     def _search_bias(self, needed: np.ndarray) -> int:
         """The smallest bias, in eighths, whose request fits; the largest if none does."""
         fits = np.flatnonzero(needed <= int(self.fit * self.allocator.grid.total))
         return int(fits[0]) if len(fits) else len(needed) - 1
 
-    def _payload(self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, bias: int) -> Payload:
+    def _payload(
+        self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, found: dict[str, float]
+    ) -> Payload:
         locations = encode_words(words, self.sent[patches])
         self.sent[patches] = words
         lost = patches[words == 0]
@@ -124,8 +126,7 @@ class ShadingAtlasStreaming(Packer):
         in_use = allocator.superblocks_in_use()
         sizes = np.bincount(self.patches.sizes[patches], minlength=4)
         blocks = allocator.blocks_by_class()
-        statistics = {f"patches_of_{k}": int(sizes[k]) for k in (1, 2, 3)} | {
-            "bias": bias / STEPS,
+        statistics = found | {f"patches_of_{k}": int(sizes[k]) for k in (1, 2, 3)} | {
             "resets": allocator.resets,
             "superblocks": in_use,
             "blocks": int(blocks.sum()),

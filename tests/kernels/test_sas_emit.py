@@ -6,8 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from kernels.inputs.patches import ROLES, Soup, random_masks, random_patches, words_in_rows
+from kernels.sas.bias import levels_at
 from kernels.sas.corners import locate_corners_twin
-from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin
+from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin, without_texel_twin
+from kernels.sas.footprint import measure_sides
 from kernels.triangles import Triangles
 
 WIDTH = 4096
@@ -15,13 +17,14 @@ FIELDS = ("triangle", "bary1", "bary2", "footprint", "texel")
 ALL_LEVELS = [(w, h) for w in range(9) for h in range(9)]
 
 
-def emit(device, soup: Soup, masks: np.ndarray, words: np.ndarray, complete=False, runs=None) -> dict[str, np.ndarray]:
+def emit(device, soup: Soup, masks: np.ndarray, words: np.ndarray, complete=False, runs=None) -> dict:
     triangles = Triangles.upload(device, soup.positions, soup.indices, np.zeros(len(soup.indices), np.uint8))
     patches = np.arange(len(soup.members), dtype=np.int32)
     uploaded = [device.upload(array) for array in (patches, masks)]
     unfolded = Unfolded.measure(device, device.upload(soup.members), device.upload(soup.codes), triangles)
-    samples = emit_samples(device, *uploaded, len(patches), device.upload(words), unfolded, WIDTH, complete, runs)
-    return {name: getattr(samples, name).get()[: samples.count] for name in FIELDS}
+    shown = (*uploaded, len(patches), device.upload(words))
+    samples, without = emit_samples(device, *shown, unfolded, WIDTH, complete, runs)
+    return {name: getattr(samples, name).get()[: samples.count] for name in FIELDS} | {"without": without}
 
 
 @pytest.mark.parametrize("size", [1, 2, 3])
@@ -41,6 +44,7 @@ def test_matches_its_twin_at_all_levels(device, size, complete):
     for name in ("bary1", "bary2"):
         np.testing.assert_allclose(found[name], expected[name], atol=1e-6)
     np.testing.assert_allclose(found["footprint"], expected["footprint"], rtol=1e-5)
+    assert found["without"] == without_texel_twin(patches, masks, words, soup.members, expected["triangle"])
 
 
 @settings(max_examples=20, deadline=None)
@@ -117,6 +121,47 @@ def test_a_triangle_in_the_set_owns_what_it_shares(device):
     soup = random_patches(np.random.default_rng(1), 2, 2)
     found = emit(device, soup, np.array([1, 2], np.uint8), words_in_rows([(0, 0), (0, 0)]))
     np.testing.assert_array_equal(found["triangle"], [soup.members[0, 0], soup.members[1, 1]])
+
+
+@pytest.mark.parametrize("complete", [False, True])
+def test_triangles_without_a_texel_are_counted_for_every_set(device, complete):
+    """Small blocks, all sizes of patches, each with every choice of visible members."""
+    rng, levels = np.random.default_rng(4), [(w, h) for w in range(3) for h in range(4)]
+    for size in (1, 2, 3):
+        for mask in range(1, 1 << size):
+            soup, words = random_patches(rng, len(levels), size), words_in_rows(levels)
+            masks = np.full(len(levels), mask, np.uint8)
+            found = emit(device, soup, masks, words, complete)
+            expected = without_texel_twin(np.arange(len(levels)), masks, words, soup.members, found["triangle"])
+            assert found["without"] == expected
+
+
+@pytest.mark.parametrize(
+    ("size", "level", "without"),
+    [(1, (0, 0), 0), (2, (0, 0), 1), (2, (1, 0), 0), (2, (0, 1), 0)]
+    + [(3, (0, 0), 2), (3, (1, 0), 1), (3, (0, 3), 2), (3, (1, 1), 0), (3, (2, 0), 0)],
+)
+def test_a_fan_needs_two_columns_and_four_texels(device, size, level, without):
+    soup = random_patches(np.random.default_rng(2), 1, size)
+    assert emit(device, soup, np.array([2**size - 1], np.uint8), words_in_rows([level]))["without"] == without
+
+
+@settings(max_examples=30, deadline=None)
+@given(seed=st.integers(0, 10_000), scale=st.floats(-5, 1), flat=st.floats(-4, 0), complete=st.booleans())
+def test_without_a_bias_every_triangle_owns_a_texel(device, seed, scale, flat, complete):
+    """Also of patches far below a pixel, and of slivers: sizes 10^scale, of which one axis is 10^flat of the others."""
+    rng = np.random.default_rng(seed)
+    soup = random_patches(rng, 200)
+    positions = np.array([0, 0, 50]) + 10.0**scale * soup.positions * rng.permutation([1, 1, 10.0**flat])
+    patches = np.arange(200, dtype=np.int32)
+    uploaded = [device.upload(array) for array in (patches, soup.points, positions.astype(np.float32))]
+    sizes = measure_sides(device, uploaded[0], 200, *uploaded[1:], np.zeros(3), 700.0)[0].get()[:200]
+    levels = np.stack([levels_at(side, 0, 8) for side in (sizes & 0xFF, sizes >> 8)], axis=1)
+    masks, words = random_masks(rng, soup), words_in_rows(levels.tolist())
+    found = emit(device, soup, masks, words, complete)
+    asked = soup.members[masks[:, None] >> np.arange(3) & 1 > 0]
+    assert np.isin(asked, found["triangle"]).all()
+    assert found["without"] == 0
 
 
 def test_the_number_of_runs_changes_no_byte(device):
