@@ -126,15 +126,19 @@ class ShadingAtlasStreaming(Packer):
         in_use = allocator.superblocks_in_use()
         sizes = np.bincount(self.patches.sizes[patches], minlength=4)
         blocks = allocator.blocks_by_class()
-        statistics = found | {f"patches_of_{k}": int(sizes[k]) for k in (1, 2, 3)} | {
-            "resets": allocator.resets,
-            "superblocks": in_use,
-            "blocks": int(blocks.sum()),
-            "size_classes": int((blocks > 0).sum()),
-            "reserved_texels": in_use << 2 * grid.top,
-            "used_texels": samples.count,
-            "location_bytes": len(locations),
-        }
+        statistics = (
+            found
+            | {f"patches_of_{k}": int(sizes[k]) for k in (1, 2, 3)}
+            | {
+                "resets": allocator.resets,
+                "superblocks": in_use,
+                "blocks": int(blocks.sum()),
+                "size_classes": int((blocks > 0).sum()),
+                "reserved_texels": in_use << 2 * grid.top,
+                "used_texels": samples.count,
+                "location_bytes": len(locations),
+            }
+        )
         return Payload(
             planes=frame.shade(samples),
             blobs={"locations": locations},

@@ -138,10 +138,19 @@ def test_triangles_without_a_texel_are_counted_for_every_set(device, complete):
 
 @pytest.mark.parametrize(
     ("size", "level", "without"),
-    [(1, (0, 0), 0), (2, (0, 0), 1), (2, (1, 0), 0), (2, (0, 1), 0)]
-    + [(3, (0, 0), 2), (3, (1, 0), 1), (3, (0, 3), 2), (3, (1, 1), 0), (3, (2, 0), 0)],
+    [
+        (1, (0, 0), 0),
+        (2, (0, 0), 1),
+        (2, (1, 0), 0),
+        (2, (0, 1), 0),
+        (3, (0, 0), 2),
+        (3, (1, 0), 1),
+        (3, (0, 3), 2),
+        (3, (1, 1), 0),
+        (3, (2, 0), 0),
+    ],
 )
-def test_a_fan_needs_two_columns_and_four_texels(device, size, level, without):
+def test_pairs_need_two_texels_and_fans_four_in_two_columns(device, size, level, without):
     soup = random_patches(np.random.default_rng(2), 1, size)
     assert emit(device, soup, np.array([2**size - 1], np.uint8), words_in_rows([level]))["without"] == without
 

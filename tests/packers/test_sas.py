@@ -1,5 +1,6 @@
 """Shading Atlas Streaming on a small room: valid, deterministic, honest about its bytes, and it looks right."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -13,8 +14,9 @@ from packers.interface import Payload
 from packers.sas import ShadingAtlasStreaming
 from packers.sas.packer import choose_grid
 from packers.sas.picture import draw_allocation
+from scenes.model import Scene
 from tests.packers import streams
-from tests.packers.rooms import changing_sets, frame_of, novel_view
+from tests.packers.rooms import changing_sets, frame_of, novel_view, room, server_of
 
 Stream = partial(streams.Stream, ShadingAtlasStreaming)
 
@@ -64,6 +66,9 @@ def test_any_sequence_of_sets_is_valid(scene, seed, reuse, side):
         assert stream.violations(frame, payload) == []
         assert payload.sample_count == payload.statistics["used_texels"] <= side * side
         assert (len(payload.unplaced) > 0) <= (payload.statistics["bias"] > 15)
+        placed = np.setdiff1d(chosen, list(payload.unplaced))
+        without = (~np.isin(placed, payload.owners().triangle)).sum()
+        assert payload.statistics["triangles_without_texel"] == without
 
 
 def test_blocks_stay_while_nothing_changes(scene):
@@ -129,6 +134,51 @@ def test_statistics_add_up(scene):
     words = stream.packer.allocator.words.get()
     _, _, w, h = unpack_location(words[words > 0])
     assert payload.sample_count == (1 << w + h).sum() <= found["reserved_texels"]
+
+
+def far_scene() -> Scene:
+    """Triangles below a pixel, two metres away: a room at a hundredth of its size, and in it squares of three triangles
+    each, which become fans."""
+    near, count = room(quads=20), 40
+    corners = np.array([[0, 0, 0], [0.2, 0, 0], [0.2, -0.2, 0], [0, -0.2, 0], [0.1, 0, 0]])
+    fans = (corners + np.linspace([-2, 0, 0], [2, 0, 0], count)[:, None]).reshape(-1, 3)
+    fan = np.array([[4, 3, 2], [4, 2, 1], [4, 0, 3]])
+    first = len(near.positions) + 5 * np.arange(count)[:, None, None]
+    indices = np.concatenate([near.indices, (fan + first).reshape(-1, 3)]).astype(np.int32)
+    positions = np.concatenate([near.positions, fans.astype(np.float32)]) / 100
+    more = {
+        name: np.concatenate([array := getattr(near, name), array[: len(fans)]])
+        for name in ("normals", "uvs", "colours")
+    }
+    ids = np.zeros(len(indices), np.int32)
+    return replace(near, positions=positions, indices=indices, material_ids=ids, content_hash="far", **more)
+
+
+@pytest.mark.parametrize(("make", "side"), [(far_scene, 16), (far_scene, 64), (room, 64), (room, 1024)])
+@pytest.mark.parametrize("complete", [False, True])
+def test_triangles_without_a_texel_are_counted_and_a_bias_is_their_reason(device, make, side, complete):
+    scene = server_of(device, make())
+    stream = Stream(scene, complete=complete)
+    frame = frame_of(scene, side, side)
+    payload = stream.send(frame)
+    placed = np.setdiff1d(frame.pvs, list(payload.unplaced))
+    without = (~np.isin(placed, payload.owners().triangle)).sum()
+    assert payload.statistics["triangles_without_texel"] == without
+    assert without == 0 or payload.statistics["bias"] > 0
+    assert without > 0 or (make, side) != (far_scene, 16)
+
+
+def test_triangles_below_a_pixel_own_a_texel_each(device):
+    far = server_of(device, far_scene())
+    stream = Stream(far)
+    frame = frame_of(far, 256, 256, 0, np.arange(far.triangles.count, dtype=np.int32))
+    payload = stream.send(frame)
+    assert payload.statistics["bias"] == 0
+    assert payload.unplaced == {}
+    assert payload.statistics["patches_of_2"] > 100
+    assert payload.statistics["patches_of_3"] > 10
+    assert set(payload.owners().triangle.tolist()) == set(frame.pvs.tolist())
+    assert stream.violations(frame, payload) == []
 
 
 @pytest.mark.parametrize(
