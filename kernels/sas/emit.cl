@@ -114,10 +114,11 @@ INLINE int owner_of(Row row, int column) {
     return row.third.x + row.third.y * column > 0 ? 2 : row.second.x + row.second.y * column > 0 ? 1 : 0;
 }
 
-// How many of the patch's triangles in the set, `mask`, own no texel. Blocks of two columns and four texels, and larger
-// ones, hold some of each.
+// How many of the patch's triangles in the set, `mask`, own no texel. Of pairs two texels hold some of each, of fans
+// four in two columns or more.
 INLINE int without_texel(Shape shape, int mask) {
-    if (shape.size == 1 || (shape.width > 1 && shape.width * shape.height > 2)) return 0;
+    const int texels = shape.width * shape.height;
+    if (shape.size == 1 || (shape.size == 2 && texels > 1) || (shape.width > 1 && texels > 2)) return 0;
     int owners = 0;
     for (int y = 0; y < shape.height; y++) {
         const Row row = make_row(shape, y, 0.0f, 0.0f, 0);
