@@ -75,7 +75,12 @@ CellSize = Annotated[
         metavar="RADIUS,FOV",
     ),
 ]
-Density = Annotated[Number, _option(CLIENT, "Density of the PVS views over the client's. Default: 2", metavar="X")]
+Density = Annotated[
+    Number,
+    _option(
+        CLIENT, "Density of the PVS views over the client's, twice that for tiny triangles. Default: 2", metavar="X"
+    ),
+]
 Latency = Annotated[Number, _option(CLIENT, "From server pose to display. Default: 50", metavar="MS")]
 Bandwidth = Annotated[Number, _option(CLIENT, "Of the network, for network_ms. Default: 100", metavar="MBIT/S")]
 Eye = Annotated[

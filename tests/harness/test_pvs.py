@@ -1,12 +1,13 @@
 """The potentially visible set: what views from inside the cell show is in it; nothing is drawn for nothing."""
 
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
 
 from harness.frames import FrameSource
-from harness.pvs import cell_eyes, potentially_visible
+from harness.pvs import LARGEST_VIEW, POOR, cell_eyes, few_eyes, potentially_visible
 from harness.settings import Settings
 from harness.upload import upload_scene
 from harness.views import Cell, CellFrustum, Pose, client_view, confined, from_rotation_vector, multiply
@@ -126,6 +127,86 @@ def test_the_cell_has_a_centre_and_eight_corners_on_its_sphere():
     assert len(eyes) == 9
     assert [round(float(np.linalg.norm(eye.position - 1)), 9) for eye in eyes] == [0.0] + [0.3] * 8
     assert len(list(cell_eyes(Pose(np.ones(3), AHEAD), 0.0))) == 1
+
+
+def test_the_few_eyes_are_corners_as_far_from_each_other_as_can_be():
+    pose = Pose(np.ones(3), AHEAD)
+    corners = {tuple(eye.position) for eye in cell_eyes(pose, 0.3)}
+    eyes = [eye.position for eye in few_eyes(pose, 0.3)]
+    assert len(eyes) == 4
+    assert {tuple(eye) for eye in eyes} <= corners
+    apart = [np.linalg.norm(a - b) for a, b in combinations(eyes, 2)]
+    assert apart == pytest.approx([0.3 * np.sqrt(8 / 3)] * 6)  # the edge of a regular tetrahedron in a sphere of 0.3
+    assert [eye.position.tolist() for eye in few_eyes(pose, 0.0)] == [[1, 1, 1]]
+
+
+def _carpet(device, cells, opacity=1.0):
+    """A square that fills a view at distance 2, in 2 x cells x cells triangles, smaller towards its middle."""
+    t = np.sqrt(3) * np.linspace(-1, 1, cells + 1)
+    x, y = np.meshgrid(*2 * [t * abs(t)], indexing="ij")
+    corner = (np.arange(cells)[:, None] * (cells + 1) + np.arange(cells)).ravel()
+    quads = np.stack([corner, corner + cells + 1, corner + cells + 2, corner + 1], axis=1)
+    indices = quads[:, [0, 1, 2, 0, 2, 3]].reshape(-1, 3).astype(np.int32)
+    count = len(indices)
+    scene = Scene(
+        name="carpet",
+        positions=np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1).astype(np.float32),
+        indices=indices,
+        normals=np.tile(np.float32([0, 0, 1]), (x.size, 1)),
+        uvs=np.zeros((x.size, 2), np.float32),
+        colours=np.ones((x.size, 4), np.float32),
+        material_ids=np.zeros(count, np.int32),
+        materials=[Material(alpha_mode="blend", base_colour=(1, 1, 1, opacity)) if opacity < 1 else Material()],
+        content_hash=f"carpet {cells} {opacity}",
+    )
+    scene.features = find_features(scene)
+    return upload_scene(device, scene)
+
+
+def _missing(scene, pvs, eye):
+    """The share of the pixels of a client of 60 degrees at `eye` whose triangle is not in the set."""
+    view = client_view(Pose(eye, AHEAD), 60, 96, 54, 0.01)
+    seen = scene.rasteriser.draw(view.view, view.projection, view.width, view.height).triangle.get()
+    return np.mean(~np.isin(seen[seen >= 0], pvs))
+
+
+@pytest.mark.parametrize("opacity", [1.0, 0.5])
+def test_tiny_triangles_are_looked_for_with_more_samples(device, opacity, monkeypatch):
+    """Fewer, denser eyes miss less than half of what nine eyes miss, as views from anywhere in the cell show."""
+    carpet = _carpet(device, 400, opacity)
+    frustum = CellFrustum.around(Cell(0.1, 80), 60, 96, 54)
+    cell = (Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
+    found = potentially_visible(carpet, *cell)
+    assert found.planned == 5
+    assert len(found.ids) > POOR * 4 * frustum.pixels
+    monkeypatch.setattr("harness.pvs.POOR", np.inf)
+    nine = potentially_visible(carpet, *cell, cached=False)
+    assert nine.planned == 9
+    eyes = np.random.default_rng(0).uniform(-0.05, 0.05, (6, 3))
+    missing = [np.mean([_missing(carpet, pvs.ids, eye) for eye in eyes]) for pvs in (found, nine)]
+    assert 0 < missing[0] < 0.5 * missing[1]
+
+
+def test_large_triangles_keep_nine_eyes(device):
+    frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
+    found = potentially_visible(_carpet(device, 8), Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
+    assert found.planned == 9
+
+
+def test_a_cell_of_one_point_is_looked_at_twice_where_triangles_are_tiny(device):
+    frustum = CellFrustum.around(Cell(0, 60), 60, 96, 54)
+    ahead = Pose(np.zeros(3), AHEAD)
+    assert potentially_visible(_carpet(device, 400), ahead, 0.0, frustum, 0.01, 2.0).planned == 2
+    assert potentially_visible(_carpet(device, 8), ahead, 0.0, frustum, 0.01, 2.0).planned == 1
+
+
+def test_views_that_cannot_become_denser_stay(device, monkeypatch):
+    """At the largest view half the eyes would have half the samples."""
+    monkeypatch.setattr("harness.pvs.LARGEST_VIEW", 192)
+    assert LARGEST_VIEW > 192
+    frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
+    found = potentially_visible(_carpet(device, 400), Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
+    assert found.planned == 9
 
 
 def test_frames_depend_on_their_index_alone(hall):
