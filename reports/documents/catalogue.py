@@ -13,6 +13,7 @@ from reports.documents.kept import ROWS, Column, Part, Source
 METHODS = ("ppll", "sas", "snakebinning", "tss")
 ATLAS_METHODS = " ".join(f"--method {name}" for name in METHODS[1:])
 SPONZA, CLASSROOM, VIKING = "sponza_crytek/scene.glb", "classroom/scene.glb", "viking_village/scene.glb"
+BISTRO = "bistro_exterior/scene.glb"
 
 
 def _words(heading: str, form: str) -> Column:
@@ -230,6 +231,49 @@ def _full_atlas(name: str, scene: str) -> Source:
     return Source(f"full-atlas-{name}", commands, digests.full_atlas_parts, {ROWS: part})
 
 
+TEXELS = Source(
+    "sas-texels",
+    tuple(
+        f"bench run --method sas --scene {scene} --size 960x540 --atlas {side}x{side} --frames 3 --codec none "
+        "--metrics flip"
+        for scene, sides in (("hall", (2048,)), ("village", (2048, 4096)), (VIKING, (2048, 4096)))
+        for side in sides
+    ),
+    digests.texel_parts,
+    {
+        ROWS: Part(
+            ("scene", "atlas"),
+            (
+                _words("scene", "{scene}"),
+                _words("atlas", "{atlas}"),
+                *_numbers(bias="bias: .3f", placed_triangles="placed triangles: ,.0f"),
+                *_numbers(triangles_without_texel="without a texel: ,.0f", samples="samples: ,.0f", flip="FLIP: .4f"),
+            ),
+        )
+    },
+)
+SETS = Source(
+    "visible-sets",
+    tuple(
+        f"bench run --method sas --scene {scene} --size {size} --pvs-density {density} --frames 3 --codec none "
+        "--metrics flip"
+        for scene, size in (("hall", "960x540"), (BISTRO, "960x540"), (VIKING, "960x540"), (VIKING, "480x270"))
+        for density in (1, 2, 4)
+    ),
+    digests.set_parts,
+    {
+        ROWS: Part(
+            ("scene", "size", "density"),
+            (
+                _words("scene", "{scene}"),
+                _words("client", "{size}"),
+                *_numbers(density="`--pvs-density`: .0f", pvs_triangles="triangles: ,.0f", missing_px="missing: .3%"),
+                *_numbers(flip="FLIP of SAS: .4f", time="time over that of 2: .2f"),
+            ),
+            ("time",),
+        )
+    },
+)
 RESETS = Source(
     "resets",
     ("bench run --scene village --method sas --size 160x90 --atlas 512x512 --crf 25 --frames 110 --metrics flip",),
@@ -341,6 +385,8 @@ SOURCES: dict[str, Source] = {
         LIMITED,
         _full_atlas("hall", "hall --detail 1000000"),
         _full_atlas("viking", VIKING),
+        TEXELS,
+        SETS,
         THESIS,
         RESETS,
         CLAIMS,

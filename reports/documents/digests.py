@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import groupby, product
@@ -194,6 +195,31 @@ def full_atlas_parts(folders: Sequence[Path]) -> Parts:
             row |= {"placed": _ratio(*(lanes.median(key, f"{name}_triangles") for name in ("placed", "pvs")))}
             rows.append(row | {name: lanes.median(key, name) for name in ("samples", "flip")})
     return {ROWS: rows}
+
+
+def texel_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of Shading Atlas Streaming: its bias, and how many triangles with a place own no texel."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        (key,) = lanes.keys
+        row: Row = {"scene": lanes.scene, "atlas": f"{lanes.rows[0]['atlas_width']}x{lanes.rows[0]['atlas_height']}"}
+        row |= {name: lanes.statistic(key, name) for name in ("bias", "triangles_without_texel")}
+        rows.append(row | {name: lanes.median(key, name) for name in ("placed_triangles", "samples", "flip")})
+    return {ROWS: rows}
+
+
+def set_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of one method over densities of the visible set's views: its triangles, what it lacks, and its time."""
+    rows = []
+    for folder in folders:
+        lanes = Lanes(folder)
+        (key,) = lanes.keys
+        size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
+        density = json.loads((folder / "run.json").read_text(encoding="utf-8"))["settings"]["pvs_density"]
+        names = ("pvs_triangles", "missing_px", "flip", "pvs_ms")
+        rows.append({"scene": lanes.scene, "size": size, "density": density} | {n: lanes.median(key, n) for n in names})
+    usual = {(row["scene"], row["size"]): row["pvs_ms"] for row in rows if row["density"] == 2}
+    return {ROWS: [row | {"time": _ratio(row.pop("pvs_ms"), usual[row["scene"], row["size"]])} for row in rows]}
 
 
 def reset_parts(folders: Sequence[Path]) -> Parts:
