@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import io
 import json
-import os
 import shlex
 from dataclasses import dataclass, replace
 from datetime import datetime
@@ -39,7 +38,7 @@ from reports.claims_report import COPY, FILE, counts_text, is_claims, measured_t
 from reports.csv_files import replace_file
 from reports.store import FILE as RESULTS
 from reports.store import Store
-from scenes.load import list_scenes
+from scenes.load import list_scenes, real_scenes, scene_path
 from scenes.model import SceneError
 from scenes.paths import PathError
 
@@ -88,14 +87,11 @@ class NamedRun:
 
 
 def scene_file(name: str) -> str:
-    """A built-in scene or a file as it is; else the file of that name in the folder of real scenes, which BENCH_SCENES
-    names. Raises SceneError where there is none."""
-    if name in list_scenes() or Path(name).is_file():
-        return name
-    folder = Path(os.environ.get("BENCH_SCENES", "../shared/scenes"))
-    if (folder / name).is_file():
-        return str(folder / name)
-    raise SceneError(f"The scene {name} is not in {folder}: let BENCH_SCENES name the folder that has it.")
+    """A built-in scene or the file meant. Raises SceneError where there is none."""
+    path = scene_path(name)
+    if name in list_scenes() or path.is_file():
+        return str(path)
+    raise SceneError(f"The scene {name} is not in {real_scenes()}: let BENCH_SCENES name the folder that has it.")
 
 
 def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:

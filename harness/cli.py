@@ -71,15 +71,14 @@ CellSize = Annotated[
     Text,
     _option(
         CLIENT,
-        "View cell: radius in metres and field of view in degrees, or pvs1, pvs2, pvs3. Default: 0.08,80",
+        "View cell: radius in metres and field of view in degrees, or pvs1 (0.1,90), pvs2 (0.2,125), pvs3 (0.3,160). "
+        "Default: 0.08,80",
         metavar="RADIUS,FOV",
     ),
 ]
 Density = Annotated[
     Number,
-    _option(
-        CLIENT, "Density of the PVS views over the client's, twice that for tiny triangles. Default: 2", metavar="X"
-    ),
+    _option(CLIENT, "Density of the PVS views over the client's. Default: 2, more for tiny triangles", metavar="X"),
 ]
 Latency = Annotated[Number, _option(CLIENT, "From server pose to display. Default: 50", metavar="MS")]
 Bandwidth = Annotated[Number, _option(CLIENT, "Of the network, for network_ms. Default: 100", metavar="MBIT/S")]

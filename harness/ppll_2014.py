@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -33,7 +32,7 @@ from packers.ppll import PerPixelLinkedLists
 from packers.ppll.wire import decode
 from reports.csv_files import replace_file
 from scenes.features import content_digest, find_features
-from scenes.load import load_scene
+from scenes.load import load_scene, real_scenes
 from scenes.model import Scene
 from scenes.paths import make_path
 
@@ -102,7 +101,7 @@ def show_experiment(wanted: Experiment, out: Path) -> None:
 
 def model_file(name: str) -> Path:
     """Where a model is looked for: in the folder of real scenes (BENCH_SCENES, or ../shared/scenes)."""
-    return Path(os.environ.get("BENCH_SCENES", "../shared/scenes")) / MODELS[name]
+    return real_scenes() / MODELS[name]
 
 
 def stand_ins() -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import warnings
 from collections.abc import Callable
 from pathlib import Path
@@ -52,7 +53,7 @@ def load_scene(
     seed: int = 0,
     cache: Path | None = None,
 ) -> Scene:
-    """A built-in scene by name, or a .glb, .gltf, .obj, .ply, .stl or .off file.
+    """A built-in scene by name, or a .glb, .gltf, .obj, .ply, .stl or .off file, here or among the real scenes.
 
     unit: metres per unit of a file, whatever it states. Without it that of `cameras.json` beside it counts, then the
         metre for glTF; of other files it is guessed, with a note.
@@ -104,9 +105,20 @@ def _make(name: str, detail: int | None, seed: int) -> Scene:
     return make(seed=seed) if detail is None else make(detail=detail, seed=seed)
 
 
+def real_scenes() -> Path:
+    """The folder of scenes that are no part of this project."""
+    return Path(os.environ.get("BENCH_SCENES", "../shared/scenes"))
+
+
+def scene_path(name: str) -> Path:
+    """The file of that name, or else that in the folder of real scenes, where it is there."""
+    elsewhere = real_scenes() / name
+    return elsewhere if elsewhere.is_file() and not Path(name).exists() else Path(name)
+
+
 def _existing(name_or_path: str) -> Path:
     """The file meant, checked; raises SceneError naming the known scenes and formats otherwise."""
-    path = Path(name_or_path)
+    path = scene_path(name_or_path)
     formats = ", ".join(_READERS)
     if path.is_file():
         if path.suffix.lower() in _READERS:
@@ -115,7 +127,7 @@ def _existing(name_or_path: str) -> Path:
     if path.is_dir():
         raise SceneError(f"{path} is a folder; name a scene file in it ({formats}).")
     if path.suffix or len(path.parts) > 1:
-        raise SceneError(f"There is no scene file {path}.")
+        raise SceneError(f"There is no scene file {path}, nor one of that name in {real_scenes()} (BENCH_SCENES).")
     known = ", ".join(_PROCEDURAL)
     near = difflib.get_close_matches(name_or_path, _PROCEDURAL, n=1, cutoff=0.0)
     raise SceneError(f"There is no scene {name_or_path!r}; did you mean {near[0]!r}? Known are {known}, or a file.")

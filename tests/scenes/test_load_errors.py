@@ -96,3 +96,15 @@ def test_damaged_files_raise_nothing_else(tmp_path, kind, data):
         assert np.isfinite(scene.positions).all()
         assert scene.indices.max() < len(scene.positions)
         assert np.abs(np.linalg.norm(scene.normals, axis=1) - 1).max() < 1e-3
+
+
+def test_a_scene_that_is_not_here_is_looked_for_among_the_real_ones(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("BENCH_SCENES", str(tmp_path / "real"))
+    with pytest.raises(SceneError, match="real"):
+        load_scene("lane/street.obj")
+    for folder, size in ((tmp_path / "real", 1), (tmp_path, 2)):  # a file that is here comes first
+        (folder / "lane").mkdir(parents=True)
+        (folder / "lane" / "street.obj").write_text(f"v 0 0 0\nv {size} 0 0\nv 0 1 0\nf 1 2 3\n")
+        wide, high, _ = np.ptp(load_scene("lane/street.obj").positions, axis=0)
+        assert wide == size * high
