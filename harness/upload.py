@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.shadows import cached_shadow_maps
 from kernels.fragments.layered import LayeredRasteriser
 from kernels.fragments.layers import Layers
 from kernels.fragments.opacity import Opacity, blends
@@ -80,6 +81,10 @@ def _shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: Alpha
     """Shadow maps of everything that is not see-through: light passes blended surfaces and transmissive ones."""
     if not any(light.shadows and light.kind != "point" for light in scene.lights):
         return ShadowMaps.none(device, len(scene.lights))
+    return cached_shadow_maps(device, scene, lambda: _drawn_shadow_maps(device, scene, triangles, mask))
+
+
+def _drawn_shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None) -> ShadowMaps:
     opaque = np.array([not blends(m) for m in scene.materials], bool)
     casting = np.flatnonzero(opaque[scene.material_ids])
     casters = triangles

@@ -1,4 +1,4 @@
-"""The platform's cache folder: compiled kernels, scenes, potentially visible sets, patches, the pace of earlier runs.
+"""The platform's cache folder: compiled kernels, scenes, shadow maps, walks, visible sets, patches, the pace of runs.
 
 What is cached may be damaged at any time: a full disk, a power cut, another program. Files are therefore sealed with a
 checksum, and what does not hold is as good as missing: its reader makes it again and writes it anew.
@@ -74,11 +74,13 @@ def write_checked(path: Path, content: bytes) -> None:
 def read_checked(path: Path) -> bytes | None:
     """What `write_checked` wrote there; None where it is missing, unreadable or damaged: then make it again."""
     try:
-        data = path.read_bytes() if path.is_file() else b""  # other things might block
+        if not path.is_file():  # other things might block
+            return None
+        with path.open("rb") as file:  # in two parts: a copy of large contents would cost as much as reading them
+            content = file.read(max(0, os.fstat(file.fileno()).st_size - _SEAL.size))
+            return content if file.read() == _seal(path, content) else None
     except OSError:
         return None
-    content = data[: -_SEAL.size]
-    return content if data[len(content) :] == _seal(path, content) else None
 
 
 def _seal(path: Path, content: bytes) -> bytes:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness import plan, pvs, walks
+from harness import plan, pvs, upload, walks
 from harness.settings import Settings
-from harness.upload import upload_scene
 from harness.views import Cell, CellFrustum, Pose
 from kernels.device import Device
 from packers.sas import patches
 from scenes import load
-from scenes.model import Scene
+from scenes.model import Light, Scene
 from scenes.paths import CameraPath
 
 SIDE = 12  # cells per side of the meshes that are cached here
@@ -73,7 +72,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[
     monkeypatch.setattr(module, name, counting)
 
 
-@pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk"])
+@pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk", "shadows"])
 def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device) -> Kind:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     file, made, root = str(grid_file(tmp_path)), [], plan.cache_root()
@@ -87,9 +86,19 @@ def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: 
     if request.param == "walk":
         counted(monkeypatch, walks, "make_path", made)
         return Kind(root / "walks", lambda: parts_of(walks.cached_path(scene, "walk", 12, 0)), made)
+    if request.param == "shadows":
+        counted(monkeypatch, upload, "_drawn_shadow_maps", made)
+        scene = replace(scene, lights=[Light("spot", (1, 1, 1), cone=40.0)])
+        triangles = upload.upload_triangles(device, scene)
+
+        def maps() -> dict[str, np.ndarray]:
+            found = upload._shadow_maps(device, scene, triangles, None)
+            return {"maps": found.maps.get(), "rows": found.rows}
+
+        return Kind(root / "shadows", maps, made)
     if request.param == "visible set":
         counted(monkeypatch, pvs, "_draw", made)
-        server, pose = upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
+        server, pose = upload.upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
         frustum = CellFrustum.around(Cell(0.1, 50), 40, 96, 54)
         return Kind(root / "pvs", lambda: pvs.potentially_visible(server, pose, 0.1, frustum, 0.01, 2.0).ids, made)
     session = SimpleNamespace(settings=Settings(), scene=SimpleNamespace(host=scene))

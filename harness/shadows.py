@@ -1,0 +1,39 @@
+"""Shadow maps that were drawn before, kept by what they were drawn from: in a large scene that takes a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+import kernels
+from kernels.cache import cache_root, read_checked, write_checked
+from kernels.shade.shadow import ROW_FLOATS, ShadowMaps
+from scenes.cache import scene_key
+
+if TYPE_CHECKING:
+    from kernels.device import Device
+    from scenes.model import Scene
+
+
+def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMaps]) -> ShadowMaps:
+    """What `draw` gives for a scene, from the cache where it was drawn before; without a hash it is not cached."""
+    if not scene.content_hash:
+        return draw()
+    file, count = cache_root() / "shadows" / _key(device, scene), len(scene.lights) * ROW_FLOATS
+    if (content := read_checked(file)) is not None:
+        floats = np.frombuffer(content, np.float32)
+        return ShadowMaps(device.upload(floats[count:]), floats[:count].reshape(-1, ROW_FLOATS))
+    drawn = draw()
+    write_checked(file, drawn.rows.tobytes() + device.download(drawn.maps))
+    return drawn
+
+
+def _key(device: Device, scene: Scene) -> str:
+    """Of everything that the maps depend on, the source of `kernels`, `scenes` and `arithmetic` among it."""
+    said = {"content_hash": scene.content_hash, "device": device.found.key, "variant": device.variant}
+    said |= {name: repr(getattr(scene, name)) for name in ("lights", "cameras", "metres_per_unit")}
+    folder = Path(kernels.__file__).parent
+    return scene_key(said, sorted(file for kind in ("*.cl", "*.py") for file in folder.rglob(kind)))
