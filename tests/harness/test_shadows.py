@@ -71,10 +71,10 @@ def test_other_kernels_draw_their_own(device: Device, draw: Drawing, tmp_path: P
     (folder / "__init__.py").touch()
     monkeypatch.setattr(shadows.kernels, "__file__", str(folder / "__init__.py"))
     for number, name in enumerate(("setup.cl", "setup.py"), 1):
-        (folder / "raster" / name).write_text("one")
+        (folder / "raster" / name).write_text("one", encoding="utf-8")
         cached_shadow_maps(device, SCENE, draw)
         cached_shadow_maps(device, SCENE, draw)
-        (folder / "raster" / name).write_text("another")
+        (folder / "raster" / name).write_text("another", encoding="utf-8")
         cached_shadow_maps(device, SCENE, draw)
         assert draw.times == 2 * number
 
