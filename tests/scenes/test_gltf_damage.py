@@ -264,7 +264,7 @@ def test_morph_targets_move_colours_coordinates_and_tangents(tmp_path, png):
     ],
 )
 def test_json_of_another_shape_is_refused(tmp_path, text, words):
-    (tmp_path / "a.gltf").write_text(text)
+    (tmp_path / "a.gltf").write_bytes(text.encode())
     with pytest.raises(SceneError, match=words):
         load_scene(str(tmp_path / "a.gltf"), cache=tmp_path / "cache")
 
