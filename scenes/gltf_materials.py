@@ -15,6 +15,7 @@ from scenes.model import Material, Texture
 from scenes.raw import RawScene
 
 _NEAREST = {"magFilter": (9728,), "minFilter": (9728, 9984, 9986)}
+_ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
@@ -62,7 +63,7 @@ class GltfMaterials:
             name=str(entry.get("name", "")),
             base_colour=numbers(pbr, "baseColorFactor", (1, 1, 1, 1)),
             base_texture=base_texture,
-            alpha_mode={"MASK": "mask", "BLEND": "blend"}.get(entry.get("alphaMode"), "opaque"),
+            alpha_mode=self._known(_ALPHA_MODES, entry, "alphaMode", "opaque"),
             alpha_cutoff=number(entry, "alphaCutoff", 0.5),
             double_sided=bool(entry.get("doubleSided", False)),
             transmission=self._transmission(extensions.get("KHR_materials_transmission", {})),
@@ -144,7 +145,7 @@ class GltfMaterials:
         if texels is None:
             return -1
         sampler = self._document.entry("samplers", entry["sampler"]) if "sampler" in entry else {}
-        wraps = tuple(_WRAPS.get(sampler.get(key), "repeat") for key in ("wrapS", "wrapT"))
+        wraps = tuple(self._known(_WRAPS, sampler, key, "repeat") for key in ("wrapS", "wrapT"))
         image = _image_index(entry)
         key = (image, *wraps, srgb)
         if key not in self._textures:
@@ -154,6 +155,12 @@ class GltfMaterials:
             name = self._document.entry("images", image).get("name") or f"image {image}"
             self._raw.textures.append(Texture(str(name), texels, srgb, *wraps))
         return self._textures[key]
+
+    def _known(self, values: dict[object, str], entry: dict, key: str, default: str) -> str:
+        """What a property's value stands for; the default where it is not there, or unknown (noted)."""
+        if key in entry and entry[key] not in values:
+            self._raw.note(f"An unknown {key} of {entry[key]} is taken for {default}.")
+        return values.get(entry.get(key), default)
 
     def _image_of(self, info: dict) -> np.ndarray | None:
         """The texels of a texture's image, decoded once; None where it is missing or unreadable (noted)."""

@@ -166,6 +166,16 @@ def test_cameras_without_a_usable_field_of_view_get_the_usual_one(tmp_path, png,
     assert f"Cameras whose field of view is none, used with the usual one: {noted}." in scene.notes
 
 
+def test_unknown_modes_are_noted(tmp_path, png):
+    glb = full_scene(png)
+    glb.json["materials"][0]["alphaMode"] = "mask"
+    glb.json["samplers"] = [{"wrapS": 12345}]
+    scene = loaded(tmp_path, glb)
+    assert scene.materials[0].alpha_mode == "opaque"
+    assert "An unknown alphaMode of mask is taken for opaque." in scene.notes
+    assert "An unknown wrapS of 12345 is taken for repeat." in scene.notes
+
+
 def test_orthographic_cameras_nearest_samplers_and_further_colours_are_noted(tmp_path, png):
     glb = full_scene(png)
     glb.json["cameras"] = [{"type": "orthographic", "orthographic": {"xmag": 1, "ymag": 1}}]
