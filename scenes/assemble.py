@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
 
@@ -15,6 +17,13 @@ from scenes.transforms import normal_matrices
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _LARGEST = 1e18  # beyond it squared lengths leave float32's range
+_NAMED = 5  # properties out of range that a note names
+# By the specifications of glTF 2.0 (3.9) and KHR_lights_punctual; emission may have any strength.
+_SHARES = ("base_colour", "roughness", "metallic", "occlusion_strength", "transmission")
+_MATERIAL_RANGES = dict.fromkeys(_SHARES, (0.0, 1.0))
+_MATERIAL_RANGES |= {"emissive": (0.0, np.inf), "alpha_cutoff": (0.0, np.inf)}
+_LIGHT_RANGES = {"colour": (0.0, np.inf), "cone": (0.0, 90.0)}
+_Described = TypeVar("_Described", Light, Material)
 _BRIGHTEST = np.float32([1e4, 1e4, 1e4, 1])  # of a vertex: light may be any, coverage at most whole
 
 
@@ -117,20 +126,52 @@ def _prepared(raw: RawScene, repair: bool, decimate: float | None) -> list[Part]
 
 
 def _clean_lights(raw: RawScene) -> None:
-    """Drop lights whose colour, position, direction or cone is not finite (counted)."""
-    whole = [np.isfinite([*light.colour, *light.position, *light.direction, light.cone]).all() for light in raw.lights]
+    """Drop lights whose colour, position, direction or cone is not finite, and bring others into range (counted)."""
+    whole = [_finite([*light.colour, *light.position, *light.direction, light.cone]) for light in raw.lights]
     raw.note("Lights whose numbers are infinite or none, dropped: {}.", len(whole) - sum(whole))
-    raw.lights = [light for light, good in zip(raw.lights, whole, strict=True) if good]
+    lights = [light for light, good in zip(raw.lights, whole, strict=True) if good]
+    raw.lights = [_in_range(light, _LIGHT_RANGES)[0] for light in lights]
+    changed = sum(old != new for old, new in zip(lights, raw.lights, strict=True))
+    raw.note("Lights of less than no light or with cones wider than 90 degrees, clamped: {}.", changed)
 
 
 def _clean_materials(raw: RawScene) -> None:
-    """Give materials the default of each property that is not finite (counted)."""
-    default = Material()
+    """Give materials the default of each property that is not finite (counted), and clamp what is out of range."""
+    default, outside = Material(), []
     for index, material in enumerate(raw.materials):
         numbers = {f.name: getattr(material, f.name) for f in fields(Material) if isinstance(f.default, float | tuple)}
-        broken = [name for name, value in numbers.items() if not np.isfinite(value).all()]
+        broken = [name for name, value in numbers.items() if not _finite(value)]
         raw.note("Properties of materials that are infinite or not a number, replaced: {}.", len(broken))
-        raw.materials[index] = replace(material, **{name: getattr(default, name) for name in broken})
+        material = replace(material, **{name: getattr(default, name) for name in broken})
+        raw.materials[index], changed = _in_range(material, _MATERIAL_RANGES)
+        outside += [f"{name} {_written(material, name)} of {material.name or f'material {index}'}" for name in changed]
+    if outside:
+        more = f" and {len(outside) - _NAMED:,} more" if len(outside) > _NAMED else ""
+        raw.note(f"Properties of materials outside their range, clamped: {', '.join(outside[:_NAMED])}{more}.")
+
+
+def _finite(values: float | Sequence[float]) -> bool:
+    """Whether all values are finite as float32, as which they are used."""
+    with np.errstate(over="ignore"):
+        return bool(np.isfinite(np.float32(values)).all())
+
+
+def _in_range(item: _Described, ranges: dict[str, tuple[float, float]]) -> tuple[_Described, list[str]]:
+    """A light or material with its properties clamped, and the names of those that were outside."""
+    clamped = {}
+    for name, (low, high) in ranges.items():
+        value = getattr(item, name)
+        inside = (
+            tuple(min(max(v, low), high) for v in value) if isinstance(value, tuple) else min(max(value, low), high)
+        )
+        if inside != value:
+            clamped[name] = inside
+    return replace(item, **clamped), list(clamped)
+
+
+def _written(material: Material, name: str) -> str:
+    value = getattr(material, name)
+    return f"({' '.join(f'{v:g}' for v in value)})" if isinstance(value, tuple) else f"{value:g}"
 
 
 def _drop_unused_textures(parts: list[Part], raw: RawScene) -> None:

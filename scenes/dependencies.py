@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from urllib.parse import unquote
 
-from scenes.files import beside, file_text, named_file
+from scenes.files import file_text, named_file
+from scenes.gltf_document import named_files
 from scenes.mtl import map_files
 from scenes.obj import library_files
 from scenes.ply import ply_textures
@@ -19,8 +18,8 @@ def input_files(path: Path) -> list[Path]:
     """
     files = [path, path.parent / "cameras.json"]
     suffix = path.suffix.lower()
-    if suffix == ".gltf":
-        files += _gltf_files(path)
+    if suffix in (".gltf", ".glb"):
+        files += named_files(path)
     elif suffix == ".obj":
         for name, library in library_files(path, file_text(path)):
             library = library or named_file(path, name)
@@ -28,13 +27,3 @@ def input_files(path: Path) -> list[Path]:
     elif suffix == ".ply":
         files += ply_textures(path)
     return list(dict.fromkeys(files))
-
-
-def _gltf_files(path: Path) -> list[Path]:
-    try:
-        document = json.loads(path.read_bytes())
-        entries = [*document.get("buffers", []), *document.get("images", [])]
-        names = [entry["uri"] for entry in entries if "uri" in entry]
-    except (ValueError, AttributeError, TypeError, KeyError):
-        return []
-    return [beside(path, unquote(name)) for name in names if not name.startswith("data:")]

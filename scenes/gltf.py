@@ -18,7 +18,9 @@ from arithmetic.matrices import product, turned
 from scenes.gltf_document import GltfDocument
 from scenes.gltf_materials import GltfMaterials, UvSource
 from scenes.gltf_motion import camera_animations
-from scenes.gltf_nodes import GltfNodes
+from scenes.gltf_nodes import AT_REST, GltfNodes
+from scenes.gltf_values import number, numbers, picked
+from scenes.gltf_vertices import Vertices, attribute
 from scenes.model import Camera, Light
 from scenes.raw import Part, RawScene
 from scenes.transforms import compose, normal_matrices
@@ -36,7 +38,7 @@ def read_gltf(path: Path) -> RawScene:
     materials = GltfMaterials(document, raw)
     nodes = GltfNodes(document)
     _add_parts(document, nodes, materials, raw)
-    cameras = [_camera(document, nodes, node) for node in nodes.drawn if "camera" in nodes.entries[node]]
+    cameras = [_camera(document, nodes, node, raw) for node in nodes.drawn if "camera" in nodes.entries[node]]
     raw.cameras = sorted(cameras, key=lambda camera: -round(camera.up[1], 1))  # upright ones first: people walk upright
     raw.lights = _lights(document, nodes, raw)
     raw.animations = camera_animations(document, nodes)
@@ -76,20 +78,26 @@ def _instances(document: GltfDocument, node: dict, world: np.ndarray) -> np.ndar
     extension = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if extension is None:
         return world[None]
-    values = {name: document.accessor(index) for name, index in extension["attributes"].items()}
-    count = max(len(value) for value in values.values())
-    translation = values.get("TRANSLATION", np.zeros((count, 3)))
-    rotation = values.get("ROTATION", np.tile([0.0, 0.0, 0.0, 1.0], (count, 1)))
-    return product(world, compose(translation, rotation, values.get("SCALE", np.ones((count, 3)))))
+    attributes = extension["attributes"]
+    count = max((document.entry("accessors", index)["count"] for index in attributes.values()), default=0)
+    at_rest = {name: np.tile(np.float64(value), (count, 1)) for name, value in AT_REST.items()}
+    placed = (attribute(document, attributes, name.upper(), count) for name in AT_REST)
+    values = (rest if own is None else own for own, rest in zip(placed, at_rest.values(), strict=True))
+    return product(world, compose(*values))
 
 
 def _joint_matrices(document: GltfDocument, nodes: GltfNodes, index: int) -> np.ndarray:
     """Joint matrices (J, 4, 4) at rest: world matrix of each joint times its inverse bind matrix (3.7.3)."""
-    skin = document.items("skins")[index]
+    skin = document.entry("skins", index)
+    for joint in skin["joints"]:
+        document.entry("nodes", joint)
     world = nodes.world[skin["joints"]]
     if "inverseBindMatrices" not in skin:
         return world
-    return product(world, document.accessor(skin["inverseBindMatrices"])[: len(world)])
+    inverse = document.accessor(skin["inverseBindMatrices"], "inverseBindMatrices", "MAT4")
+    if len(inverse) < len(world):
+        raise ValueError(f"a skin has {len(world)} joints but {len(inverse)} inverse bind matrices")
+    return product(world, inverse[: len(world)])
 
 
 def _primitives(
@@ -101,8 +109,9 @@ def _primitives(
     joints: np.ndarray | None,
 ) -> list[Part]:
     """The parts of one mesh, morphed by its default weights and skinned by the joint matrices where given."""
-    entry = document.items("meshes")[mesh]
+    entry = document.entry("meshes", mesh)
     weights = weights if weights is not None else entry.get("weights", [])
+    weights = numbers({"weights": weights}, "weights", (0.0,) * len(weights))
     parts = []
     for primitive in entry["primitives"]:
         compressed = "KHR_draco_mesh_compression" in primitive.get("extensions", {})
@@ -111,45 +120,36 @@ def _primitives(
         if primitive.get("mode", 4) not in (4, 5, 6) or "POSITION" not in primitive["attributes"]:
             raw.note("Primitives of points or lines, left out: {}.")
             continue
-        part = _part(document, materials, raw, primitive)
-        _morph(document, primitive, weights, part)
+        part = _part(document, materials, Vertices(document, primitive, weights, raw))
         if joints is not None and "JOINTS_0" in primitive["attributes"]:
             _skin(document, primitive["attributes"], joints, part)
         parts.append(part)
     return parts
 
 
-def _part(document: GltfDocument, materials: GltfMaterials, raw: RawScene, primitive: dict) -> Part:
-    attributes = primitive["attributes"]
-    positions = document.accessor(attributes["POSITION"])
-    indices = document.accessor(primitive["indices"]) if "indices" in primitive else np.arange(len(positions))
-    material = primitive.get("material", materials.default)
-    part = Part(positions, _triangles(indices.astype(np.int64), primitive.get("mode", 4)), material)
-    part.normals = _attribute(document, attributes, "NORMAL", len(positions))
-    part.tangents = _attribute(document, attributes, "TANGENT", len(positions))
-    sources = materials.sources[material]
-    part.uvs, *further = (_uvs(document, attributes, source, len(positions)) for source in sources)
+def _part(document: GltfDocument, materials: GltfMaterials, vertices: Vertices) -> Part:
+    primitive = vertices.primitive
+    positions, material = vertices.get("POSITION"), materials.default
+    if "material" in primitive:
+        document.entry("materials", primitive["material"])
+        material = primitive["material"]
+    indices = np.arange(len(positions))
+    if "indices" in primitive:
+        indices = document.whole_numbers(
+            primitive["indices"], "the accessor of a primitive's indices", "SCALAR"
+        ).astype(np.int64)
+    part = Part(positions, _triangles(indices, primitive.get("mode", 4)), material)
+    part.normals, part.tangents, part.colours = vertices.get("NORMAL"), vertices.get("TANGENT"), vertices.colours()
+    part.uvs, *further = (_uvs(vertices, source) for source in materials.sources[material])
     part.further_uvs = tuple(further)
-    colours = _attribute(document, attributes, "COLOR_0", len(positions))
-    if colours is not None:
-        part.colours = np.ones((len(positions), 4), np.float32)
-        part.colours[:, : colours.shape[1]] = colours
+    vertices.note_unused()
     return part
 
 
-def _uvs(document: GltfDocument, attributes: dict, source: UvSource, count: int) -> np.ndarray | None:
+def _uvs(vertices: Vertices, source: UvSource) -> np.ndarray | None:
     """A texture's coordinates (V, 2), transformed; None where the primitive has not its set."""
-    uvs = _attribute(document, attributes, f"TEXCOORD_{source.channel}", count)
+    uvs = vertices.get(f"TEXCOORD_{source.channel}")
     return None if uvs is None else source.apply(uvs)
-
-
-def _attribute(document: GltfDocument, attributes: dict, name: str, count: int) -> np.ndarray | None:
-    if name not in attributes:
-        return None
-    values = document.accessor(attributes[name])
-    if len(values) != count:
-        raise ValueError(f"a primitive has {count} positions but {len(values)} entries of {name}")
-    return values
 
 
 def _triangles(indices: np.ndarray, mode: int) -> np.ndarray:
@@ -164,24 +164,18 @@ def _triangles(indices: np.ndarray, mode: int) -> np.ndarray:
     return np.stack([indices[step], indices[step + 1 + odd], indices[step + 2 - odd]], axis=1)
 
 
-def _morph(document: GltfDocument, primitive: dict, weights: list[float], part: Part) -> None:
-    """Add the morph targets' displacements, weighted."""
-    for weight, target in zip(weights, primitive.get("targets", []), strict=False):
-        if weight and "POSITION" in target:
-            part.positions = part.positions + weight * document.accessor(target["POSITION"])
-        if weight and "NORMAL" in target and part.normals is not None:
-            part.normals = part.normals + weight * document.accessor(target["NORMAL"])
-
-
 def _skin(document: GltfDocument, attributes: dict, joints: np.ndarray, part: Part) -> None:
     """Move a part into world space by its weighted joint matrices; its node's transform does not count (3.7.3.3)."""
     blended = np.zeros((len(part.positions), 4, 4))
     total = np.zeros(len(part.positions))
-    for number in range(len(attributes)):
-        if f"JOINTS_{number}" not in attributes:
+    for set_number in range(len(attributes)):
+        if f"JOINTS_{set_number}" not in attributes:
             break
-        indices = _attribute(document, attributes, f"JOINTS_{number}", len(part.positions))
-        weights = _attribute(document, attributes, f"WEIGHTS_{number}", len(part.positions)).astype(np.float64)
+        indices = attribute(document, attributes, f"JOINTS_{set_number}", len(part.positions))
+        weights = attribute(document, attributes, f"WEIGHTS_{set_number}", len(part.positions))
+        if weights is None:
+            raise ValueError(f"a primitive has JOINTS_{set_number} but no WEIGHTS_{set_number}")
+        weights = weights.astype(np.float64)
         for column in range(4):
             blended += weights[:, column, None, None] * joints[indices[:, column]]
         total += weights.sum(axis=1)
@@ -194,14 +188,15 @@ def _skin(document: GltfDocument, attributes: dict, joints: np.ndarray, part: Pa
         part.tangents = np.concatenate([along, part.tangents[:, 3:]], axis=1)
 
 
-def _camera(document: GltfDocument, nodes: GltfNodes, node: int) -> Camera:
-    entry = document.items("cameras")[nodes.entries[node]["camera"]]
-    matrix = nodes.world[node]
-    lens = entry.get("perspective", {})
-    fov = None
-    if "yfov" in lens:
-        aspect = lens.get("aspectRatio", 16 / 9)
-        fov = float(np.degrees(2 * arctan(tan(lens["yfov"] / 2) * aspect)))
+def _camera(document: GltfDocument, nodes: GltfNodes, node: int, raw: RawScene) -> Camera:
+    entry = document.entry("cameras", nodes.entries[node]["camera"])
+    matrix, fov = nodes.world[node], None
+    raw.note("Orthographic cameras, used as perspective ones: {}.", entry.get("type") == "orthographic")
+    if "yfov" in (lens := entry.get("perspective", {})):
+        high, aspect = number(lens, "yfov", 1.0), number(lens, "aspectRatio", 16 / 9)
+        usable = 0 < high < np.pi and 0 < aspect < np.inf
+        raw.note("Cameras whose field of view is none, used with the usual one: {}.", not usable)
+        fov = float(np.degrees(2 * arctan(tan(high / 2) * aspect))) if usable else None
     direction, up = _unit(-matrix[:3, 2]), _unit(matrix[:3, 1])
     name = entry.get("name") or nodes.entries[node].get("name") or f"camera {node}"
     return Camera(tuple(matrix[:3, 3].tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, str(name))
@@ -218,7 +213,7 @@ def _lights(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> list[Lig
     for node in nodes.drawn:
         if (index := _light_index(nodes.entries[node])) is None:
             continue
-        entry = entries[index]
+        entry = picked(entries, index, "lights")
         if entry["type"] not in ("directional", "point", "spot"):
             raw.note(f"Lights of the unknown type {entry['type']}, left out: {{}}.")
             continue
@@ -233,8 +228,9 @@ def _lights(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> list[Lig
 
 def _light(entry: dict, matrix: np.ndarray) -> Light:
     """A light by its node's world matrix; lux and candela are taken as they are, the exposure settles the scale."""
-    colour = tuple(float(c) * float(entry.get("intensity", 1.0)) for c in entry.get("color", (1, 1, 1)))
-    cone = float(np.degrees(entry.get("spot", {}).get("outerConeAngle", np.pi / 4)))
+    intensity = number(entry, "intensity", 1.0)
+    colour = tuple(c * intensity for c in numbers(entry, "color", (1, 1, 1)))
+    cone = float(np.degrees(number(entry.get("spot", {}), "outerConeAngle", np.pi / 4)))
     direction = tuple(_unit(-matrix[:3, 2]).tolist())
     return Light(entry["type"], colour, tuple(matrix[:3, 3].tolist()), direction, cone, entry["type"] != "point")
 

@@ -11,12 +11,16 @@ from urllib.parse import unquote
 import numpy as np
 
 from scenes.files import beside
+from scenes.gltf_values import picked, whole
 from scenes.model import SceneError
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3)}
 _WIDTHS["MAT4"] = (4, 4)
 _ENTRIES_LIMIT = 1 << 29  # of an accessor without data of its own; more is a damaged count
+
+_LISTS = ("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes")
+_LISTS += ("samplers", "scenes", "skins", "textures")
 
 # Extensions that are read. A file that requires any other is refused; one that only uses it has a way without.
 _READ = {
@@ -41,23 +45,15 @@ class GltfDocument:
     """
 
     def __init__(self, path: Path) -> None:
-        data = path.read_bytes()
         self._path = path
-        self._chunk: bytes | None = None
-        if data[:4] == b"glTF":
-            text, self._chunk = _split_glb(data)
-        else:
-            text = data
-        self.json = json.loads(text)
-        if not isinstance(self.json, dict):
-            raise ValueError("its JSON is not an object")
+        self.json, self._chunk = _parsed(path.read_bytes())
         version = str(self.json.get("asset", {}).get("version", "2.0"))
         if not version.startswith("2"):
             raise SceneError(f"{path} is glTF {version}; only glTF 2.0 can be read, so convert it first.")
         missing = [name for name in self.json.get("extensionsRequired", []) if name not in _READ]
         if missing:
             raise SceneError(f"{path} needs {' and '.join(missing)}, which cannot be read; export it without.")
-        self._buffers: dict[int, bytes] = {}
+        self._buffers: dict[int, bytes | memoryview] = {}
         self._accessors: dict[int, np.ndarray] = {}
 
     def ignored_extensions(self) -> list[str]:
@@ -68,26 +64,41 @@ class GltfDocument:
         """A top-level list such as "nodes"; empty where the file has none."""
         return self.json.get(kind, [])
 
-    def accessor(self, index: int) -> np.ndarray:
-        """An accessor's entries: (N,), (N, k) or (N, k, k) for matrices by row; float32 where normalised."""
+    def entry(self, kind: str, index: int) -> dict:
+        """The entry of a top-level list that the file refers to by its number."""
+        return picked(self.items(kind), index, kind)
+
+    def accessor(self, index: int, name: str, *kinds: str) -> np.ndarray:
+        """An accessor's entries: (N,), (N, k) or (N, k, k) for matrices by row; float32 where normalised.
+
+        kinds: the types that it may have, such as "VEC3"; name: what it is for, in the sentence where it has another.
+        """
+        entry = self.entry("accessors", index)
+        if entry["type"] not in kinds:
+            raise ValueError(f"{name} has entries of type {entry['type']}, not {' or '.join(kinds)}")
         if index not in self._accessors:
-            self._accessors[index] = self._read_accessor(self._entry("accessors", index))
+            self._accessors[index] = self._read_accessor(entry)
         return self._accessors[index]
+
+    def whole_numbers(self, index: int, name: str, *kinds: str) -> np.ndarray:
+        """As `accessor`, of unsigned integers only."""
+        values = self.accessor(index, name, *kinds)
+        if values.dtype.kind != "u":
+            raise ValueError(f"{name} has entries of {values.dtype.name}, not unsigned integers")
+        return values
 
     def has_data(self, index: int) -> bool:
         """Whether an accessor has data of its own; what a decompressor would fill in has none."""
-        return "bufferView" in self._entry("accessors", index) or "sparse" in self._entry("accessors", index)
+        return "bufferView" in self.entry("accessors", index) or "sparse" in self.entry("accessors", index)
 
     def image_bytes(self, index: int) -> bytes:
         """An image file's bytes, embedded, from a data URI or from the file beside."""
-        image = self._entry("images", index)
-        return bytes(self._view(image["bufferView"])) if "bufferView" in image else self._fetch(image["uri"])
-
-    def _entry(self, kind: str, index: int) -> dict:
-        entries = self.items(kind)
-        if not 0 <= index < len(entries):
-            raise ValueError(f"it refers to {kind}[{index}], which it does not have")
-        return entries[index]
+        image = self.entry("images", index)
+        if "bufferView" in image:
+            return bytes(self._view(image["bufferView"]))
+        if "uri" not in image:
+            raise ValueError("it has neither data nor the name of a file")
+        return self._fetch(image["uri"])
 
     def _fetch(self, uri: str) -> bytes:
         if uri.startswith("data:"):
@@ -98,30 +109,30 @@ class GltfDocument:
         return file.read_bytes()
 
     def _view(self, index: int) -> memoryview:
-        view = self._entry("bufferViews", index)
+        view = self.entry("bufferViews", index)
         buffer = view["buffer"]
         if buffer not in self._buffers:
-            entry = self._entry("buffers", buffer)
+            entry = self.entry("buffers", buffer)
             chunk = self._chunk if buffer == 0 else None
             own = chunk if "uri" not in entry else self._fetch(entry["uri"])
             if own is None:
                 compressed = " without " + " and ".join(entry["extensions"]) if entry.get("extensions") else ""
                 raise ValueError(f"buffer {buffer} has no data{compressed}")
             self._buffers[buffer] = own
-        offset, length = view.get("byteOffset", 0), view["byteLength"]
-        if min(offset, length) < 0 or offset + length > len(self._buffers[buffer]):
+        offset, length = whole(view, "byteOffset", 0), whole(view, "byteLength", 0)
+        if offset + length > len(self._buffers[buffer]):
             raise ValueError(f"buffer view {index} reaches past the end of its buffer; the file is cut off or damaged")
         return memoryview(self._buffers[buffer])[offset : offset + length]
 
     def _read_accessor(self, accessor: dict) -> np.ndarray:
         component = np.dtype("<" + _COMPONENTS[accessor["componentType"]])
         columns, rows = _WIDTHS[accessor["type"]]
-        count = accessor["count"]
+        count = whole(accessor, "count", 0)
         if "bufferView" in accessor:
-            stride = self._entry("bufferViews", accessor["bufferView"]).get("byteStride")
-            view = self._view(accessor["bufferView"])[accessor.get("byteOffset", 0) :]
+            stride = self.entry("bufferViews", accessor["bufferView"]).get("byteStride")
+            view = self._view(accessor["bufferView"])[whole(accessor, "byteOffset", 0) :]
             values = _strided(view, component, columns, rows, count, stride)
-        elif 0 <= count < _ENTRIES_LIMIT:
+        elif count < _ENTRIES_LIMIT:
             values = np.zeros((count, columns, rows), component)
         else:
             raise ValueError(f"an accessor claims {count} entries")
@@ -136,9 +147,12 @@ class GltfDocument:
     def _with_sparse(self, values: np.ndarray, sparse: dict, component: np.dtype) -> np.ndarray:
         where, what = sparse["indices"], sparse["values"]
         kind = np.dtype("<" + _COMPONENTS[where["componentType"]])
-        rows = _strided(self._view(where["bufferView"])[where.get("byteOffset", 0) :], kind, 1, 1, sparse["count"])
-        data = self._view(what["bufferView"])[what.get("byteOffset", 0) :]
-        values[rows[:, 0, 0]] = _strided(data, component, *values.shape[1:], sparse["count"])
+        if kind.kind != "u":
+            raise ValueError(f"a sparse accessor has indices of {kind.name}, not unsigned integers")
+        count = whole(sparse, "count", 0)
+        rows = _strided(self._view(where["bufferView"])[whole(where, "byteOffset", 0) :], kind, 1, 1, count)
+        data = self._view(what["bufferView"])[whole(what, "byteOffset", 0) :]
+        values[rows[:, 0, 0]] = _strided(data, component, *values.shape[1:], count)
         return values
 
 
@@ -151,14 +165,41 @@ def _strided(
         column_bytes = -(-column_bytes // 4) * 4
     stride = stride or column_bytes * columns
     last = (count - 1) * stride + (columns - 1) * column_bytes + component.itemsize * rows
-    if count < 0 or (count and last > len(view)):
+    if count and last > len(view):
         raise ValueError("an accessor reaches past the end of its data; the file is cut off or damaged")
     if count == 0:
         return np.zeros((0, columns, rows), component)
     return np.ndarray((count, columns, rows), component, view, 0, (stride, column_bytes, component.itemsize))
 
 
-def _split_glb(data: bytes) -> tuple[bytes, bytes | None]:
+def named_files(path: Path) -> list[Path]:
+    """The buffers and images that a glTF file of either kind names; none where it is damaged."""
+    try:
+        document, _ = _parsed(path.read_bytes())
+        entries = [entry for kind in ("buffers", "images") for entry in document.get(kind, [])]
+    except (OSError, ValueError):
+        return []
+    names = [entry["uri"] for entry in entries if isinstance(entry.get("uri"), str)]
+    return [beside(path, unquote(name)) for name in names if not name.startswith("data:")]
+
+
+def _parsed(data: bytes) -> tuple[dict, memoryview | None]:
+    """The JSON and the binary chunk of a file's bytes; its first ones say whether it is a GLB container."""
+    text, chunk = _split_glb(memoryview(data)) if data[:4] == b"glTF" else (data, None)
+    try:
+        document = json.loads(bytes(text))
+    except RecursionError as error:
+        raise ValueError("its JSON is nested too deeply") from error
+    if not isinstance(document, dict):
+        raise ValueError("its JSON is not an object")
+    for kind in _LISTS:
+        entries = document.get(kind, [])
+        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+            raise ValueError(f"its {kind} are not a list of objects")
+    return document, chunk
+
+
+def _split_glb(data: memoryview) -> tuple[memoryview, memoryview | None]:
     """The JSON and binary chunks of a GLB container."""
     if len(data) < 20:
         raise ValueError("it is cut off")

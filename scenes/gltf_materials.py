@@ -9,10 +9,13 @@ import numpy as np
 from arithmetic.functions import sin_cos
 from arithmetic.matrices import transform
 from scenes.gltf_document import GltfDocument
+from scenes.gltf_values import number, numbers, whole
 from scenes.images import decode_image
 from scenes.model import Material, Texture
 from scenes.raw import RawScene
 
+_NEAREST = {"magFilter": (9728,), "minFilter": (9728, 9984, 9986)}
+_ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
 _WRAPS = {10497: "repeat", 33071: "clamp", 33648: "mirror"}
 
 
@@ -58,10 +61,10 @@ class GltfMaterials:
         base_texture, _ = self._texture(pbr.get("baseColorTexture"), sources, True)
         material = Material(
             name=str(entry.get("name", "")),
-            base_colour=tuple(float(c) for c in pbr.get("baseColorFactor", (1, 1, 1, 1))),
+            base_colour=numbers(pbr, "baseColorFactor", (1, 1, 1, 1)),
             base_texture=base_texture,
-            alpha_mode={"MASK": "mask", "BLEND": "blend"}.get(entry.get("alphaMode"), "opaque"),
-            alpha_cutoff=float(entry.get("alphaCutoff", 0.5)),
+            alpha_mode=self._known(_ALPHA_MODES, entry, "alphaMode", "opaque"),
+            alpha_cutoff=number(entry, "alphaCutoff", 0.5),
             double_sided=bool(entry.get("doubleSided", False)),
             transmission=self._transmission(extensions.get("KHR_materials_transmission", {})),
             unlit="KHR_materials_unlit" in extensions,
@@ -81,25 +84,25 @@ class GltfMaterials:
             material,
             normal_texture=normal_texture,
             normal_uv=normal_uv,
-            normal_scale=float((normal or {}).get("scale", 1.0)),
-            roughness=float(pbr.get("roughnessFactor", 1.0)),
-            metallic=float(pbr.get("metallicFactor", 1.0)),
+            normal_scale=number(normal or {}, "scale", 1.0),
+            roughness=number(pbr, "roughnessFactor", 1.0),
+            metallic=number(pbr, "metallicFactor", 1.0),
             surface_texture=surface_texture,
             surface_uv=surface_uv,
             occlusion_texture=occlusion_texture,
             occlusion_uv=occlusion_uv,
-            occlusion_strength=float((occlusion or {}).get("strength", 1.0)),
+            occlusion_strength=number(occlusion or {}, "strength", 1.0),
         )
 
     def _glow(self, entry: dict, sources: list[UvSource]) -> dict[str, object]:
         """The fields of a material's emission."""
-        strength = entry.get("extensions", {}).get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0)
-        factor = tuple(float(c) for c in entry.get("emissiveFactor", (0, 0, 0)))
+        glow = entry.get("extensions", {}).get("KHR_materials_emissive_strength", {})
+        strength, factor = number(glow, "emissiveStrength", 1.0), numbers(entry, "emissiveFactor", (0, 0, 0))
         info = entry.get("emissiveTexture") if any(factor) else None
         texture, uv = self._texture(info, sources, True)
         if info and texture < 0:
             factor = (0.0, 0.0, 0.0)  # its texture says where it glows, so without it nothing does
-        emissive = tuple(c * float(strength) for c in factor)
+        emissive = tuple(c * strength for c in factor)
         return {"emissive": emissive, "emissive_texture": texture, "emissive_uv": uv}
 
     def _metallic_roughness(self, entry: dict, extensions: dict) -> dict:
@@ -110,15 +113,15 @@ class GltfMaterials:
         ignored = [name for name in ("specularFactor", "specularGlossinessTexture") if name in gloss]
         for name in ignored:
             self._raw.note(f"Materials of KHR_materials_pbrSpecularGlossiness whose {name} is not used: {{}}.")
-        pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - float(gloss.get("glossinessFactor", 1.0))}
-        pbr["baseColorFactor"] = gloss.get("diffuseFactor", (1, 1, 1, 1))
+        pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - number(gloss, "glossinessFactor", 1.0)}
+        pbr["baseColorFactor"] = numbers(gloss, "diffuseFactor", (1, 1, 1, 1))
         if "diffuseTexture" in gloss:
             pbr["baseColorTexture"] = gloss["diffuseTexture"]
         return pbr
 
     def _transmission(self, glass: dict) -> float:
         """The share of light let through; a texture of it is replaced by its mean."""
-        factor, info = float(glass.get("transmissionFactor", 0.0)), glass.get("transmissionTexture")
+        factor, info = number(glass, "transmissionFactor", 0.0), glass.get("transmissionTexture")
         texels = self._image_of(info) if info and factor else None
         if texels is not None:
             self._raw.note("Textures of transmission, replaced by their mean: {}.")
@@ -138,31 +141,43 @@ class GltfMaterials:
 
     def _index(self, info: dict, srgb: bool) -> int:
         """Index of a texture, read where it is new; -1 where its image cannot be read (noted)."""
-        entry = self._document.items("textures")[info["index"]]
-        samplers = self._document.items("samplers")
-        sampler = samplers[entry["sampler"]] if "sampler" in entry else {}
-        wraps = tuple(_WRAPS.get(sampler.get(key), "repeat") for key in ("wrapS", "wrapT"))
-        key = (_image_index(entry), *wraps, srgb)
+        entry, texels = self._document.entry("textures", info["index"]), self._image_of(info)
+        if texels is None:
+            return -1
+        sampler = self._document.entry("samplers", entry["sampler"]) if "sampler" in entry else {}
+        wraps = tuple(self._known(_WRAPS, sampler, key, "repeat") for key in ("wrapS", "wrapT"))
+        image = _image_index(entry)
+        key = (image, *wraps, srgb)
         if key not in self._textures:
-            texels = self._image_of(info)
-            if texels is None:
-                self._textures[key] = -1
-            else:
-                self._textures[key] = len(self._raw.textures)
-                name = self._document.items("images")[key[0]].get("name") or f"image {key[0]}"
-                self._raw.textures.append(Texture(name, texels, srgb, *wraps))
+            nearest = any(sampler.get(name) in values for name, values in _NEAREST.items())
+            self._raw.note("Textures whose sampler asks for the nearest texel, interpolated all the same: {}.", nearest)
+            self._textures[key] = len(self._raw.textures)
+            name = self._document.entry("images", image).get("name") or f"image {image}"
+            self._raw.textures.append(Texture(str(name), texels, srgb, *wraps))
         return self._textures[key]
+
+    def _known(self, values: dict[object, str], entry: dict, key: str, default: str) -> str:
+        """What a property's value stands for; the default where it is not there, or unknown (noted)."""
+        if key in entry and entry[key] not in values:
+            self._raw.note(f"An unknown {key} of {entry[key]} is taken for {default}.")
+        return values.get(entry.get(key), default)
 
     def _image_of(self, info: dict) -> np.ndarray | None:
         """The texels of a texture's image, decoded once; None where it is missing or unreadable (noted)."""
-        index = _image_index(self._document.items("textures")[info["index"]])
-        if index is not None and index not in self._images:
-            try:
-                self._images[index] = decode_image(self._document.image_bytes(index))
-            except (OSError, KeyError, ValueError) as error:
-                self._images[index] = None
-                self._raw.note(f"Image {index} is left out: {str(error).strip(chr(39))}.")
+        index = _image_index(self._document.entry("textures", info["index"]))
+        if index is None:
+            self._raw.note(f"Texture {info['index']} names no image and is left out.")
+        elif index not in self._images:
+            self._images[index] = self._decoded(index)
         return self._images.get(index)
+
+    def _decoded(self, index: int) -> np.ndarray | None:
+        try:
+            return decode_image(self._document.image_bytes(index))
+        except (OSError, KeyError, ValueError) as error:
+            reason = f"it lacks {error}" if isinstance(error, KeyError) else error
+            self._raw.note(f"Image {index} is left out: {reason}.")
+            return None
 
 
 def _image_index(texture: dict) -> int | None:
@@ -176,9 +191,8 @@ def _uv_source(info: dict) -> UvSource:
     """UV set and transform of a texture reference (KHR_texture_transform: translation, rotation, then scale)."""
     change = info.get("extensions", {}).get("KHR_texture_transform")
     if change is None:
-        return UvSource(info.get("texCoord", 0))
-    (u, v), (su, sv) = change.get("offset", (0, 0)), change.get("scale", (1, 1))
-    angle = change.get("rotation", 0.0)
-    sine, cosine = (float(part) for part in sin_cos(angle))
-    matrix = ((cosine * su, sine * sv, float(u)), (-sine * su, cosine * sv, float(v)))
-    return UvSource(change.get("texCoord", info.get("texCoord", 0)), matrix)
+        return UvSource(whole(info, "texCoord", 0))
+    (u, v), (su, sv) = numbers(change, "offset", (0, 0)), numbers(change, "scale", (1, 1))
+    sine, cosine = (float(part) for part in sin_cos(number(change, "rotation", 0.0)))
+    matrix = ((cosine * su, sine * sv, u), (-sine * su, cosine * sv, v))
+    return UvSource(whole(change, "texCoord", whole(info, "texCoord", 0)), matrix)

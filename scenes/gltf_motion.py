@@ -7,7 +7,8 @@ import numpy as np
 from arithmetic.functions import arctan2, sin
 from arithmetic.matrices import dot, product
 from scenes.gltf_document import GltfDocument
-from scenes.gltf_nodes import GltfNodes
+from scenes.gltf_nodes import AT_REST, GltfNodes
+from scenes.gltf_values import numbers, picked
 from scenes.model import CameraAnimation
 from scenes.quaternions import from_matrix
 from scenes.transforms import compose
@@ -23,13 +24,14 @@ def camera_animations(document: GltfDocument, nodes: GltfNodes) -> list[CameraAn
         channels: dict[int, list[tuple[str, dict]]] = {}
         for channel in animation["channels"]:
             target = channel["target"]
-            if "node" in target and target.get("path") in ("translation", "rotation", "scale"):
-                sampler = animation["samplers"][channel["sampler"]]
+            if "node" in target and target.get("path") in AT_REST:
+                document.entry("nodes", target["node"])
+                sampler = picked(animation["samplers"], channel["sampler"], "an animation's samplers")
                 channels.setdefault(target["node"], []).append((target["path"], sampler))
         for node in nodes.drawn:
             lineage = nodes.lineage(node)
             if "camera" in nodes.entries[node] and any(ancestor in channels for ancestor in lineage):
-                camera = document.items("cameras")[nodes.entries[node]["camera"]]
+                camera = document.entry("cameras", nodes.entries[node]["camera"])
                 name = camera.get("name") or nodes.entries[node].get("name") or f"camera {node}"
                 title = animation.get("name") or f"animation {number}"
                 found.append(_sample(document, nodes, lineage, channels, f"{name}, {title}"))
@@ -50,7 +52,7 @@ def _sample(
     name: str,
 ) -> CameraAnimation:
     """Poses of the last node of a lineage from the first to the last key of whatever moves it."""
-    keys = [document.accessor(sampler["input"])[[0, -1]] for node in lineage for _, sampler in channels.get(node, [])]
+    keys = [_keys(document, sampler)[[0, -1]] for node in lineage for _, sampler in channels.get(node, [])]
     first, last = min(float(key[0]) for key in keys), max(float(key[1]) for key in keys)
     count = int(np.clip(np.ceil((last - first) * 1000 / _STEP_MS), 1, _LONGEST)) + 1
     times = np.linspace(first, last, count)
@@ -67,18 +69,25 @@ def _local_over_time(
     """A node's local matrices (N, 4, 4) at the times, or None where nothing moves it."""
     if not channels:
         return None
-    rest = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}
-    values = {name: np.tile(np.float64(entry.get(name, default)), (len(times), 1)) for name, default in rest.items()}
+    rest = {name: numbers(entry, name, default) for name, default in AT_REST.items()}
+    values = {name: np.tile(value, (len(times), 1)) for name, value in rest.items()}
     for path, sampler in channels:
-        values[path] = _interpolate(document, sampler, times, path == "rotation")
+        values[path] = _interpolate(document, sampler, times, path)
     return compose(values["translation"], values["rotation"], values["scale"])
 
 
-def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, rotation: bool) -> np.ndarray:
+def _keys(document: GltfDocument, sampler: dict) -> np.ndarray:
+    """The times of a sampler's values, float64 seconds."""
+    return document.accessor(sampler["input"], "an animation's input", "SCALAR").astype(np.float64)
+
+
+def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, path: str) -> np.ndarray:
     """A sampler's values at the times (3.11 and appendix C: step, linear, spherical linear, cubic spline)."""
-    keys = document.accessor(sampler["input"]).astype(np.float64)
-    values = document.accessor(sampler["output"]).astype(np.float64)
+    keys, kind = _keys(document, sampler), f"VEC{len(AT_REST[path])}"
+    values = document.accessor(sampler["output"], f"an animation's {path}", kind).astype(np.float64)
     mode = sampler.get("interpolation", "LINEAR")
+    if len(values) != len(keys) * (3 if mode == "CUBICSPLINE" else 1):
+        raise ValueError(f"an animation has {len(keys)} times but {len(values)} values of {path}")
     after = np.clip(np.searchsorted(keys, times, side="right"), 1, max(1, len(keys) - 1))
     before = after - 1
     after = np.minimum(after, len(keys) - 1)
@@ -93,7 +102,9 @@ def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, rotat
         h = (2 * cube - 3 * square + 1, cube - 2 * square + t, -2 * cube + 3 * square, cube - square)
         return h[0] * p + h[1] * m + h[2] * q + h[3] * n
     return (
-        _slerp(values[before], values[after], t) if rotation else values[before] + t * (values[after] - values[before])
+        _slerp(values[before], values[after], t)
+        if path == "rotation"
+        else values[before] + t * (values[after] - values[before])
     )
 
 

@@ -6,13 +6,17 @@ import numpy as np
 
 from arithmetic.matrices import product
 from scenes.gltf_document import GltfDocument
+from scenes.gltf_values import numbers
 from scenes.transforms import compose
+
+AT_REST = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}  # of nodes that say nothing
+_IDENTITY = tuple(np.eye(4).ravel().tolist())
 
 
 class GltfNodes:
     """entries: the nodes' JSON. local, world: float64 (N, 4, 4). parents: list of int, -1 at roots.
 
-    drawn: the nodes of the default scene, parents before children, in the file's order of children.
+    drawn: the nodes of the default scene, each once, in the file's order of children.
     Raises ValueError where the nodes do not form trees.
     """
 
@@ -21,12 +25,13 @@ class GltfNodes:
         self.parents = [-1] * len(self.entries)
         for index, entry in enumerate(self.entries):
             for child in entry.get("children", []):
+                document.entry("nodes", child)
                 if self.parents[child] >= 0:
                     raise ValueError(f"node {child} has two parents")
                 self.parents[child] = index
         self.local = np.array([local_matrix(entry) for entry in self.entries]).reshape(-1, 4, 4)
         roots = [index for index, parent in enumerate(self.parents) if parent < 0]
-        order = self._descend(roots)
+        order = self._descend(roots)  # which never reaches a cycle: its nodes have one parent each, within it
         if len(order) != len(self.entries):
             raise ValueError("its node tree has a cycle")
         self.world = self.world_matrices(self.local, order)
@@ -49,26 +54,29 @@ class GltfNodes:
         return path[::-1]
 
     def _descend(self, roots: list[int]) -> list[int]:
-        order, stack = [], list(reversed(roots))
+        """The nodes below the roots and these, each once."""
+        order, stack = {}, list(reversed(roots))
         while stack:
             index = stack.pop()
-            order.append(index)
-            stack.extend(reversed(self.entries[index].get("children", [])))
-            if len(order) > len(self.entries):
-                raise ValueError("its node tree has a cycle")
-        return order
+            if index not in order:
+                order[index] = True
+                stack.extend(reversed(self.entries[index].get("children", [])))
+        return list(order)
 
 
 def _scene_roots(document: GltfDocument, roots: list[int]) -> list[int]:
-    scenes = document.items("scenes")
-    return scenes[document.json.get("scene", 0)].get("nodes", []) if scenes else roots
+    if not document.items("scenes"):
+        return roots
+    shown = document.entry("scenes", document.json.get("scene", 0)).get("nodes", [])
+    for node in shown:
+        document.entry("nodes", node)
+    return shown
 
 
 def local_matrix(node: dict) -> np.ndarray:
     """A node's local transform, from its matrix or its translation, rotation and scale."""
     if "matrix" in node:
-        return np.array(node["matrix"], np.float64).reshape(4, 4).T
+        return np.array(numbers(node, "matrix", _IDENTITY)).reshape(4, 4).T
     if not node.keys() & {"translation", "rotation", "scale"}:
         return np.eye(4)
-    values = (("translation", (0, 0, 0)), ("rotation", (0, 0, 0, 1)), ("scale", (1, 1, 1)))
-    return compose(*(np.array([node.get(name, default)], np.float64) for name, default in values))[0]
+    return compose(*(np.array([numbers(node, name, default)]) for name, default in AT_REST.items()))[0]

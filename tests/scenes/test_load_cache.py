@@ -11,7 +11,7 @@ import trimesh
 from scenes.cache import fetch, store
 from scenes.load import load_scene
 from scenes.model import Camera, CameraAnimation
-from tests.scenes.glb_files import square_scene
+from tests.scenes.glb_files import SQUARE, square_scene
 
 
 def assert_same(a, b) -> None:
@@ -64,6 +64,23 @@ def test_every_input_file_counts(tmp_path, png, changed):
         target.write(extra)
     load_scene(str(file), cache=cache)
     assert len(list(cache.iterdir())) == 2
+
+
+@pytest.mark.parametrize("name", ["a.glb", "a.gltf"])
+@pytest.mark.parametrize("changed", ["far.bin", "far.png"])
+def test_files_that_gltf_names_count_in_either_container(tmp_path, png, name, changed):
+    """What is in a file, not what it is called, says whether it is a container."""
+    glb, cache = square_scene(textures=[{"source": 0}], images=[{"uri": "far.png"}]), tmp_path / "cache"
+    glb.json["bufferViews"][0]["buffer"] = 1  # the positions
+    glb.json["materials"] = [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]
+    (tmp_path / "far.png").write_bytes(png)
+    (tmp_path / "far.bin").write_bytes(SQUARE.tobytes())
+    file = glb.write(tmp_path / name, [{"byteLength": SQUARE.nbytes, "uri": "far.bin"}])
+    small = load_scene(file, cache=cache)
+    (tmp_path / changed).write_bytes((SQUARE * 5).tobytes() if changed == "far.bin" else png + b"\n")
+    large = load_scene(file, cache=cache)
+    assert len(list(cache.iterdir())) == 2
+    assert np.ptp(large.positions, axis=0)[0] == np.ptp(small.positions, axis=0)[0] * (5 if "bin" in changed else 1)
 
 
 def test_options_count(tmp_path):

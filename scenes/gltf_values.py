@@ -1,0 +1,47 @@
+"""Values of a glTF file's JSON, checked for type and length; damage becomes ValueError with a sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+_SHOWN = 60  # characters of a wrong value
+
+
+def number(entry: dict, key: str, default: float) -> float:
+    """A number of a JSON object, as a float."""
+    value = entry.get(key, default)
+    if not _is_number(value):
+        raise ValueError(f"{key} is {_shown(value)}, not a number")
+    return float(value)
+
+
+def numbers(entry: dict, key: str, default: Sequence[float]) -> tuple[float, ...]:
+    """A list of numbers of a JSON object, as long as its default."""
+    values = entry.get(key, default)
+    if not isinstance(values, list | tuple) or len(values) != len(default) or not all(map(_is_number, values)):
+        raise ValueError(f"{key} is {_shown(values)}, not a list of {len(default)} numbers")
+    return tuple(map(float, values))
+
+
+def whole(entry: dict, key: str, default: int) -> int:
+    """A whole number of a JSON object that is not negative."""
+    value = entry.get(key, default)
+    if type(value) is not int or value < 0:
+        raise ValueError(f"{key} is {_shown(value)}, not a whole number from 0")
+    return value
+
+
+def picked(entries: list[dict], index: int, name: str) -> dict:
+    """The entry that a file refers to by its number in a list; the list's name is for the sentence."""
+    if type(index) is not int or not 0 <= index < len(entries):
+        raise ValueError(f"the file has no {name}[{_shown(index)}], to which it refers")
+    return entries[index]
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _shown(value: object) -> str:
+    text = repr(list(value) if isinstance(value, tuple) else value)
+    return text if len(text) <= _SHOWN else text[:_SHOWN] + "..."
