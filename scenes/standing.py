@@ -1,13 +1,13 @@
 """Whether a scene is a place or an object, and where a person stands in a place: decided from what rays see.
 
-Vertical rays on a lattice find floors: level surfaces with room for a person above, joined over steps. The underside of
-a solid is none: above it is matter. Below ground there is nothing, or the ground's own thickness; below what is level on
-an object there is the object. Under a ceiling that faces up is matter too, unless something is seen to stand there: then
-it is a room whose faces are wound the other way. Some spots are looked at closely: rays all
-around, about level, say how far it is to what stands there. A spot is *inside* where a ceiling is above and walls are
-around, and *among* things where they stand on opposite sides: on top of an object nothing does, beside one it stands
-on one side. Wide ground that rises is land, and a place without anything around. Of the spots left the one with
-the best view is taken: much to see, neither at the nose nor far away.
+Vertical rays on a lattice find floors: level surfaces with room for a person above, joined over steps. The underside
+of a solid is none: above it is matter. Below ground there is nothing, or its own thickness; below what is level
+on an object there is the object. Under a ceiling that faces up is matter too, unless something is seen to stand there:
+then it is a room whose faces are wound the other way. Some spots are looked at closely: rays all around, about level,
+say how far it is to what stands there. A spot is *inside* where a ceiling is above and walls are around, and *among*
+things where they stand on opposite sides: on top of an object nothing does, beside one it stands on one side. Wide
+ground that rises is land, and a place without anything around. Of the spots left the one with the best view is taken:
+much to see, neither at the nose nor far away.
 """
 
 from __future__ import annotations
@@ -104,8 +104,8 @@ def decide(scene: Scene) -> Standing:
 class _Spots:
     """Where somebody could stand, on a lattice of columns.
 
-    points: float64 (N, 3), on floors. floors: int (N), the floor of each. shells: int (N), of those under a ceiling that
-    faces up the part of the floor that does not leave it; -1 for others. All bool (N): covered, whether a ceiling is
+    points: float64 (N, 3), on floors. floors: int (N), the floor of each. shells: int (N), for those under a ceiling
+    that faces up, the part of the floor that lies under it; -1 for others. All bool (N): covered, whether a ceiling is
     above; grounded, whether below is ground, at most a slab thick; roomy, whether the floor goes on all around.
     spacing: of the lattice, in scene units.
     """
@@ -215,8 +215,8 @@ def _vertical_hits(
     """Columns (N), heights (N) and triangles (N) where vertical rays on a lattice meet a scene, sorted in this order,
     and whether the front faces upwards (N).
 
-    A column's number is x * depth + z. Of what lies on each other, what faces up comes first: as a solid's top does below
-    the bottom of what stands on it. Leaves and grass, which are alpha-masked, are passed through.
+    A column's number is x * depth + z. Of what lies on each other, what faces up comes first: a solid's top, before the
+    bottom of what stands on it. Leaves and grass, which are alpha-masked, are passed through.
     """
     solid = np.array([m.alpha_mode != "mask" for m in scene.materials] or [True])
     ids = np.flatnonzero(solid[scene.material_ids])
@@ -240,7 +240,7 @@ def _vertical_hits(
 
 
 def _undersides(column: np.ndarray, metres: np.ndarray, upwards: np.ndarray) -> np.ndarray:
-    """Which of the sorted hits (N), at some metres, face down below what faces up, with no room for a person between."""
+    """Which of the sorted hits (N), at these heights, face down below what faces up, too near for a person between."""
     solid = ~upwards[:-1] & upwards[1:] & (column[:-1] == column[1:])
     return np.append(solid & (np.diff(metres) < EYE_HEIGHT + HEADROOM), False)
 
