@@ -29,7 +29,10 @@ NARROWEST = 3.0  # metres: less is an object on a table
 STRIDE, STEEPNESS = 0.2, 0.7  # metres up or down between columns of one floor, and per metre between them
 SMALLEST_FLOOR = 2.0  # square metres; less is furniture
 TABLES = (0.4, 1.3)  # metres above a floor: what is level there is furniture too
-SLAB, FLATNESS = 1.5, 0.1  # metres, or of a scene's width: what is thicker below a floor is an object, or storeys
+SLAB, FLATNESS = (
+    (1.5, 3.0),
+    0.1,
+)  # metres, and of a scene's width between: thicker below a floor is an object, or storeys
 TOUCHING = 1e-3  # metres: what is nearer lies on each other
 HIGHEST_CEILING = 30.0  # metres above the floor; a painted sky is higher
 FAR = 100.0  # metres: what is farther away does not stand around
@@ -74,7 +77,8 @@ def decide(scene: Scene) -> Standing:
         inside = any(((low < camera.position) & (camera.position < high)).all() for camera in scene.cameras)
         return Standing(inside, "A camera stands inside it." if inside else "Its cameras look at it from outside.")
     rays = Rays(scene)
-    spots = _Spots.find(scene).outside_matter(scene, rays)
+    everywhere = _Spots.find(scene)
+    spots = everywhere.outside_matter(scene, rays)
     if not len(spots.points):
         return Standing(False, "It has no floor with room for a person above.")
     chosen = spots.chosen(scene)
@@ -83,7 +87,8 @@ def decide(scene: Scene) -> Standing:
     streets = [look for look in looks if look.fine and look.among and not spots.covered[look.spot]]
     on_ground = spots.ground_share(scene) >= GROUND
     has_streets = on_ground and len(streets) >= max(2, STREETS * (~spots.covered[chosen]).sum())
-    has_rooms = len(rooms) >= max(2, ROOMS * spots.covered[chosen].sum())
+    in_air = spots.covered.sum() / max(1, everywhere.covered.sum())  # of what is covered; the rest is inside of solids
+    has_rooms = len(rooms) >= 2 and len(rooms) * in_air >= ROOMS * spots.covered[chosen].sum()
     if has_streets and (not has_rooms or spots.covered.mean() < 0.5):
         pool, reason = streets, "A person on its ground has things on opposite sides."
     elif has_rooms:
@@ -105,9 +110,9 @@ class _Spots:
     """Where somebody could stand, on a lattice of columns.
 
     points: float64 (N, 3), on floors. floors: int (N), the floor of each. shells: int (N), for those under a ceiling
-    that faces up, the part of the floor that lies under it; -1 for others. All bool (N): covered, whether a ceiling is
-    above; grounded, whether below is ground, at most a slab thick; roomy, whether the floor goes on all around.
-    spacing: of the lattice, in scene units.
+    that faces up, the part of the floor that lies under it; -1 for others. All bool (N):
+    covered, whether a ceiling is above; grounded, whether below is ground, at most a slab thick; roomy, whether the
+    floor goes on all around. spacing: of the lattice, in scene units.
     """
 
     points: np.ndarray
@@ -135,7 +140,7 @@ class _Spots:
         ceiling_back = np.append(upwards, False)[overhead] & np.isfinite(above)
         floor = carries(scene, triangle) & ~_undersides(column, key * unit, upwards)
         below = [np.searchsorted(key[floor], key - reach / unit) for reach in TABLES]
-        thickest = max(SLAB / unit, FLATNESS * float(min((high - low)[[0, 2]])))
+        thickest = float(np.clip(FLATNESS * min((high - low)[[0, 2]]), SLAB[0] / unit, SLAB[1] / unit))
         beneath = np.searchsorted(key[~upwards], key - thickest) - np.searchsorted(key[~upwards], column * span)
         stands = np.flatnonzero(floor & upright & (below[0] == below[1]))
         column, key, enclosed = column[stands], key[stands], ceiling_back[stands]
@@ -320,7 +325,8 @@ def _spread(points: np.ndarray, among: np.ndarray, count: int) -> np.ndarray:
 class _Look:
     """What is seen from a spot.
 
-    fine: whether there is room around, and most of what is seen is drawn: fronts, and backs of double-sided materials.
+    fine: whether there is room around, and most of what is seen shows its front, or under a ceiling that faces up is
+    drawn: fronts, and backs of double-sided materials.
     furnished: whether most is drawn, and the front of something above the knee is seen, and over it a wall's back: what
     is higher may be another solid that this one touches. inside, among: see above.
     score: of the best direction of view, direction (3).
@@ -348,7 +354,8 @@ class _Look:
         )
         double = np.array([material.double_sided for material in scene.materials] or [True])
         drawn = seen.fronts | double[scene.material_ids[seen.triangles]]
-        share = float(drawn[hits].mean()) if hits.any() else 1.0
+        right = drawn if spots.shells[spot] >= 0 else seen.fronts
+        share = float(right[hits].mean()) if hits.any() else 1.0
         behind = (hits & ~seen.fronts)[:, len(SLOPES) // 2]
         things = hits & seen.fronts & (EYE_HEIGHT + np.where(hits, distances, 0) * SLOPES > KNEE) & (SLOPES < -0.01)
         scores = share * _scores(distances, seen.triangles, level, angles)

@@ -43,7 +43,7 @@ GOLDEN = {
     "village 130000 turntable": "64557f2ca51b10d8",
     "village 130000 found lights": "fb6bcef4f1be38e4",
     "village 130000 found walk": "fbd5cd011eba0aae",
-    "village 130000 found viewpoint": "927f962a3621e8b6",
+    "village 130000 found viewpoint": "fc6b59e7959eea75",
     "village 130000 host": "ec2ef1768e024605",
     "village default": "ed4e5b7b3c9ad6d8",
     "village default walk": "9e4c8c34364ff685",
