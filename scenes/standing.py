@@ -29,10 +29,8 @@ NARROWEST = 3.0  # metres: less is an object on a table
 STRIDE, STEEPNESS = 0.2, 0.7  # metres up or down between columns of one floor, and per metre between them
 SMALLEST_FLOOR = 2.0  # square metres; less is furniture
 TABLES = (0.4, 1.3)  # metres above a floor: what is level there is furniture too
-SLAB, FLATNESS = (
-    (1.5, 3.0),
-    0.1,
-)  # metres, and of a scene's width between: thicker below a floor is an object, or storeys
+SLAB = (1.5, 2.1)  # metres, by the scene's width: what is thicker below a floor is an object, or storeys
+FLATNESS = 0.1  # of that width: how thick the ground may be between the two
 TOUCHING = 1e-3  # metres: what is nearer lies on each other
 HIGHEST_CEILING = 30.0  # metres above the floor; a painted sky is higher
 FAR = 100.0  # metres: what is farther away does not stand around
