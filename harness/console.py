@@ -285,7 +285,7 @@ def show_comparison(first: Path, second: Path) -> None:
     for (method, variant, codec, crf), group in groups.items():
         coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
         table = make_table(
-            f"{method}, {coding}, {group[0].frames} frames", "metric", "mean A", "mean B", "median A", "median B",
+            f"{method}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A", "median B",
             "B is", "p",
         )  # fmt: skip
         for column in table.columns[1:5]:

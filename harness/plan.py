@@ -69,8 +69,9 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     open_head_motion(settings)
     device = Device.open(settings.device)
     count = len(path.times_ms[: settings.frames])
+    frames = f"{count} frame{'s' * (count != 1)}"
     console = make_console()
-    console.print(f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {count} frames")
+    console.print(f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {frames}")
     console.print(
         f"client {settings.width}x{settings.height} at {settings.fov:g} degrees, cell {settings.cell_radius:g} m / "
         f"{settings.cell_fov:g} degrees, atlas {settings.atlas_width}x{settings.atlas_height}, {settings.latency:g} ms"
@@ -80,7 +81,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     console.print(f"codec {settings.codec}" + (f", CRF {rates}, shown at {settings.display_crf}" if rates else ""))
     for note in [*scene.notes, *path.notes]:
         console.print(f"[yellow]note[/] {note}", markup=True)
-    _print_methods(console, packers, scene, settings, count)
+    _print_methods(console, packers, scene, frames + f" x {settings.repeat}" * (settings.repeat > 1))
     table = make_table("skipped for this scene", "stage", "why")
     for name, reason in skipped_stages(scene.features, settings.no_skip).items():
         table.add_row(name, reason)
@@ -90,16 +91,11 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     console.print(f"about {duration(seconds)}; results in {out or 'a new folder below runs/'}")
 
 
-def _print_methods(console: Any, packers: list[Packer], scene: Scene, settings: Settings, count: int) -> None:
+def _print_methods(console: Any, packers: list[Packer], scene: Scene, work: str) -> None:
     table = make_table("methods", "method", "parameters", "what happens")
     for packer in packers:
         reason = packer.skip(scene)
-        what = (
-            f"skipped: {reason}"
-            if reason
-            else f"{count} frames" + (" x " + str(settings.repeat)) * (settings.repeat > 1)
-        )
-        table.add_row(packer.name, variant_string(packer), what)
+        table.add_row(packer.name, variant_string(packer), f"skipped: {reason}" if reason else work)
     console.print(table)
 
 

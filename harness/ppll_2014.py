@@ -92,7 +92,7 @@ def show_experiment(wanted: Experiment, out: Path) -> None:
     """Print what `run_experiment` would measure; runs no kernel."""
     device, console = Device.open(wanted.device), make_console()
     sizes = ", ".join(f"{width}x{height}" for width, height in wanted.sizes)
-    console.print(f"models {', '.join(MODELS)}; sizes {sizes}; modes {', '.join(MODES)}; {wanted.frames} frames each")
+    console.print(f"models {', '.join(MODELS)}; sizes {sizes}; modes {', '.join(MODES)}; frames each: {wanted.frames}")
     if note := stand_ins():
         console.print(note)
     console.print(f"device {device.name}")

@@ -46,7 +46,5 @@ def _sentence(method: str, cost: RareCost, frames: int) -> str:
     """What is missing, when it would come, and how many frames would show it."""
     certain = cost.frames is not None and cost.frames > frames
     shown = f"--frames {cost.frames} would show it" if certain else "how many frames that takes, the path decides"
-    return (
-        f"{method}: none of its {frames} frames holds {cost.what}, and no number here its cost. "
-        f"It comes {cost.when}: {shown}."
-    )
+    unseen = "its only frame does not hold" if frames == 1 else f"none of its {frames} frames holds"
+    return f"{method}: {unseen} {cost.what}, and no number here includes its cost. It comes {cost.when}: {shown}."

@@ -8,12 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from harness.views import Cell
+from scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
 CELLS = {"default": Cell(0.08, 80), "pvs1": Cell(0.10, 90), "pvs2": Cell(0.20, 125), "pvs3": Cell(0.30, 160)}
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
-UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001, "km": 1000.0, "in": 0.0254, "ft": 0.3048}  # metres
 METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
 
 

@@ -170,7 +170,7 @@ def _hover(point: Point) -> str:
     lines = [escape(text) for text in point.label.split(", ")]
     row = point.row
     if row["status"] != "ok":
-        lines.append(escape(f"{row['status']}: {row['frames'] - row['frames_ok']} of {row['frames']} frames"))
+        lines.append(escape(f"{row['status']}, frames: {row['frames'] - row['frames_ok']} of {row['frames']}"))
     if row["repetitions"] > 1:
         lines.append(f"{row['repetitions']} repetitions ({escape(row['stop'])})")
     return "<br>".join(lines)

@@ -27,25 +27,26 @@ _Described = TypeVar("_Described", Light, Material)
 _BRIGHTEST = np.float32([1e4, 1e4, 1e4, 1])  # of a vertex: light may be any, coverage at most whole
 
 
-def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | None = None) -> Scene:
+def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | None = None, file: str = "") -> Scene:
     """A scene without lights of its own, features and hash: positions relative to the centre of the bounds.
 
     Triangles that cannot be drawn (vertices that are not numbers or too far away, indices without a vertex, no area)
-    are dropped. decimate: ratio of triangles to keep. The notes count what went, by whom.
+    are dropped. decimate: ratio of triangles to keep. file: what errors name in place of the scene. The notes count
+    what went, by whom.
     Raises SceneError where nothing is left.
     """
     parts = _prepared(raw, repair, decimate)
     _clean_lights(raw)
     _clean_materials(raw)
     if not parts:
-        raise SceneError(f"{name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
+        raise SceneError(f"{file or name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
     _drop_unused_textures(parts, raw)
     parts = [_completed(part, raw.materials[part.material]) for part in parts]
     arrays, origin = _flattened(parts)
     keep = has_area(arrays.positions, arrays.indices)
     raw.note("Triangles without any area, dropped: {}.", np.count_nonzero(~keep))
     if not keep.any():
-        raise SceneError(f"{name} has no triangle of positive area; check that the file holds a surface.")
+        raise SceneError(f"{file or name} has no triangle of positive area; check that the file holds a surface.")
     if not keep.all():
         arrays = arrays.keeping(keep)
     return Scene(

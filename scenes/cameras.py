@@ -1,7 +1,8 @@
 """`cameras.json` beside a scene file: viewpoints and scale that the file itself does not say.
 
-A JSON object with `metres_per_unit` (optional) and `cameras`, a list of objects with `eye`, `dir` and `up` (in the
-coordinates of the file after its node transforms) and `fov_x_deg` or `fov_min_axis_deg`; only `eye` and `dir` must be.
+A JSON object with `metres_per_unit` (optional: a number, or the name of a unit) and `cameras`, a list of objects with
+`eye`, `dir` and `up` (in the coordinates of the file after its node transforms) and `fov_x_deg` or
+`fov_min_axis_deg`; only `eye` and `dir` must be.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ import numpy as np
 
 from arithmetic.functions import arctan, tan
 from scenes.model import Camera, SceneError
+from scenes.units import UNITS
 
 
 def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
@@ -26,12 +28,25 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
         content = json.loads(file.read_bytes())
         cameras = [_camera(entry, number) for number, entry in enumerate(content.get("cameras", []))]
         unit = content.get("metres_per_unit")
-        unit = None if unit is None else float(unit)
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except json.JSONDecodeError as error:
+        raise SceneError(f"{file} is no valid JSON: line {error.lineno}, column {error.colno}.") from error
+    except KeyError as error:
+        raise SceneError(f"{file} has a camera without {error}.") from error
+    except (ValueError, TypeError, AttributeError) as error:
         raise SceneError(f"{file} cannot be used: {error}.") from error
-    if unit is not None and not (np.isfinite(unit) and unit > 0):
-        raise SceneError(f"{file} has metres_per_unit = {unit}; it must be a positive number.")
-    return cameras, unit
+    return cameras, None if unit is None else _metres(unit, file)
+
+
+def _metres(unit: object, file: Path) -> float:
+    """Metres per unit, from a number or the name of a unit."""
+    try:
+        metres = UNITS[unit.strip()] if isinstance(unit, str) and unit.strip() in UNITS else float(unit)
+    except (ValueError, TypeError):
+        metres = np.nan
+    if not (np.isfinite(metres) and metres > 0):
+        named = ", ".join(UNITS)
+        raise SceneError(f"{file} has metres_per_unit = {json.dumps(unit)}: give a number above 0, or one of {named}.")
+    return metres
 
 
 def _camera(entry: dict, number: int) -> Camera:

@@ -20,7 +20,7 @@ from scenes.lights import add_lights
 from scenes.mesh_files import read_mesh_file
 from scenes.model import Scene, SceneError
 from scenes.raw import RawScene
-from scenes.standing import Standing, decide
+from scenes.standing import NARROWEST, Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
 _READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
@@ -29,6 +29,7 @@ _MOST_DETAIL = 50_000_000
 _STATES_METRES = (".glb", ".gltf")  # by their specification
 _GUESSES = {1.0: "metres", 0.01: "centimetres"}  # of files that state no unit, where these make it a place
 _OBJECT_SIZE = 2.0  # metres: what other files are taken to be, so that a view cell in metres means something
+_OVERRULED = "One camera in a cameras.json beside the file decides instead."  # of what is wide enough for a place
 _LIKELY = (1e-3, 1e5)  # metres: how large scenes are
 
 _PROCEDURAL = {
@@ -142,9 +143,11 @@ def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | N
     raw = _read(path)
     cameras, stated_unit = read_cameras(path.parent / "cameras.json")
     raw.cameras = cameras + raw.cameras
-    scene = assemble(_scene_name(path), raw, repair, decimate)
+    scene = assemble(_scene_name(path), raw, repair, decimate, str(path))
     standing = _scaled(scene, path, unit, stated_unit)
     scene.place, scene.because = standing.place, standing.reason
+    if not scene.cameras and min((scene.bounds[1] - scene.bounds[0])[[0, 2]]) * scene.metres_per_unit >= NARROWEST:
+        scene.because += f" {_OVERRULED}"
     if standing.camera:
         scene.cameras = [standing.camera]
     scene.notes.append(add_lights(scene))
@@ -179,9 +182,10 @@ def _guessed(scene: Scene) -> Standing:
             return standing
     scene.metres_per_unit = _OBJECT_SIZE / float(max(scene.bounds[1] - scene.bounds[0]))
     scene.unit_from = f"a guess: the object is {_OBJECT_SIZE:g} m large"
-    note = f"The file states no unit: the object is taken to be {_OBJECT_SIZE:g} m large (--unit changes that)."
-    scene.notes.append(note)
-    return Standing(False, f"It is no place, be its unit {' or '.join(_GUESSES.values())}.")
+    further = "" if scene.cameras else "; if it is a place, put a cameras.json with one camera beside it"
+    size = f"{_OBJECT_SIZE:g} m large"
+    scene.notes.append(f"The file states no unit: the object is taken to be {size} (--unit changes that{further}).")
+    return Standing(False, f"No place was found in it, neither in {' nor in '.join(_GUESSES.values())}.")
 
 
 def _see_through(scene: Scene) -> list[str]:

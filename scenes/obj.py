@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -31,15 +32,19 @@ def read_obj(path: Path, raw: RawScene) -> None:
 
     Raises ValueError or IndexError for damaged files.
     """
-    text = file_text(path)
+    text = original = file_text(path)
     if b"\\\n" in text:
         # The line goes on; not so after a byte of 128 or more, which in Japanese is one character with the backslash.
         text = re.sub(rb"(?<![\x80-\xff])\\ *\n", b" ", text)
     lines, kinds = _without_comments(TextLines(text))
-    tables = [_table(lines, np.flatnonzero(kinds == number), kind) for number, kind in enumerate(_NUMERIC[:3])]
+    try:
+        tables = [_table(lines, np.flatnonzero(kinds == number), kind) for number, kind in enumerate(_NUMERIC[:3])]
+        fields = _corners(lines, np.flatnonzero(kinds == 3))
+    except _LineError as error:
+        raise ValueError(f"{_place(original, error.line)}: {error}") from error
     used, smoothing = _statements(lines, np.flatnonzero(kinds == len(_NUMERIC)), raw)
     materials = _Materials(path, text, [name for _, name in used], raw)
-    faces = _faces(lines, kinds, [len(counts) for _, counts in tables], raw)
+    faces = _faces(lines, kinds, fields, [len(counts) for _, counts in tables], raw)
     if not len(faces.lines):
         return
     current = np.searchsorted([line for line, _ in used], faces.lines)
@@ -101,7 +106,47 @@ def _kinds(lines: TextLines) -> np.ndarray:
 def _table(lines: TextLines, rows: np.ndarray, keyword: bytes) -> tuple[np.ndarray, np.ndarray]:
     """All numbers of the lines of a kind, float64, and how many each line has, int64."""
     counts = lines.counts[rows] - 1
-    return numbers(lines.joined(rows, len(keyword)), int(counts.sum())), counts
+    return _read(lines, rows, lambda some: numbers(lines.joined(some, len(keyword)), _words(lines, some))), counts
+
+
+def _corners(lines: TextLines, rows: np.ndarray) -> np.ndarray:
+    """As `_fields`, of the lines of faces."""
+    return _read(lines, rows, lambda some: _fields(lines.joined(some, 1), _words(lines, some)))
+
+
+def _words(lines: TextLines, rows: np.ndarray) -> int:
+    """How many words follow the first ones of some lines."""
+    return int((lines.counts[rows] - 1).sum())
+
+
+class _LineError(ValueError):
+    """Something in a line is not a number; line: its text."""
+
+    def __init__(self, error: ValueError, line: bytes) -> None:
+        super().__init__(str(error))
+        self.line = line
+
+
+def _read(lines: TextLines, rows: np.ndarray, read: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+    """What `read` makes of some lines; raises _LineError with the first of them that it cannot read."""
+    try:
+        return read(rows)
+    except ValueError as error:
+        while len(rows) > 1:  # the half with the first line that cannot be read
+            half = rows[: len(rows) // 2]
+            try:
+                read(half)
+                rows = rows[len(half) :]
+            except ValueError:
+                rows = half
+        raise _LineError(error, lines.line(rows[0]) if len(rows) else b"") from error
+
+
+def _place(text: bytes, line: bytes) -> str:
+    """The number of the first such line; its text where it is put together of several, or lacks its comment."""
+    found = re.search(rb"^[ \t]*" + re.escape(line.rstrip()) + rb"[ \t]*(?:#|$)", text, re.MULTILINE)
+    number = text.count(b"\n", 0, found.start()) + 1 if found else 0
+    return f"line {number}" if number else f"the line {shown(line[:40])}"
 
 
 def _columns(values: np.ndarray, counts: np.ndarray, size: int) -> np.ndarray:
@@ -220,11 +265,13 @@ class _Faces:
     materials: np.ndarray | None = None
 
 
-def _faces(lines: TextLines, kinds: np.ndarray, sizes: list[int], raw: RawScene) -> _Faces:
-    """The file's faces; `sizes` counts v, vt and vn lines. Raises IndexError for vertices that are not there."""
+def _faces(lines: TextLines, kinds: np.ndarray, fields: np.ndarray, sizes: list[int], raw: RawScene) -> _Faces:
+    """The file's faces from their `_fields`; `sizes` counts v, vt and vn lines.
+
+    Raises IndexError for vertices that are not there.
+    """
     rows = np.flatnonzero(kinds == 3)
     counts = lines.counts[rows] - 1
-    fields = _fields(lines.joined(rows, 1), int(counts.sum()))
     for kind, field in enumerate(fields):
         back = field < 0
         if back.any():  # counted backwards from the face's line

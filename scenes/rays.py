@@ -62,7 +62,8 @@ class Rays:
         start = np.asarray(start, np.float64)
         parts = [self._met(start, number) for number in range(0, len(self._radii), _CHUNK)]
         triangle, turn, slope, distance, front = (np.concatenate(part) for part in zip(*parts, strict=True))
-        order = np.argsort(-distance, kind="stable")  # the nearest is written last
+        # The nearest is written last, and a front after the backs that lie on it.
+        order = np.lexsort((front, -distance.astype(np.float32)))
         seen, cells = Panorama.empty(), (turn[order], slope[order])
         seen.distances[cells], seen.triangles[cells], seen.fronts[cells] = (
             distance[order],

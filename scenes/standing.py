@@ -1,11 +1,13 @@
 """Whether a scene is a place or an object, and where a person stands in a place: decided from what rays see.
 
-Vertical rays on a lattice find floors: level surfaces with room for a person above, joined over steps. Below ground
-there is nothing; below what is level on an object there is the object. Some spots are looked at closely: rays all
-around, about level, say how far it is to what stands there. A spot is *inside* where a ceiling is above and walls are
-around, and *among* things where they stand on opposite sides: on top of an object nothing does, beside one it stands
-on one side. Wide ground that rises is land, and a place without anything around. Of the spots left the one with
-the best view is taken: much to see, neither at the nose nor far away.
+Vertical rays on a lattice find floors: level surfaces with room for a person above, joined over steps. The underside
+of a solid is none: above it is matter. Below ground there is nothing, or its own thickness; below what is level
+on an object there is the object. Under a ceiling that faces up is matter too, unless something is seen to stand there:
+then it is a room whose faces are wound the other way. Some spots are looked at closely: rays all around, about level,
+say how far it is to what stands there. A spot is *inside* where a ceiling is above and walls are around, and *among*
+things where they stand on opposite sides: on top of an object nothing does, beside one it stands on one side. Wide
+ground that rises is land, and a place without anything around. Of the spots left the one with the best view is taken:
+much to see, neither at the nose nor far away.
 """
 
 from __future__ import annotations
@@ -27,7 +29,9 @@ NARROWEST = 3.0  # metres: less is an object on a table
 STRIDE, STEEPNESS = 0.2, 0.7  # metres up or down between columns of one floor, and per metre between them
 SMALLEST_FLOOR = 2.0  # square metres; less is furniture
 TABLES = (0.4, 1.3)  # metres above a floor: what is level there is furniture too
-SLAB = 1.5  # metres: what is thicker below a floor is an object, or the storeys of a house
+SLAB = (1.5, 2.1)  # metres, by the scene's width: what is thicker below a floor is an object, or storeys
+FLATNESS = 0.1  # of that width: how thick the ground may be between the two
+TOUCHING = 1e-3  # metres: what is nearer lies on each other
 HIGHEST_CEILING = 30.0  # metres above the floor; a painted sky is higher
 FAR = 100.0  # metres: what is farther away does not stand around
 ROOMY = 0.5  # metres from the eyes to the nearest wall, at least
@@ -37,6 +41,7 @@ STREETS = 0.2  # of the others: how many are among things where it has streets; 
 GROUND = 0.25  # of a scene's area: how much open ground it has where people are on it
 LAND, RELIEF = 30.0, 1.0  # metres: how wide land is at least, and how much it rises
 SPOTS, NEARBY = 24, 8  # that are looked at: all over the scene, and then around the best
+SHELLS, GLANCES = 8, 4  # largest floors under ceilings that face up, and the spots of each from where things are sought
 CROWD = 10.0  # metres: spots are sought where many triangles are within this distance
 VIEW = 0.85  # cosine of half the angle that views are judged over
 FOUND = "found"  # the name of a camera that is placed here
@@ -69,16 +74,19 @@ def decide(scene: Scene) -> Standing:
     if scene.cameras:
         inside = any(((low < camera.position) & (camera.position < high)).all() for camera in scene.cameras)
         return Standing(inside, "A camera stands inside it." if inside else "Its cameras look at it from outside.")
-    spots = _Spots.find(scene)
+    rays = Rays(scene)
+    everywhere = _Spots.find(scene)
+    spots = everywhere.outside_matter(scene, rays)
     if not len(spots.points):
         return Standing(False, "It has no floor with room for a person above.")
-    rays, chosen = Rays(scene), spots.chosen(scene)
+    chosen = spots.chosen(scene)
     looks = [_Look.around(scene, rays, spots, n) for n in chosen]
     rooms = [look for look in looks if look.fine and look.inside]
     streets = [look for look in looks if look.fine and look.among and not spots.covered[look.spot]]
     on_ground = spots.ground_share(scene) >= GROUND
     has_streets = on_ground and len(streets) >= max(2, STREETS * (~spots.covered[chosen]).sum())
-    has_rooms = len(rooms) >= max(2, ROOMS * spots.covered[chosen].sum())
+    in_air = spots.covered.sum() / max(1, everywhere.covered.sum())  # of what is covered; the rest is inside of solids
+    has_rooms = len(rooms) >= 2 and len(rooms) * in_air >= ROOMS * spots.covered[chosen].sum()
     if has_streets and (not has_rooms or spots.covered.mean() < 0.5):
         pool, reason = streets, "A person on its ground has things on opposite sides."
     elif has_rooms:
@@ -99,13 +107,15 @@ def decide(scene: Scene) -> Standing:
 class _Spots:
     """Where somebody could stand, on a lattice of columns.
 
-    points: float64 (N, 3), on floors. floors: int (N), the floor of each. All bool (N): covered, whether a ceiling is
-    above; grounded, whether below is ground, at most a slab thick; roomy, whether the floor goes on all around.
-    spacing: of the lattice, in scene units.
+    points: float64 (N, 3), on floors. floors: int (N), the floor of each. shells: int (N), for those under a ceiling
+    that faces up, the part of the floor that lies under it; -1 for others. All bool (N):
+    covered, whether a ceiling is above; grounded, whether below is ground, at most a slab thick; roomy, whether the
+    floor goes on all around. spacing: of the lattice, in scene units.
     """
 
     points: np.ndarray
     floors: np.ndarray
+    shells: np.ndarray
     covered: np.ndarray
     grounded: np.ndarray
     roomy: np.ndarray
@@ -120,23 +130,46 @@ class _Spots:
         column, height, triangle, upwards = _vertical_hits(scene, low, spacing, depth)
         # Columns one above the other: one sorted row of numbers for all searches along columns.
         span = 2 * float(high[1] - low[1]) + 10 / unit
-        key = column * span + (height - low[1])
-        above = np.append(key, np.inf)[np.searchsorted(key, key + KNEE / unit, "right")] - key
+        key = np.maximum.accumulate(column * span + (height - low[1]))
+        overhead = np.searchsorted(key, key + KNEE / unit, "right")
+        above = np.append(key, np.inf)[overhead] - key
         above[above > span / 2] = np.inf
-        floor = carries(scene, triangle)
+        upright = above * unit >= EYE_HEIGHT + HEADROOM
+        ceiling_back = np.append(upwards, False)[overhead] & np.isfinite(above)
+        floor = carries(scene, triangle) & ~_undersides(column, key * unit, upwards)
         below = [np.searchsorted(key[floor], key - reach / unit) for reach in TABLES]
-        beneath = np.searchsorted(key[~upwards], key - SLAB / unit) - np.searchsorted(key[~upwards], column * span)
-        stands = np.flatnonzero(floor & (above * unit >= EYE_HEIGHT + HEADROOM) & (below[0] == below[1]))
-        column, key = column[stands], key[stands]
+        thickest = float(np.clip(FLATNESS * min((high - low)[[0, 2]]), SLAB[0] / unit, SLAB[1] / unit))
+        beneath = np.searchsorted(key[~upwards], key - thickest) - np.searchsorted(key[~upwards], column * span)
+        stands = np.flatnonzero(floor & upright & (below[0] == below[1]))
+        column, key, enclosed = column[stands], key[stands], ceiling_back[stands]
         rise = STRIDE / unit + STEEPNESS * spacing
         links = [_neighbours(key, column, step, span, rise, depth) for step in (depth, 1)]
-        floors = _joined(len(stands), links)
-        wide = np.bincount(floors)[floors] * (spacing * unit) * (spacing * unit) >= SMALLEST_FLOOR
+        floors, area = _joined(len(stands), links), (spacing * unit) * (spacing * unit)
+        wide = np.bincount(floors)[floors] * area >= SMALLEST_FLOOR
+        shells = _joined(len(stands), [tuple(ends[:, enclosed[ends].all(axis=0)]) for ends in map(np.stack, links)])
+        shells[~enclosed | (np.bincount(shells)[shells] * area < SMALLEST_FLOOR)] = -1
         roomy = _eroded(wide, links, max(1, int(np.ceil(ROOMY / (spacing * unit)))))
         x, z = np.divmod(column, depth)
         points = np.stack([low[0] + (x + OFFSET) * spacing, height[stands], low[2] + (z + OFFSET) * spacing], axis=1)
-        covered = above[stands] * unit <= HIGHEST_CEILING
-        return cls(points[wide], floors[wide], covered[wide], beneath[stands][wide] == 0, roomy[wide], spacing)
+        covered, grounded = above[stands] * unit <= HIGHEST_CEILING, beneath[stands] == 0
+        return cls(points, floors, shells, covered, grounded, roomy, spacing).keeping(wide)
+
+    def keeping(self, some: np.ndarray) -> _Spots:
+        """The spots of a mask (N)."""
+        arrays = (self.points, self.floors, self.shells, self.covered, self.grounded, self.roomy)
+        return _Spots(*(array[some] for array in arrays), self.spacing)
+
+    def outside_matter(self, scene: Scene, rays: Rays) -> _Spots:
+        """Those that are not inside of solids: under a ceiling that faces up only where something is seen to stand."""
+        sizes = np.bincount(self.shells + 1)[1:]
+        largest = [shell for shell in np.argsort(-sizes, kind="stable")[:SHELLS] if sizes[shell]]
+        hollow = [-1, *(shell for shell in largest if self._is_hollow(scene, rays, shell))]
+        return self.keeping(np.isin(self.shells, hollow))
+
+    def _is_hollow(self, scene: Scene, rays: Rays, shell: int) -> bool:
+        """Whether from the spots of a shell the front of anything is seen that stands on the floor."""
+        looks = _spread(self.points, np.flatnonzero(self.shells == shell), GLANCES)
+        return any(_Look.around(scene, rays, self, n).furnished for n in looks)
 
     def ground_share(self, scene: Scene) -> float:
         """How much open ground there is, over the area that holds the middle nine tenths of the triangles."""
@@ -185,7 +218,8 @@ def _vertical_hits(
     """Columns (N), heights (N) and triangles (N) where vertical rays on a lattice meet a scene, sorted in this order,
     and whether the front faces upwards (N).
 
-    A column's number is x * depth + z. Leaves and grass, which are alpha-masked, are passed through.
+    A column's number is x * depth + z. Of what lies on each other, what faces up comes first: a solid's top, before the
+    bottom of what stands on it. Leaves and grass, which are alpha-masked, are passed through.
     """
     solid = np.array([m.alpha_mode != "mask" for m in scene.materials] or [True])
     ids = np.flatnonzero(solid[scene.material_ids])
@@ -203,8 +237,15 @@ def _vertical_hits(
     triangle, column = ids[owner[inside]], x[inside] * depth + z[inside]
     heights = scene.positions[scene.indices[triangle], 1].T.astype(np.float64)
     height = (weights[:, inside] * heights).sum(axis=0) / area[inside]
-    order = np.lexsort((height, column))
-    return column[order], height[order], triangle[order], area[inside][order] < 0
+    upwards = area[inside] < 0
+    order = np.lexsort((~upwards, np.round((height - low[1]) * scene.metres_per_unit / TOUCHING), column))
+    return column[order], height[order], triangle[order], upwards[order]
+
+
+def _undersides(column: np.ndarray, metres: np.ndarray, upwards: np.ndarray) -> np.ndarray:
+    """Which of the sorted hits (N), at these heights, face down below what faces up, too near for a person between."""
+    solid = ~upwards[:-1] & upwards[1:] & (column[:-1] == column[1:])
+    return np.append(solid & (np.diff(metres) < EYE_HEIGHT + HEADROOM), False)
 
 
 def _neighbours(
@@ -282,13 +323,17 @@ def _spread(points: np.ndarray, among: np.ndarray, count: int) -> np.ndarray:
 class _Look:
     """What is seen from a spot.
 
-    fine: whether there is room around, and most of what is seen shows its front. inside, among: see above.
+    fine: whether there is room around, and most of what is seen shows its front, or under a ceiling that faces up is
+    drawn: fronts, and backs of double-sided materials.
+    furnished: whether most is drawn, and the front of something above the knee is seen, and over it a wall's back: what
+    is higher may be another solid that this one touches. inside, among: see above.
     score: of the best direction of view, direction (3).
     """
 
     spot: int
     eye: np.ndarray
     fine: bool
+    furnished: bool
     inside: bool
     among: bool
     score: float
@@ -305,13 +350,19 @@ class _Look:
         around, opposite = (
             float(angles[where].sum() / (2 * np.pi)) for where in (standing, standing & np.roll(standing, TURNS // 2))
         )
-        front = float(seen.fronts[hits].mean()) if hits.any() else 1.0
-        scores = front * _scores(distances, seen.triangles, level, angles)
+        double = np.array([material.double_sided for material in scene.materials] or [True])
+        drawn = seen.fronts | double[scene.material_ids[seen.triangles]]
+        right = drawn if spots.shells[spot] >= 0 else seen.fronts
+        share = float(right[hits].mean()) if hits.any() else 1.0
+        behind = (hits & ~seen.fronts)[:, len(SLOPES) // 2]
+        things = hits & seen.fronts & (EYE_HEIGHT + np.where(hits, distances, 0) * SLOPES > KNEE) & (SLOPES < -0.01)
+        scores = share * _scores(distances, seen.triangles, level, angles)
         best = int(np.argmax(scores))
         return cls(
             spot,
             eye,
-            fine=front >= 0.5 and float(distances.min()) >= ROOMY,
+            fine=share >= 0.5 and float(distances.min()) >= ROOMY,
+            furnished=share >= 0.5 and bool((things & behind[:, None]).any()),
             inside=bool(spots.covered[spot] and around >= WALLED),
             among=opposite >= SURROUNDED,
             score=float(scores[best]),

@@ -38,7 +38,8 @@ def show_grid(wanted: Wanted, out: Path | None) -> None:
         scene = open_scene(settings)
         path = open_path(settings, scene)
         console.print(
-            f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} frames"
+            f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} "
+            f"frame{'s' * (settings.frames != 1)}"
         )
         for name, reason in {cell.packer.name: cell.packer.skip(scene) for cell in cells}.items():
             if reason:

@@ -31,7 +31,7 @@ GOLDEN = {
     "hall 40000 turntable": "b50e533c872ef5ca",
     "hall 40000 found lights": "8a45ca67c3acd8d2",
     "hall 40000 found walk": "7e2935272d4499b5",
-    "hall 40000 found viewpoint": "0e9fa73bb3889682",
+    "hall 40000 found viewpoint": "245653f057f8d8eb",
     "hall 40000 host": "30dc1b22a6286593",
     "hall default": "77172e21dbb93795",
     "hall default walk": "b5114acbe6036fcf",

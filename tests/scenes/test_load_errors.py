@@ -45,7 +45,10 @@ def test_whole_files_load(tmp_path, kind):
     [
         ("a.glb", None, "no scene file"),
         ("a.fbx", b"x", "cannot be read; readable are"),
-        ("a.obj", b"", "no usable triangles"),
+        ("a.obj", b"", r"a\.obj has no usable triangles"),
+        ("a.obj", b"v 0 0 10\nv 0 0 1\n# x\nv 1 0 x # y\nf 1 2 9\n", r"a\.obj .*line 4: x is not a number"),
+        ("a.obj", b"v 0 0 0\nv 0 0 1\nv 1 0 0\nf 1/1 2/1 3/1\nf 1/1 2/1 z/1\n", "line 5: z is not a number"),
+        ("a.obj", b"v 0 0 0\nv 0 \\\n0 w\nf 1 1 1\n", "the line v 0  0 w: w is not a number"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 3\n", "no triangle of positive area"),
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "does not have"),
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not a number, dropped: 1"),

@@ -126,19 +126,20 @@ def test_rooms_are_places_and_blocks_are_objects(tmp_path, inwards, size, place)
 
 
 @pytest.mark.parametrize(
-    "content",
+    ("content", "words"),
     [
-        "{",
-        "[]",
-        '{"metres_per_unit": -1}',
-        '{"cameras": [{"eye": [0, 0]}]}',
-        '{"cameras": [{"eye": [0,0,0], "dir": [0,0,0]}]}',
+        ("{\n 1", "is no valid JSON: line 2, column 2"),
+        ("[]", "cannot be used"),
+        ('{"metres_per_unit": -1}', "above 0"),
+        ('{"metres_per_unit": "cubit"}', '"cubit": give a number above 0, or one of m, cm'),
+        ('{"cameras": [{"eye": [0, 0]}]}', "without 'dir'"),
+        ('{"cameras": [{"eye": [0,0,0], "dir": [0,0,0]}]}', "no usable dir"),
     ],
 )
-def test_unusable_cameras_json_is_named(tmp_path, content):
+def test_unusable_cameras_json_is_named(tmp_path, content, words):
     (tmp_path / "a.obj").write_text(f"{TRIANGLE}f 1 2 3\n", encoding="utf-8")
     (tmp_path / "cameras.json").write_text(content, encoding="utf-8")
-    with pytest.raises(SceneError, match=r"cameras\.json"):
+    with pytest.raises(SceneError, match=rf"cameras\.json .*{words}"):
         load_scene(str(tmp_path / "a.obj"))
 
 

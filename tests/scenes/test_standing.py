@@ -22,6 +22,7 @@ from tests.scenes.checks import nearest, point_distance
 
 PALETTE = Palette()
 GREY = PALETTE.material("grey")
+BOTH = PALETTE.material("seen from both sides", double_sided=True)
 
 
 def _scene(*parts) -> Scene:
@@ -73,6 +74,31 @@ def _terrain() -> Scene:
     return _scene(land)
 
 
+def _lane(thickness: float, sunk: float = 0.0, material: int = BOTH) -> Scene:
+    """Closed houses without anything inside, on ground that is a slab of some thickness."""
+    rows = [(x, 3.5 - sunk, z) for x in (-15.5, -3.5, 8.5) for z in (-8, 8)]
+    ground = box((-3.5, -thickness / 2, 0), (37, thickness, 28), material)
+    return _scene(ground, boxes(rows, [(9, 7, 8)] * len(rows), material))
+
+
+def _solid_house(thickness: float) -> Scene:
+    """A house of solid slabs."""
+    middles = [(-4.1, 1.5, 0), (4.1, 1.5, 0), (0, 1.5, -3.1), (0, 1.5, 3.1), (0, 3.1, 0), (0, -thickness / 2, 0)]
+    sizes = [(0.2, 3, 6), (0.2, 3, 6), (8.4, 3, 0.2), (8.4, 3, 0.2), (8.4, 0.2, 6.4), (8, thickness, 6)]
+    return _scene(boxes(middles, sizes, BOTH))
+
+
+def _box_room(material: int, *things) -> Scene:
+    """A room made of a box whose fronts are outside."""
+    return _scene(box((0, 1.4, 0), (6, 2.8, 5), material), *things)
+
+
+def _abutting_blocks() -> Scene:
+    """A slab that stands upright, and a bar against its middle; neither has anything inside."""
+    return _scene(box((0, 20, 2.5), (40, 40, 5), BOTH), box((0, 20, 62.5), (10, 10, 115), BOTH))
+
+
+TABLE = box((-0.4, 0.375, -0.15), (1.2, 0.75, 0.7), BOTH)
 PLACES = {"room": _closed_room, "house": _house_with_open_door, "street": _street, "terrain": _terrain}
 OBJECTS = {
     "ball": lambda: _scene(ball(3, 24, GREY)),
@@ -81,6 +107,9 @@ OBJECTS = {
     "table": lambda: _scene(box((0, 1, 0), (2, 0.1, 2), GREY)),
     "wall": lambda: _scene(box((0, 2, 0), (20, 4, 4), GREY)),
     "flat ground": lambda: _scene(_ground(60)),
+    "room seen from outside only": lambda: _box_room(GREY, TABLE),
+    "empty box": lambda: _box_room(BOTH),
+    "blocks that touch": _abutting_blocks,
 }
 
 
@@ -102,6 +131,33 @@ def test_a_place_is_stood_in(name: str) -> None:
     path = make_path(scene, "walk")
     assert path.name == "walk"
     assert "viewpoint" in path.notes[0]
+
+
+def _height(scene: Scene) -> float:
+    """Of the eyes that stand in a place, in the scene's units."""
+    standing = decide(scene)
+    assert standing.place, standing.reason
+    return standing.camera.position[1]
+
+
+@pytest.mark.parametrize("material", [GREY, BOTH])
+@pytest.mark.parametrize("sunk", [0.0, 0.15])
+@pytest.mark.parametrize("thickness", [0.01, 0.2, 0.4, 0.6, 1.0, 1.2, 1.4, 2.0])
+def test_ground_may_have_a_thickness(thickness: float, sunk: float, material: int) -> None:
+    lane = _lane(thickness, sunk, material)
+    assert "ground" in decide(lane).reason
+    assert _height(lane) == pytest.approx(1.6, abs=1e-3)
+    feet = replace(lane, positions=lane.positions / np.float32(0.3048), metres_per_unit=0.3048)
+    assert _height(feet) * 0.3048 == pytest.approx(1.6, abs=1e-3)
+
+
+@pytest.mark.parametrize("thickness", [0.01, 0.2, 0.6, 1.2, 1.6])
+def test_a_floor_may_have_a_thickness(thickness: float) -> None:
+    assert _height(_solid_house(thickness)) == pytest.approx(1.6, abs=1e-3)
+
+
+def test_a_furnished_box_is_a_room_whichever_way_it_is_wound() -> None:
+    assert _height(_box_room(BOTH, TABLE)) == pytest.approx(1.6, abs=1e-3)
 
 
 def test_a_village_is_outdoors_though_its_houses_are_hollow() -> None:

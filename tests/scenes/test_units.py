@@ -40,6 +40,11 @@ def test_cameras_json_wins_over_the_format(tmp_path, kind, unit):
     assert not _notes(scene, "unit")
 
 
+def test_cameras_json_may_name_the_unit(tmp_path):
+    _state(tmp_path, "ft")
+    assert load_scene(_obj(tmp_path)).metres_per_unit == 0.3048
+
+
 @pytest.mark.parametrize("kind", ["glb", "obj"])
 def test_what_is_asked_for_wins_over_all_and_says_so(tmp_path, kind):
     _state(tmp_path, 0.5)
@@ -62,6 +67,8 @@ def test_an_object_that_states_nothing_is_two_metres_large(tmp_path, size):
     assert "guess" in scene.unit_from
     (note,) = _notes(scene, "states no unit")
     assert "--unit" in note
+    assert "cameras.json" in note
+    assert "neither in metres nor in centimetres" in scene.because
 
 
 @pytest.mark.parametrize(("size", "unit", "name"), [(8, 1.0, "metres"), (800, 0.01, "centimetres")])
