@@ -105,6 +105,7 @@ def test_a_scene_that_is_not_here_is_looked_for_among_the_real_ones(tmp_path, mo
         load_scene("lane/street.obj")
     for folder, size in ((tmp_path / "real", 1), (tmp_path, 2)):  # a file that is here comes first
         (folder / "lane").mkdir(parents=True)
-        (folder / "lane" / "street.obj").write_text(f"v 0 0 0\nv {size} 0 0\nv 0 1 0\nf 1 2 3\n")
+        text = f"v 0 0 0\nv {size} 0 0\nv 0 1 0\nf 1 2 3\n"
+        (folder / "lane" / "street.obj").write_text(text, encoding="utf-8")
         wide, high, _ = np.ptp(load_scene("lane/street.obj").positions, axis=0)
         assert wide == size * high
