@@ -8,11 +8,27 @@ from arithmetic.functions import power
 from scenes.raw import RawScene
 
 
-def linear_colours(values: np.ndarray, raw: RawScene) -> np.ndarray:
-    """Linear RGBA float32 (N, 4), alpha 1, from sRGB colours (N, 3 or 4) of any type.
+def linear_colours(raw: RawScene, *channels: np.ndarray) -> np.ndarray:
+    """Linear RGBA float32 (N, 4), alpha 1, from sRGB colours: red, green, blue and perhaps alpha, as columns (N, k) of
+    one or more arrays, each of one type.
+
+    Opacity is noted and left out: none of these formats tells whether it is meant to be seen through.
+    """
+    rgba = np.concatenate([_scaled(values, raw) for values in channels], axis=1)
+    rgb = rgba[:, :3]
+    if rgba.shape[1] == 4:
+        raw.note("Vertices or faces with an opacity of their own, drawn opaque: {}.", (rgba[:, 3] < 1).sum())
+    raw.note("Colours outside 0 to 1, limited: {}.", ((rgb < 0) | (rgb > 1)).any(axis=1).sum())
+    rgb = np.clip(rgb, 0, 1)
+    linear = np.ones((len(rgb), 4), np.float32)
+    linear[:, :3] = np.where(rgb <= 0.04045, rgb / 12.92, power((rgb + 0.055) / 1.055, 2.4))
+    return linear
+
+
+def _scaled(values: np.ndarray, raw: RawScene) -> np.ndarray:
+    """Numbers (N, k) of one type as float64 of 0 to 1.
 
     The type tells which value means 1, or, where files are known to differ from it (noted), the largest value does.
-    Opacity is noted and left out: none of these formats tells whether it is meant to be seen through.
     """
     values = values.view(np.uint8) if values.dtype == np.int8 else values
     usual, full = _full(values)
@@ -20,14 +36,7 @@ def linear_colours(values: np.ndarray, raw: RawScene) -> np.ndarray:
         raw.note(
             f"Vertex or face colours of type {values.dtype}, taken as numbers from 0 to {full:,}: {{}}.", len(values)
         )
-    if values.shape[1] == 4:
-        raw.note("Vertices or faces with an opacity of their own, drawn opaque: {}.", (values[:, 3] < full).sum())
-    rgb = values[:, :3].astype(np.float64) / full
-    raw.note("Colours outside 0 to 1, limited: {}.", ((rgb < 0) | (rgb > 1)).any(axis=1).sum())
-    rgb = np.clip(rgb, 0, 1)
-    linear = np.ones((len(values), 4), np.float32)
-    linear[:, :3] = np.where(rgb <= 0.04045, rgb / 12.92, power((rgb + 0.055) / 1.055, 2.4))
-    return linear
+    return values.astype(np.float64) / full
 
 
 def whole(values: np.ndarray) -> np.ndarray:

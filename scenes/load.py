@@ -31,6 +31,7 @@ _GUESSES = {1.0: "metres", 0.01: "centimetres"}  # of files that state no unit, 
 _OBJECT_SIZE = 2.0  # metres: what other files are taken to be, so that a view cell in metres means something
 _OVERRULED = "One camera in a cameras.json beside the file decides instead."  # of what is wide enough for a place
 _LIKELY = (1e-3, 1e5)  # metres: how large scenes are
+_DRAWN = (1e-18, 1e18)  # metres: beyond, squared lengths leave float32's range in metres or in the scene's units
 
 _PROCEDURAL = {
     "hall": "an indoor hall: a few very large surfaces, very many small ones, railings and pipes, 3 shadowed lights",
@@ -158,7 +159,7 @@ def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | N
 
 
 def _scaled(scene: Scene, path: Path, unit: float | None, stated: float | None) -> Standing:
-    """Set what a file's unit is; whether it is a place at that scale."""
+    """Set what a file's unit is; whether it is a place at that scale. Raises SceneError where nothing can be drawn."""
     source = "cameras.json" if stated else "glTF, which is in metres"
     stated = stated or (1.0 if path.suffix.lower() in _STATES_METRES else None)
     if unit is None and stated is None:
@@ -167,6 +168,9 @@ def _scaled(scene: Scene, path: Path, unit: float | None, stated: float | None) 
         scene.notes.append(f"The unit is {unit:g} m as asked for, not {stated:g} m as stated ({source}).")
     scene.metres_per_unit, scene.unit_from = (stated, source) if unit is None else (unit, "--unit")
     size = float(max(scene.bounds[1] - scene.bounds[0])) * scene.metres_per_unit
+    if not _DRAWN[0] <= size <= _DRAWN[1]:
+        sentence = f"is {size:.3g} m large by its unit ({scene.unit_from}), which single precision cannot draw"
+        raise SceneError(f"{path} {sentence}; --unit sets another.")
     if not _LIKELY[0] <= size <= _LIKELY[1]:
         scene.notes.append(f"The scene is {size:.3g} m large by its unit ({scene.unit_from}); --unit sets another.")
     return decide(scene)

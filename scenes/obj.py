@@ -174,7 +174,7 @@ def _positions(values: np.ndarray, counts: np.ndarray, raw: RawScene) -> tuple[n
         return _columns(values, counts, 3), None
     table = _columns(values, counts, 6)
     colours = np.ones((len(counts), 4), np.float32)
-    colours[coloured] = linear_colours(whole(table[coloured, 3:]), raw)
+    colours[coloured] = linear_colours(raw, whole(table[coloured, 3:]))
     return table[:, :3], colours
 
 

@@ -6,6 +6,7 @@ bytes.
 
 from __future__ import annotations
 
+import itertools
 import re
 import struct
 from dataclasses import dataclass, field, replace
@@ -17,7 +18,7 @@ from scenes.file_colours import linear_colours
 from scenes.files import find_beside, named_file, shown, written_differently
 from scenes.images import read_image
 from scenes.model import Material, Texture
-from scenes.polygons import distinct, triangulated, usable_polygons
+from scenes.polygons import distinct, triangulated, usable_polygons, vertex_numbers
 from scenes.raw import Part, RawScene
 from scenes.text_lines import count_words, numbers
 
@@ -49,13 +50,18 @@ class Element:
     lengths: dict[str, np.ndarray] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
 
+    def chosen(self, *choices: tuple[str, ...]) -> tuple[str, ...] | None:
+        """The first choice of properties of which all are there and no lists."""
+        there = self.values.keys() - self.lengths.keys()
+        return next((names for names in choices if there.issuperset(names)), None)
+
     def columns(self, *choices: tuple[str, ...]) -> np.ndarray | None:
         """The properties of the first choice of which all are there, side by side (rows, names)."""
-        for names in choices:
-            if all(name in self.values and name not in self.lengths for name in names):
-                self.used.update(names)
-                return np.stack([self.values[name] for name in names], axis=1)
-        return None
+        names = self.chosen(*choices)
+        if names is None:
+            return None
+        self.used.update(names)
+        return np.stack([self.values[name] for name in names], axis=1)
 
     def list(self, *names: str) -> tuple[np.ndarray, np.ndarray] | None:
         """Values and lengths of the first of these lists that is there."""
@@ -153,7 +159,10 @@ def _read_values(elements: list[Element], body: bytes, header: bytes) -> None:
 def _read_element(element: Element, body: bytes, at: int, order: str, text: bool) -> int:
     """Fill an element's values from the byte `at` on; returns the byte after it."""
     stored = {name: ("d", kind[1] and "d") if text else kind for name, kind in element.kinds.items()}
-    read = _read_equal(element, stored, body, at, order) if element.rows else at
+    least = sum(struct.calcsize(order + (length or kind)) for kind, length in stored.values())  # of a row
+    if element.rows * least > len(body) - at:
+        raise ValueError(f"it ends within the {element.rows:,} rows that it claims to have of {element.name}")
+    read = _read_equal(element, stored, body, at, order) if element.rows and stored else at
     if read is None:
         read = _read_different(element, stored, body, at, order)
     for name, values in element.values.items():
@@ -169,10 +178,10 @@ def _read_equal(element: Element, stored: dict, body: bytes, at: int, order: str
     for number, (kind, length) in enumerate(stored.values()):
         count = 1
         if length:
-            count = int(struct.unpack_from(order + length, body, end)[0])
+            count = _length(struct.unpack_from(order + length, body, end)[0])
             fields.append((f"length{number}", order + _SIZES[length]))
             end += struct.calcsize(order + length)
-        fields.append((f"value{number}", order + _SIZES[kind], (max(count, 0),)))
+        fields.append((f"value{number}", order + _SIZES[kind], (count,)))
         end += count * struct.calcsize(order + kind)
     row = end - at
     if element.rows * row > len(body) - at or row <= 0:
@@ -187,6 +196,13 @@ def _read_equal(element: Element, stored: dict, body: bytes, at: int, order: str
         if length:
             element.lengths[name] = np.full(element.rows, values.shape[1], np.int64)
     return at + element.rows * row
+
+
+def _length(stored: float) -> int:
+    """A list's length; raises ValueError for what is none."""
+    if not (stored >= 0 and stored % 1 == 0):
+        raise ValueError(f"a list has {stored:g} values")
+    return int(stored)
 
 
 def _read_different(element: Element, stored: dict, body: bytes, at: int, order: str) -> int:
@@ -204,9 +220,7 @@ def _read_different(element: Element, stored: dict, body: bytes, at: int, order:
             if unpack is None:
                 place.append(at)
             else:
-                count = int(unpack(body, at)[0])
-                if count < 0:
-                    raise ValueError("a list is shorter than nothing")
+                count = _length(unpack(body, at)[0])
                 place.append(at + step)
                 length.append(count)
                 at += count * size
@@ -226,11 +240,18 @@ def _read_different(element: Element, stored: dict, body: bytes, at: int, order:
 
 
 def _colours(element: Element, raw: RawScene) -> np.ndarray | None:
-    rgb = element.columns(*_COLOURS)
-    alpha = element.columns(*((name,) for name in _ALPHAS)) if rgb is not None else None
+    """Linear RGBA, float32 (rows, 4): what a value means follows from its own type, whatever those beside it have."""
+    rgb = element.chosen(*_COLOURS)
     if rgb is None:
         return None
-    return linear_colours(rgb if alpha is None else np.concatenate([rgb, alpha], axis=1), raw)
+    alike = itertools.groupby(rgb, key=lambda name: element.kinds[name])
+    channels = [element.columns(tuple(names)) for _, names in alike]
+    alpha = element.columns(*((name,) for name in _ALPHAS))
+    if alpha is not None and alpha.dtype == channels[-1].dtype:
+        channels[-1] = np.concatenate([channels[-1], alpha], axis=1)
+    elif alpha is not None:
+        channels.append(alpha)
+    return linear_colours(raw, *channels)
 
 
 def _turned(uvs: np.ndarray) -> np.ndarray:
@@ -245,9 +266,10 @@ def _faces(element: Element, whole: Part, pictures: int, raw: RawScene) -> list[
     if table is None:
         return []
     values, counts = table
-    usable = usable_polygons(values, counts, len(whole.positions), raw)
+    corners = vertex_numbers(values)
+    usable = usable_polygons(corners, counts, len(whole.positions), raw)
     kept = np.repeat(usable, counts)
-    corners = values[kept].astype(np.int64)
+    corners = corners[kept]
     places, polygon = triangulated(whole.positions, corners, counts[usable], raw)
     part = replace(whole, indices=corners[places])
     wedges = element.list("texcoord")
@@ -285,7 +307,7 @@ def _strips(element: Element, whole: Part) -> Part:
     if table is None:
         return whole
     values, lengths = table
-    values = np.insert(values.astype(np.int64), np.cumsum(lengths), -1)
+    values = np.insert(vertex_numbers(values), np.cumsum(lengths), -1)
     places = np.arange(len(values))
     last_end = np.maximum.accumulate(np.where(values < 0, places, -1))
     odd = ((places - last_end) % 2 == 0)[:-2]

@@ -71,6 +71,16 @@ def _areas(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
     return np.cross(b - a, c - a)
 
 
+def vertex_numbers(values: np.ndarray) -> np.ndarray:
+    """Numbers of vertices as a file has them, of any type, as int64; raises ValueError where one is no whole number."""
+    if values.dtype.kind == "f":
+        broken = np.flatnonzero(~(np.isfinite(values) & (np.floor(values) == values)))
+        if broken.size:
+            raise ValueError(f"a face refers to vertex {values[broken[0]]:g}, which is no whole number")
+        values = np.clip(values, -(2.0**62), 2.0**62)  # no vertices either way
+    return values.astype(np.int64)
+
+
 def usable_polygons(corners: np.ndarray, counts: np.ndarray, vertices: int, raw: RawScene) -> np.ndarray:
     """Polygons, bool (P), of three corners or more that all refer to one of so many vertices; the others are noted."""
     full = counts >= 3

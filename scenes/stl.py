@@ -10,14 +10,19 @@ import numpy as np
 from scenes.model import SceneError
 from scenes.raw import Part, RawScene
 
+_HEAD, _TRIANGLE = 84, 50  # bytes: 80 of any text and the count; a normal, three corners, and 2 of attributes
+_MARKS = (b"\xff\xfe", b"\xfe\xff")  # of UTF-16, a text with zeros
+
 
 def read_stl(path: Path, raw: RawScene) -> None:
     """All triangles of an STL file, text or bytes; colours, which programs keep in various ways, are noted only.
 
-    Raises SceneError where triangles of a text cannot be read, or, for damaged files, whatever trimesh raises.
+    Raises SceneError where triangles of a text cannot be read, or bytes are of another number than their count tells,
+    or, for damaged files, whatever trimesh raises.
     """
     from trimesh.exchange.stl import load_stl
 
+    _check_size(path)
     with path.open("rb") as file, warnings.catch_warnings():
         warnings.filterwarnings("error", category=DeprecationWarning, message=".*unmatched data")  # cut off silently
         mesh = load_stl(file)
@@ -31,6 +36,24 @@ def read_stl(path: Path, raw: RawScene) -> None:
         raw.note("Triangles with a colour in the STL file's attributes, left out: {}.", np.count_nonzero(colours))
     if not any("face_attributes" in solid for solid in solids):
         _check_text(path, sum(len(part.indices) for part in raw.parts))
+
+
+def _check_size(path: Path) -> None:
+    """Raises SceneError where a file of bytes is longer or shorter than its count of triangles needs."""
+    with path.open("rb") as file:
+        head, size = file.read(_HEAD), path.stat().st_size
+        count = int.from_bytes(head[80:], "little")
+        needed = _HEAD + _TRIANGLE * count
+        if size == needed:
+            return
+        data = head + file.read()
+    if b"\0" not in data or b"facet" in data[:1024].lower() or data.startswith(_MARKS):
+        return
+    if size < _HEAD:
+        raise SceneError(f"It is cut off: it has {size:,} bytes, fewer than a binary STL file's head of {_HEAD}.")
+    wrong = "is cut off" if size < needed else "goes on behind its triangles"
+    sentence = f"it has {size:,} bytes where its count of {count:,} triangles needs {needed:,}"
+    raise SceneError(f"It {wrong}, or its count is wrong: {sentence}.")
 
 
 def _check_text(path: Path, read: int) -> None:

@@ -34,6 +34,7 @@ from packers.interface import ALIKE, Frame, HeldLists, Payload, View
 HEADER, COLOUR, NORMAL = 4, 12, 24  # bytes: of a pixel, of a fragment, of one with a normal and a position
 NEAREST = 0.01  # share of pixels whose nearest fragment may be another: sets and rounding explain some
 SAME_DEPTH = 1e-4  # relative
+SAME_EYE = 1e-12  # relative; float64 views turned in any way differ by about 1e-15
 FEW = 3  # of the chosen pixels, where lists may differ: what rounding does to masks and slivers
 STRAY = 0.01  # share of moved fragments that may be of other views' rays: the published merge misses some
 FAR, DRIFTED = 0.1, 64 + LEVELS  # of moved fragments: share of the distance, levels
@@ -108,7 +109,7 @@ def check_fragments(
 ) -> Iterator[Violation]:
     """The rules for what such lists hold."""
     views, eye = list_views(held), held[0].view.eye
-    if not all(np.allclose(of.view.eye, frame.server.eye, rtol=1e-9, atol=1e-6 * frame.cell_radius) for of in views):
+    if not all(is_at(of.view, frame.server.eye) for of in views):
         yield violation("fragments", 1, "The lists are seen from another eye than the frame's server view.")
         return
     yield from _check_views(truth, frame, method, holds, views)
@@ -126,6 +127,12 @@ def check_fragments(
     else:
         in_parts = len(held) > len(views)
         yield from _check_blends(hits, colours, lists, pixel, in_parts, ALIKE if holds == "alike" else 0)
+
+
+def is_at(view: View, eye: np.ndarray) -> bool:
+    """Whether a view is seen from an eye, float64 (3), up to the rounding of its matrix: that is relative to how far
+    the eye is from the origin, whichever of its coordinates are near 0."""
+    return bool(np.abs(view.eye - eye).max() <= SAME_EYE * np.abs(eye).max())
 
 
 def _check_views(truth: Truth, frame: Frame, method: str, holds: str, views: list[ListView]) -> Iterator[Violation]:

@@ -633,6 +633,19 @@ class ViewLess(PerPixelLinkedLists):
         return with_messages(payload, decode(payload.blobs["head"], payload.lists["lists"])[:-1])
 
 
+class ViewMoved(PerPixelLinkedLists):
+    """The last view's lists are told to be seen from beside the eye, by a thousandth of the near plane's distance."""
+
+    name = "view-moved"
+
+    def pack(self, frame):
+        payload = super().pack(frame)
+        messages = decode(payload.blobs["head"], payload.lists["lists"])
+        view = messages[-1].view.copy()
+        view[0, 3] += 1e-3 * frame.server.projection[2, 3]
+        return with_messages(payload, [*messages[:-1], replace(messages[-1], view=view)])
+
+
 class ViewEmpty(PerPixelLinkedLists):
     """The last view's lists are empty."""
 
@@ -724,6 +737,7 @@ PLANTED_WIDE = {
     Pretending: "does not show the blend",
     OtherRays: "belong to another view",
     ViewLess: "in no picture",
+    ViewMoved: "from another eye",
     ViewEmpty: "nearest",
     ViewInverted: "colour or cover otherwise",
     ViewPretending: "does not show the blend",

@@ -3,8 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from harness.verification.lists import check_bytes, check_structure, count_fragments
+from harness.verification.lists import check_bytes, check_structure, count_fragments, is_at
+from harness.views import Cell, CellFrustum, Pose
 from packers.interface import HeldLists, Payload, View
 
 
@@ -54,3 +56,17 @@ def test_bytes_are_counted_and_bounded():
     assert found(73, 74, lists()) == 2
     assert found(132, 132, replace(lists(), normals=True)) == 0
     assert found(73, 73, lists(), before=1, holds="alike") == 0
+
+
+@pytest.mark.parametrize("position", [(0, 0, 0), (0, 0, 2.5), (1e-17, -3, 1e5), (70, 20, -400)])
+def test_views_turned_in_any_way_are_seen_from_the_same_eye_and_moved_ones_are_not(position):
+    """Also in a cell of one point, and with coordinates that are 0 but for rounding."""
+    frustum, generator, near = CellFrustum.around(Cell(0, 170), 70, 160, 90), np.random.default_rng(3), 0.01
+    for quaternion in generator.normal(size=(50, 4)):
+        pose = Pose(np.array(position, np.float64), quaternion)
+        eye, views = frustum.server_view(pose, near).eye, frustum.split(pose, near)
+        assert len(views) == 4
+        assert all(is_at(view, eye) for view in views)
+        moved = views[0].view.copy()
+        moved[generator.integers(3), 3] += near / 1000
+        assert not is_at(replace(views[0], view=moved), eye)

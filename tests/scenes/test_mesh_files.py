@@ -347,6 +347,64 @@ def test_ply_opacity_and_what_is_not_used_are_named(tmp_path):
     assert "Properties of the PLY file that are not supported, left out: vertex quality, face flags." in scene.notes
 
 
+@pytest.mark.parametrize(
+    ("kinds", "values", "expected"),
+    [
+        ("uchar uchar uchar ushort", "128 0 255 65535", (0.2159, 0, 1)),
+        ("float float float uchar", "0.5 0 1 255", (0.214, 0, 1)),
+        ("double double double uchar", "0.5 0 1 255", (0.214, 0, 1)),
+        ("uchar uchar uchar float", "1 0 0 1", (0.0003, 0, 0)),
+        ("ushort ushort ushort uchar", "32768 0 65535 255", (0.214, 0, 1)),
+        ("uchar float ushort float", "128 0.5 65535 1", (0.2159, 0.214, 1)),
+        ("uchar uchar uchar uchar", "0.5 0 1 255", (0.214, 0, 1)),
+    ],
+)
+def test_ply_colours_and_opacity_each_of_their_own_type(tmp_path, kinds, values, expected):
+    names = ", ".join(" ".join(pair) for pair in zip(kinds.split(), ("red", "green", "blue", "alpha"), strict=True))
+    rows = "".join(f"{row} {values}\n" for row in CORNERS.splitlines())
+    scene = load(tmp_path / "a.ply", ply(f"{XYZ}, {names}", rows))
+    assert scene.colours[0] == pytest.approx([*expected, 1], abs=2e-4)
+    assert "olours" not in notes(scene)
+    assert "opacity" not in notes(scene)
+
+
+@pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
+def test_ply_elements_without_properties_take_no_time_and_false_counts_are_refused(tmp_path, kind):
+    text = ply(XYZ, CORNERS)
+    header, body = text.split("end_header\n")
+    body = body.encode() if kind == "ascii" else struct.pack("<9fB3i", *map(float, CORNERS.split()), 3, 0, 1, 2)
+    header = header.replace("ascii", kind)
+    for where in ("element vertex", "element face"):
+        more = header.replace(where, f"element foo 2000000000\n{where}")
+        scene = load(tmp_path / "a.ply", f"{more}end_header\n".encode() + body)
+        assert scene.triangle_count == 1
+        assert "not supported, left out: foo (2,000,000,000)." in notes(scene)
+        more = header.replace(f"{where} ", f"{where} 999999999")
+        with pytest.raises(SceneError, match=r"ends within the 9,999,999,99\d rows that it claims to have of"):
+            load(tmp_path / "a.ply", f"{more}end_header\n".encode() + body)
+
+
+@pytest.mark.parametrize(
+    ("face", "words"),
+    [
+        ("3 0.9 1.2 2.4", "refers to vertex 0.9, which is no whole number"),
+        ("3 0 nan 2", "refers to vertex nan, which is no whole number"),
+        ("3.7 0 1 2", r"a (list|face) has 3.7 (values|corners)"),
+        ("-3 0 1 2", r"a (list|face) has -3 (values|corners)"),
+        ("nan 0 1 2", r"a (list|face) has nan (values|corners)"),
+    ],
+)
+def test_vertices_and_lengths_that_are_no_whole_numbers_are_no_scene(tmp_path, face, words):
+    for name, text in (("a.ply", ply(XYZ, CORNERS, faces=f"{face}\n")), ("a.off", f"OFF\n3 1 0\n{CORNERS}{face}\n")):
+        with pytest.raises(SceneError, match=words):
+            load(tmp_path / name, text)
+    strips = ply(XYZ, CORNERS, faces="").replace(
+        "end_header\n", "element tristrips 1\nproperty list int int vertex_indices\nend_header\n"
+    )
+    with pytest.raises(SceneError, match=words):
+        load(tmp_path / "a.ply", f"{strips}{face}\n")
+
+
 @pytest.mark.parametrize("order", ["<", ">"])
 @pytest.mark.parametrize("mixed", [False, True])
 def test_ply_bytes_of_either_order(tmp_path, order, mixed):
@@ -451,8 +509,49 @@ def test_off_colours_of_faces(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("colours", "expected", "noted"),
+    [
+        (("1 1 0", "0 0 1"), ((0.0003, 0.0003, 0), (0, 0, 0.0003)), True),
+        (("1.0 1 0", "0 0 1"), ((1, 1, 0), (0, 0, 1)), False),
+        (("1 1 0", "0 0 1e0"), ((1, 1, 0), (0, 0, 1)), False),
+        (("1 1 0", "0 0 255"), ((0.0003, 0.0003, 0), (0, 0, 1)), False),
+    ],
+)
+def test_off_colours_of_faces_are_of_255_where_they_are_written_as_whole_numbers(tmp_path, colours, expected, noted):
+    faces = "".join(f"3 0 1 2 {colour}\n" for colour in colours)
+    scene = load(tmp_path / "a.off", f"OFF\n3 2 0\n{CORNERS.replace('1', '1.5')}{faces}")
+    assert scene.colours[scene.indices[:, 0], :3] == pytest.approx(np.array(expected), abs=1e-4)
+    assert ("the whole numbers 0 and 1, taken to be of 255, as OFF files have them: 2" in notes(scene)) == noted
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "OFF\n4 2 0\n0 0 0 1 0 0 1 1 0 0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n",
+        "OFF\n4 2\n0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n",
+        "OFF\n4\n2\n0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n",
+        "OFF 4 2 0 0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 255 0 0\n3 0 2 3\n",
+        "OFF\n4 2 0\n0 0 0 1 0 0\n1 1 0 0\n1 0 3 0 1\n2 255 0 0\n3\n0\n2\n3",
+        "OFF\n4 2 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 # broken\n1 2 255 0 0\n\n3 0 2\n3\n",
+    ],
+)
+def test_off_numbers_stand_in_any_lines(tmp_path, text):
+    scene = load(tmp_path / "a.off", text)
+    assert area(scene) == pytest.approx(1)
+    assert scene.colours[scene.indices[:, 0]].tolist() == [[1, 0, 0, 1], [1, 1, 1, 1]]
+    assert "OFF file" not in notes(scene)
+
+
+@pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("OFF\n3 1 0\n0 0 0 1 0 0 0 1 0 5\n3 0 1 2\n", "do not have a line each, and number by number"),
+        ("OFF\n3 1 0\n0 0 0 1 0 0 0 1 0\n3 0 1 2\n3 0 1 2\n", "different numbers of values"),
+        ("OFF\n3 2 0\n0 0 0 1 0 0 0 1 0\n3 0 1 2\n", "number by number it ends before its last face"),
+        ("OFF\n3 1 0\n0 0 0 1 0 0\n", "it ends before its last vertex"),
+        (f"OFF\n3 2 0\n{CORNERS}3 0 1 2\n", "it ends before its last face"),
+        ("OFF\n999999999999 1 0\n0 0 0\n", "it ends before its last vertex"),
+        (f"OFF\n3 999999999999 0\n{CORNERS}3 0 1 2\n", "it ends before its last face"),
         ("4OFF\n3 1 0\n", "more than three dimensions"),
         ("OFF BINARY\n", "are binary"),
         ("FOO\n3 1 0\n", "does not begin with OFF"),
@@ -473,6 +572,22 @@ def test_stl_attributes_are_named(tmp_path):
     scene = load(tmp_path / "a.stl", bytes(80) + struct.pack("<I", 2) + triangle + b"\xff\x80" + triangle + b"\0\0")
     assert scene.triangle_count == 2
     assert "Triangles with a colour in the STL file's attributes, left out: 1." in scene.notes
+
+
+@pytest.mark.parametrize(
+    ("count", "size", "words"),
+    [
+        (1, 124, "is cut off, or its count is wrong: it has 124 bytes where its count of 1 triangles needs 134"),
+        (1, 136, "goes on behind its triangles, or its count is wrong: it has 136 bytes"),
+        (2**32 - 1, 134, "of 4,294,967,295 triangles needs 214,748,364,834"),
+        (0, 60, "has 60 bytes, fewer than a binary STL file's head of 84"),
+    ],
+)
+@pytest.mark.parametrize("name", [b"solid x", b"COLOR="])
+def test_stl_bytes_of_another_number_than_their_count_tells(tmp_path, name, count, size, words):
+    data = name.ljust(80, b"\0") + struct.pack("<I", count) + np.float32([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes()
+    with pytest.raises(SceneError, match=words):
+        load(tmp_path / "a.stl", data.ljust(size, b"\0")[:size])
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ import json
 import pytest
 
 from scenes.load import load_scene
+from scenes.model import SceneError
 from tests.scenes.glb_files import square_scene
 from tests.scenes.test_load_files import TRIANGLE, box
 
@@ -86,3 +87,13 @@ def test_an_absurd_size_is_noted(tmp_path, unit, noted):
     scene = load_scene(str(tmp_path / "a.obj"))
     assert scene.metres_per_unit == unit
     assert bool(_notes(scene, "--unit")) == noted
+
+
+@pytest.mark.parametrize("unit", [1e300, 1e20, 1e-20, 1e-300])
+@pytest.mark.parametrize("stated", [False, True])
+def test_sizes_that_single_precision_cannot_draw_are_refused(tmp_path, unit, stated):
+    file = _obj(tmp_path)
+    if stated:
+        _state(tmp_path, unit)
+    with pytest.raises(SceneError, match=r"m large by its unit \((--unit|cameras.json)\), which single precision"):
+        load_scene(file, unit=None if stated else unit)
