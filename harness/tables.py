@@ -76,9 +76,10 @@ def write_tables(
     """
     if folder and len(names) != 1:
         raise InputError("--from takes the results of one table: name it.")
+    picked = chosen(sources, names, False) if run else ()
     console, well = make_console(), True
     try:
-        for source in chosen(sources, names, False) if run else ():
+        for source in picked:
             if not folder and (lacking := missing_scene(source)):
                 console.print(f"[yellow]not measured[/] {source.name}: {escape(lacking)}", soft_wrap=True)
                 continue

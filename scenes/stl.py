@@ -25,7 +25,12 @@ def read_stl(path: Path, raw: RawScene) -> None:
     _check_size(path)
     with path.open("rb") as file, warnings.catch_warnings():
         warnings.filterwarnings("error", category=DeprecationWarning, message=".*unmatched data")  # cut off silently
-        mesh = load_stl(file)
+        try:
+            mesh = load_stl(file)
+        except ValueError as error:
+            if "reshape" not in str(error):
+                raise
+            raise SceneError("Not every facet in it has three vertices.") from error
     solids = mesh["geometry"].values() if "geometry" in mesh else [mesh]
     for solid in solids:
         positions, indices = (

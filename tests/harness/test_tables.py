@@ -126,6 +126,13 @@ def test_unusable_arguments_are_refused_in_a_sentence(root: Path):
         tables.check_tables(("smal",), False, sources=SOURCES, root=root)
     with pytest.raises(InputError, match="name it"):
         tables.write_tables((), root, sources=SOURCES, root=root)
+    readme = root / "README.md"
+    written = readme.read_text(encoding="utf-8")
+    readme.write_text("untouched", encoding="utf-8")
+    with pytest.raises(InputError, match="There is no table"):
+        tables.write_tables(("smal",), sources=SOURCES, root=root)
+    assert readme.read_text(encoding="utf-8") == "untouched", "a name that is wrong writes nothing"
+    readme.write_text(written, encoding="utf-8")
     with pytest.raises(InputError, match="does not say which device"):
         tables.write_tables(("times",), root / FOLDER, sources=SOURCES, root=root)
 

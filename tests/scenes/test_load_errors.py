@@ -33,6 +33,11 @@ COFF += b"4 0 1 2 0 1 0 0\n3 0 1 2\n"
 WHOLE = {"glb": square_scene().bytes(), "obj": OBJ, "off": OFF, "ply": PLY, "stl": STL}
 WHOLE |= {"text.ply": TEXT_PLY, "more.off": COFF}
 
+FOUR_CORNERS = b"solid a\nfacet normal 0 0 1\nouter loop\n" + b"".join(
+    b"vertex %s 0\n" % corner for corner in (b"0 0", b"1 0", b"1 1", b"0 1")
+)
+FOUR_CORNERS += b"endloop\nendfacet\nendsolid a\n"
+
 
 @pytest.mark.parametrize("kind", WHOLE)
 def test_whole_files_load(tmp_path, kind):
@@ -53,6 +58,7 @@ def test_whole_files_load(tmp_path, kind):
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "does not have"),
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not a number, dropped: 1"),
         ("a.stl", b"solid nothing\nendsolid\n", "."),
+        ("a.stl", FOUR_CORNERS, "Not every facet in it has three vertices"),
         ("a.glb", b"glTF", "cut off"),
         ("a.gltf", b"[]", "not an object"),
         ("a.ply", b"ply\n", "a.ply"),
