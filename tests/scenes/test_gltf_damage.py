@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import re
 
 import numpy as np
 import pytest
@@ -16,10 +17,13 @@ def loaded(tmp_path, glb: Glb) -> Scene:
     return load_scene(glb.write(tmp_path / "a.glb"))
 
 
-def refused(tmp_path, glb: Glb, words: str) -> None:
-    with pytest.raises(SceneError, match=words) as caught:
+def refusal(tmp_path, glb: Glb) -> str:
+    """The one sentence with which a file is refused."""
+    with pytest.raises(SceneError) as caught:
         loaded(tmp_path, glb)
-    assert "\n" not in str(caught.value)
+    sentence = str(caught.value)
+    assert "\n" not in sentence
+    return sentence
 
 
 def full_scene(png: bytes) -> Glb:
@@ -83,7 +87,7 @@ def test_references_to_what_is_not_there_are_refused_by_name(tmp_path, png, refe
     for key in path:
         place = place[key]
     place[last] = [wrong] if last == "children" else wrong
-    refused(tmp_path, glb, f"has no {named}".replace("-1", repr(wrong)).replace("[", r"\[").replace("]", r"\]"))
+    assert f"has no {named}".replace("-1", repr(wrong)) in refusal(tmp_path, glb)
 
 
 def test_a_texture_of_an_image_that_is_not_there_is_left_out(tmp_path, png):
@@ -126,7 +130,7 @@ def test_a_texture_of_an_image_that_is_not_there_is_left_out(tmp_path, png):
 def test_values_of_materials_of_the_wrong_kind_are_refused_by_name(tmp_path, png, material, words):
     glb = full_scene(png)
     glb.json["materials"] = [material]
-    refused(tmp_path, glb, words)
+    assert re.search(words, refusal(tmp_path, glb))
 
 
 @pytest.mark.parametrize(
@@ -140,7 +144,7 @@ def test_values_of_materials_of_the_wrong_kind_are_refused_by_name(tmp_path, png
     ],
 )
 def test_values_of_nodes_of_the_wrong_kind_are_refused_by_name(tmp_path, node, words):
-    refused(tmp_path, square_scene({"mesh": 0, **node}), words)
+    assert re.search(words, refusal(tmp_path, square_scene({"mesh": 0, **node})))
 
 
 @pytest.mark.parametrize(
@@ -154,7 +158,7 @@ def test_values_of_nodes_of_the_wrong_kind_are_refused_by_name(tmp_path, node, w
 def test_values_of_lights_of_the_wrong_kind_are_refused_by_name(tmp_path, png, light, words):
     glb = full_scene(png)
     glb.json["extensions"]["KHR_lights_punctual"]["lights"] = [{"type": "spot", **light}]
-    refused(tmp_path, glb, words)
+    assert re.search(words, refusal(tmp_path, glb))
 
 
 @pytest.mark.parametrize(("lens", "noted"), [({"yfov": -1}, 1), ({"yfov": 4}, 1), ({"yfov": 1, "aspectRatio": 0}, 1)])
@@ -203,7 +207,7 @@ def test_orthographic_cameras_nearest_samplers_and_further_colours_are_noted(tmp
 def test_attributes_of_the_wrong_kind_are_refused_by_name(tmp_path, name, values, words):
     glb = square_scene()
     glb.json["meshes"][0]["primitives"][0]["attributes"][name] = glb.accessor(np.ascontiguousarray(values))
-    refused(tmp_path, glb, words)
+    assert re.search(words, refusal(tmp_path, glb))
 
 
 @pytest.mark.parametrize(
@@ -217,7 +221,7 @@ def test_attributes_of_the_wrong_kind_are_refused_by_name(tmp_path, name, values
 def test_indices_are_unsigned_integers(tmp_path, indices, words):
     glb = square_scene()
     glb.json["meshes"][0]["primitives"][0]["indices"] = glb.accessor(indices)
-    refused(tmp_path, glb, words)
+    assert re.search(words, refusal(tmp_path, glb))
 
 
 def test_one_entry_does_not_stand_for_many(tmp_path):
@@ -227,14 +231,14 @@ def test_one_entry_does_not_stand_for_many(tmp_path):
     glb.json["meshes"] = [
         {"weights": [1], "primitives": [{**glb.square(), "targets": [{"POSITION": glb.accessor(one)}]}]}
     ]
-    refused(tmp_path, glb, "POSITION has 1 entries where 4 belong")
+    assert "POSITION has 1 entries where 4 belong" in refusal(tmp_path, glb)
     glb = square_scene()
     places = {"TRANSLATION": glb.accessor(SQUARE[:2]), "SCALE": glb.accessor(one)}
     glb.json["nodes"][0]["extensions"] = {"EXT_mesh_gpu_instancing": {"attributes": places}}
-    refused(tmp_path, glb, "SCALE has 1 entries where 2 belong")
+    assert "SCALE has 1 entries where 2 belong" in refusal(tmp_path, glb)
     glb = square_scene({"mesh": 0, "skin": 0})
     glb.json["skins"] = [{"joints": [0, 0], "inverseBindMatrices": glb.accessor(np.eye(4, dtype=np.float32)[None])}]
-    refused(tmp_path, glb, "2 joints but 1 inverse bind matrices")
+    assert "2 joints but 1 inverse bind matrices" in refusal(tmp_path, glb)
 
 
 def test_colours_that_are_not_marked_as_normalised_are_read_as_if_they_were(tmp_path):
