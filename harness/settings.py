@@ -27,7 +27,7 @@ class Settings:
 
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
     opaque: whether see-through materials are made opaque.
-    pvs_density: pixels of the PVS views per client pixel, along each axis; doubled for tiny triangles (harness.pvs).
+    pvs_density: pixels of the PVS views per client pixel, along each axis; one view is denser for tiny triangles.
     timeout: seconds for one pack.
     bandwidth: of the network, in Mbit/s. reference_eye: whose eye the reference is shaded for, "client" or "server".
     metrics: those of METRIC_NAMES to compute. no_skip: skips that are forced off (harness.skips).
