@@ -161,6 +161,7 @@ class Run:
         note_unseen(self.store, (lane.packer for lane in self.lanes))
         self.session.device.announce = lambda path: None
         progress.remove_task(task)
+        self.session.device.remember_programs(repr(self.settings))
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.lanes))
 
     def _announce(self, progress: Progress, task: Any, doing: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
@@ -127,11 +128,14 @@ def open_session(settings: Settings, device: Device | None = None) -> Session:
 
 
 def _opened(settings: Settings, device: Device | None) -> Session:
-    scene = open_scene(settings)
-    path = open_path(settings, scene)
-    head = open_head_motion(settings)
-    device = device or Device.open(settings.device)
-    server = upload_scene(device, scene, Skips(settings.no_skip))
+    with ThreadPoolExecutor(1) as beside:
+        opening = beside.submit(lambda: device or Device.open(settings.device))
+        beside.submit(lambda: opening.result().build_ahead(repr(settings)))  # who needs what fails says so
+        scene = open_scene(settings)
+        path = open_path(settings, scene)
+        head = open_head_motion(settings)
+        device = opening.result()
+        server = upload_scene(device, scene, Skips(settings.no_skip))
     # A forced view is to take its time, which it would not with a cached set.
     source = FrameSource(server, path, head, settings, cached=not settings.no_skip)
     return Session(settings, device, server, path, head, source, ForwardRenderer(server))

@@ -64,7 +64,8 @@ class _Alarm:
         """No exception comes any more, not even one that was set and is not raised yet."""
         with self._lock:
             self._on = False
-            ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+            if self._rang:  # else the interpreter would look for it at every step, and hang under a profiler
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
 
 
 def ended_steps(**facts: Any) -> list[dict[str, Any]]:

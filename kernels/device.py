@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
+import json
 import os
 import re
 import shutil
@@ -13,11 +14,12 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
+from threading import Lock
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kernels.cache import cache_folder
+from kernels.cache import cache_folder, cache_root, read_checked, write_checked
 from kernels.journal import journal
 from kernels.runtime import kernel_cache
 from kernels.runtime.opencl import (
@@ -169,7 +171,9 @@ class Device:
         # small tables. A constant, never the number of cores, so that nothing can depend on the machine.
         self.chunks = 64
         self.announce: Callable[[str], None] = lambda building: None
+        self._building = Lock()  # not SPEAKING: a compiler needs no queue, others go on meanwhile
         self._programs: dict[tuple, Any] = {}
+        self._asked: list[tuple[str, Sequence[str], dict[str, Any]]] = []  # what `build` was asked for, each once
         self._names: dict[cl.Kernel, str] = {}
         self._launched: set[tuple] = set()
         self._records: list[Record] = []
@@ -223,6 +227,22 @@ class Device:
         with contextlib.suppress(OSError):
             self._built_note.touch()
 
+    def remember_programs(self, plan: str) -> None:
+        """Note what this device has built, for `build_ahead` of a later process with the same plan."""
+        write_checked(self._programs_note(plan), json.dumps(self._asked, default=str).encode())
+
+    def build_ahead(self, plan: str) -> None:
+        """Build what a run of the same plan needed: a thread beside one that loads files has the time for it.
+
+        PoCL preprocesses a source to find what it compiled of it before, for 40 ms each.
+        """
+        for path, options, defines in json.loads(read_checked(self._programs_note(plan)) or "[]"):
+            self.build(path, options, **defines)
+
+    def _programs_note(self, plan: str) -> Path:
+        digest = hashlib.sha256(f"{self.variant} {plan}".encode()).hexdigest()[:16]
+        return cache_root() / "programs" / f"{self.found.key}-{kernels_digest()}-{digest}"
+
     @property
     def _built_note(self) -> Path:
         return cache_folder("opencl") / f"built-{self.found.key}-{kernels_digest()}"
@@ -250,7 +270,7 @@ class Device:
         given = [option for option in arithmetic.options if option != EXACT or self._is_exact]
         flags = [*given, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
         key = (path, *flags)
-        with SPEAKING:
+        with self._building:
             if key not in self._programs:
                 files: set[str] = set()
                 source = source_with_includes(path, files)
@@ -262,6 +282,7 @@ class Device:
                 digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
                 kernels = Kernels({kernel.function_name: kernel for kernel in built}, digest)
                 self._programs[key] = kernels
+                self._asked.append((path, options, defines))
                 self._names |= {
                     kernels.by_name[name]: f"{file.removesuffix('.cl')}.{name}"
                     for file in files

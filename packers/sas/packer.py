@@ -124,7 +124,7 @@ class ShadingAtlasStreaming(Packer):
         unplaced = {int(t): UNPLACED for t in frame.pvs[np.isin(of_pvs, lost)]} if len(lost) else {}
         allocator, grid = self.allocator, self.allocator.grid
         in_use = allocator.superblocks_in_use()
-        sizes = np.bincount(self.patches.sizes[patches], minlength=4)
+        sizes = np.bincount(self.patches.sizes(patches), minlength=4)
         blocks = allocator.blocks_by_class()
         statistics = (
             found

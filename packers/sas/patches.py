@@ -14,6 +14,7 @@ import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
+from weakref import WeakValueDictionary
 
 import numpy as np
 
@@ -44,10 +45,13 @@ class Patches:
     def count(self) -> int:
         return len(self.members)
 
-    @property
-    def sizes(self) -> np.ndarray:
-        """Triangles in each patch, int64 (P)."""
-        return (self.members >= 0).sum(axis=1)
+    def sizes(self, patches: np.ndarray | slice = slice(None)) -> np.ndarray:
+        """Triangles in each of these patches, int64."""
+        return (self.members[patches] >= 0).sum(axis=1)
+
+
+# What packers hold at the moment, so that those of one scene share it.
+_held: WeakValueDictionary[Path, Patches] = WeakValueDictionary()
 
 
 def cached_patches(scene: Scene) -> Patches:
@@ -56,6 +60,12 @@ def cached_patches(scene: Scene) -> Patches:
         return find_patches(scene.positions, scene.indices)
     method = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]  # other methods find other patches
     path = cache_root() / "patches" / f"{scene.content_hash}-{method}"
+    patches = _held.get(path) or _from_cache(path, scene)
+    _held[path] = patches
+    return patches
+
+
+def _from_cache(path: Path, scene: Scene) -> Patches:
     content = read_checked(path)
     if content is not None:
         return _unpacked(np.frombuffer(content, np.int32), scene.triangle_count)

@@ -1,11 +1,14 @@
-"""What follows from a path alone."""
+"""What follows from a path alone, and what opening a session does beside reading the scene."""
 
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from harness.session import Session
+from harness.session import Session, open_session
 from harness.settings import Settings
+from kernels.device import Device, DeviceError
+from scenes.model import SceneError
 from scenes.paths import CameraPath
 
 
@@ -15,3 +18,26 @@ def test_the_pace_is_that_of_the_frames_that_are_run() -> None:
     sessions = {n: Session(Settings(frames=n), None, None, path, None, None, None) for n in (1, 2, 3)}
     paces = {frames: session.frame_rate for frames, session in sessions.items()}
     assert paces == {1: None, 2: 100.0, 3: 50.0}
+
+
+SMALL = Settings(methods=("sas",), scene="hall", detail=40_000, frames=1)
+
+
+@pytest.mark.parametrize("program", ["raster/clusters.cl", "raster/nowhere.cl"])
+def test_what_the_plan_needs_is_built_while_the_scene_is_read(device: Device, monkeypatch, program: str) -> None:
+    def ahead(plan: str) -> None:
+        asked.append(plan)
+        fresh.build(program, CLUSTER=64, TILE=64)  # what is missing stops nobody who does not need it
+
+    asked, fresh = [], Device(device.found)
+    monkeypatch.setattr(fresh, "build_ahead", ahead)
+    session = open_session(SMALL, fresh)
+    assert asked == [repr(SMALL)]
+    assert session.device is fresh
+
+
+def test_what_cannot_be_opened_says_so() -> None:
+    with pytest.raises(DeviceError, match="nowhere"):
+        open_session(Settings(methods=("sas",), scene="hall", detail=40_000, device="nowhere"))
+    with pytest.raises(SceneError, match="nowhere"):
+        open_session(Settings(methods=("sas",), scene="nowhere"))

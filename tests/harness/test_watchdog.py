@@ -1,6 +1,8 @@
 """Time limits: raised inside their block and nowhere else, in whatever thread."""
 
 import json
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -43,6 +45,17 @@ def test_an_alarm_that_is_off_raises_nothing():
 def test_one_that_rang_before_its_block_raises_in_it():
     with pytest.raises(PackTimeoutError), time_limit(0.0, "nothing"):
         busy()
+
+
+def test_a_profiler_sees_it_end() -> None:
+    program = """
+import sys
+from harness.watchdog import time_limit
+sys.setprofile(lambda *event: None)
+with time_limit(60, "profiled"):
+    pass
+"""
+    subprocess.run([sys.executable, "-c", program], timeout=60, check=True)
 
 
 def test_steps_that_ended_are_found_by_their_facts(tmp_path, monkeypatch):

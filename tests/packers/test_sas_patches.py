@@ -40,7 +40,7 @@ def assert_sound(patches: Patches, positions: np.ndarray, indices: np.ndarray) -
     u, v = POINTS[point].transpose(2, 0, 1)
     area = ((u[:, 1] - u[:, 0]) * (v[:, 2] - v[:, 0]) - (u[:, 2] - u[:, 0]) * (v[:, 1] - v[:, 0])) / 2
     assert (area > 0).all()
-    np.testing.assert_allclose(np.bincount(patches.of_triangle, area), np.where(patches.sizes == 1, 0.5, 1))
+    np.testing.assert_allclose(np.bincount(patches.of_triangle, area), np.where(patches.sizes() == 1, 0.5, 1))
 
 
 @settings(max_examples=25, deadline=None)
@@ -53,7 +53,7 @@ def test_patches_of_bent_grids_are_sound(columns, rows, seed):
 def test_a_flat_grid_becomes_its_squares():
     positions, indices = grid_mesh(20, 10)
     patches = find_patches(positions, indices)
-    assert (patches.sizes == 2).all()
+    assert (patches.sizes() == 2).all()
     np.testing.assert_array_equal(patches.of_triangle[::2], patches.of_triangle[1::2])
 
 
@@ -126,11 +126,22 @@ def scene_of(positions: np.ndarray, indices: np.ndarray, content_hash: str) -> S
 def test_patches_are_cached(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     scene = scene_of(*grid_mesh(4, 4, np.random.default_rng(2)), "abc")
-    found = cached_patches(scene)
+    found = vars(cached_patches(scene))  # the arrays alone, so that nothing holds the patches
     monkeypatch.setattr(module, "find_patches", lambda *_: pytest.fail("not read from the cache"))
-    again = cached_patches(scene)
-    for name in ("of_triangle", "codes", "members", "points"):
-        np.testing.assert_array_equal(getattr(found, name), getattr(again, name))
+    again = vars(cached_patches(scene))
+    assert found.keys() == again.keys()
+    for name, values in found.items():
+        assert again[name] is not values
+        np.testing.assert_array_equal(values, again[name])
+
+
+def test_packers_of_one_scene_hold_the_same_patches(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    scene = scene_of(*grid_mesh(4, 4, np.random.default_rng(3)), "abc")
+    held = cached_patches(scene)
+    assert cached_patches(scene) is held
+    other = scene_of(*grid_mesh(5, 4, np.random.default_rng(3)), "def")
+    assert cached_patches(other) is not held
 
 
 @pytest.mark.skipif(not (REAL_SCENES / "living_room").is_dir(), reason="no real scenes here")
@@ -140,4 +151,4 @@ def test_a_real_scene_is_mostly_pairs():
     scene = load_scene(str(REAL_SCENES / "living_room" / "scene.glb"))
     patches = find_patches(scene.positions, scene.indices)
     assert_sound(patches, scene.positions, scene.indices)
-    assert (patches.sizes >= 2).mean() > 0.9
+    assert (patches.sizes() >= 2).mean() > 0.9
