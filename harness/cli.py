@@ -86,6 +86,15 @@ Eye = Annotated[
     Text, _option(CLIENT, "Whose eye the reference is shaded for: client or server. Default: client", metavar="EYE")
 ]
 Atlas = Annotated[Text, _option(CODING, "Texels of the atlas. Default: 2048x2048", metavar="WxH")]
+Samples = Annotated[
+    Number,
+    _option(
+        CODING,
+        "Shading samples per pixel of the client's picture, for every method with an atlas, each by its own means. "
+        "Default: each method's own rule",
+        metavar="N",
+    ),
+]
 Codec = Annotated[Text, _option(CODING, "h264, jpeg or none. Default: h264", metavar="CODEC")]
 Crf = Annotated[Text, _option(CODING, "Rates to encode at. Default: 5,10,25,35", metavar="LIST")]
 DisplayCrf = Annotated[Whole, _option(CODING, "The rate the client sees. Default: 25", metavar="N")]
@@ -107,7 +116,7 @@ Vary = Annotated[
     list[str] | None,
     _option(
         WORK,
-        "Values of a parameter, or of atlas, crf, cell (RADIUS/FOV), size, fov, latency, pvs_density, scene; "
+        "Values of a parameter, or of atlas, samples, crf, cell (RADIUS/FOV), size, fov, latency, pvs_density, scene; "
         "repeatable: the grid has every combination. Default: each parameter of each method in turn",
         metavar="NAME=V1,V2",
     ),
@@ -148,6 +157,7 @@ def run(
     bandwidth: Bandwidth = None,
     reference_eye: Eye = None,
     atlas: Atlas = None,
+    samples: Samples = None,
     codec: Codec = None,
     crf: Crf = None,
     display_crf: DisplayCrf = None,
@@ -221,6 +231,7 @@ def sweep(
     latency: Latency = None,
     reference_eye: Eye = None,
     atlas: Atlas = None,
+    samples: Samples = None,
     codec: Codec = None,
     display_crf: DisplayCrf = None,
     device: DeviceName = None,

@@ -21,6 +21,12 @@ if TYPE_CHECKING:
 PREDICTIONS = 3
 
 
+def sample_budget(settings: Settings) -> int | None:
+    """Shading samples that a frame of these settings may have, None where there is no budget."""
+    per_pixel = settings.samples_per_pixel
+    return None if per_pixel is None else round(per_pixel * settings.width * settings.height)
+
+
 @dataclass(frozen=True)
 class Work:
     """One frame of work and, kept apart from what packers see, the novel view it is judged by.
@@ -75,6 +81,7 @@ class FrameSource:
             predicted=self._predicted(index),
             atlas_width=settings.atlas_width,
             atlas_height=settings.atlas_height,
+            sample_budget=sample_budget(settings),
             seed=settings.seed,
             frusta=self.frustum.split(pose, self.near),
         )

@@ -14,7 +14,7 @@ from harness import validity
 from harness.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
 from harness.coherence import AtlasHistory
 from harness.dump import owner_plane
-from harness.frames import Work
+from harness.frames import Work, sample_budget
 from harness.machine import peak_memory
 from harness.metrics import Metrics
 from harness.novel_view import NovelView
@@ -355,6 +355,7 @@ class Lane:
         return {
             "atlas_width": plane.shape[1],
             "atlas_height": plane.shape[0],
+            "sample_budget": sample_budget(self.settings),
             "fill": use.fill,
             "coherence": use.coherence,
             "coherence_bytes": use.coherence_bytes,
@@ -534,6 +535,7 @@ def same_work(a: Frame, b: Frame) -> bool:
         and len(a.predicted) == len(b.predicted)
         and (a.cell_radius, a.cell_fov, a.seed) == (b.cell_radius, b.cell_fov, b.seed)
         and (a.atlas_width, a.atlas_height) == (b.atlas_width, b.atlas_height)
+        and a.sample_budget == b.sample_budget
         and all(
             np.array_equal(one.matrix, other.matrix) and (one.width, one.height) == (other.width, other.height)
             for one, other in views

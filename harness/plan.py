@@ -75,6 +75,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     console.print(
         f"client {settings.width}x{settings.height} at {settings.fov:g} degrees, cell {settings.cell_radius:g} m / "
         f"{settings.cell_fov:g} degrees, atlas {settings.atlas_width}x{settings.atlas_height}, {settings.latency:g} ms"
+        + (f", {settings.samples_per_pixel:g} samples per pixel" if settings.samples_per_pixel else "")
     )
     console.print(f"device {device.name}")
     rates = ", ".join(str(crf) for crf in settings.crfs)
@@ -111,6 +112,7 @@ def _pace_file(settings: Settings, scene_hash: str) -> Path:
         "height",
         "atlas_width",
         "atlas_height",
+        "samples_per_pixel",
         "cell_radius",
         "cell_fov",
         "codec",

@@ -34,6 +34,7 @@ from harness.machine import commit
 from harness.metrics import Metrics
 from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
+from harness.off_budget import note_off_budget
 from harness.plan import check_folder, make_plan, remember_pace
 from harness.rare import note_unseen
 from harness.session import Session, find_methods, open_session
@@ -159,6 +160,7 @@ class Run:
         for index in range(self.frames):
             self._one_frame(index, done, finished, progress, task)
         note_unseen(self.store, (lane.packer for lane in self.lanes))
+        note_off_budget(self.store)
         self.session.device.announce = lambda path: None
         progress.remove_task(task)
         self.session.device.remember_programs(repr(self.settings))

@@ -27,6 +27,8 @@ class Settings:
 
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
     opaque: whether see-through materials are made opaque.
+    samples_per_pixel: shading samples per pixel of the client's picture for every method with an atlas; None for its
+        own rule.
     pvs_density: pixels of the PVS views per client pixel, along each axis; one view is denser for tiny triangles.
     timeout: seconds for one pack.
     bandwidth: of the network, in Mbit/s. reference_eye: whose eye the reference is shaded for, "client" or "server".
@@ -48,6 +50,7 @@ class Settings:
     fov: float = 60.0
     atlas_width: int = 2048
     atlas_height: int = 2048
+    samples_per_pixel: float | None = None
     cell_radius: float = CELLS["default"].radius
     cell_fov: float = CELLS["default"].fov
     pvs_density: float = 2.0
@@ -81,6 +84,10 @@ class Settings:
             (
                 min(self.atlas_width, self.atlas_height) >= 16 and max(self.atlas_width, self.atlas_height) <= 8192,
                 f"--atlas is {self.atlas_width}x{self.atlas_height}: give a width and height from 16 to 8192 texels.",
+            ),
+            (
+                self.samples_per_pixel is None or 0.01 <= self.samples_per_pixel <= 64,
+                f"--samples is {self.samples_per_pixel}: give 0.01 to 64 shading samples per pixel.",
             ),
             (1 <= self.fov <= 179, f"--fov is {self.fov:g}: give 1 to 179 degrees."),
             (
@@ -159,6 +166,8 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
         given["width"], given["height"] = parse_size(given.pop("size"), "--size")
     if "atlas" in given:
         given["atlas_width"], given["atlas_height"] = parse_size(given.pop("atlas"), "--atlas")
+    if "samples" in given:
+        given["samples_per_pixel"] = given.pop("samples")
     if "cell" in given:
         cell = parse_cell(given.pop("cell"))
         given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov

@@ -169,6 +169,8 @@ class Frame:
     pvs: int32 (n), ascending ids of the potentially visible triangles; pvs_device: the same on the device.
     predicted: client views predicted for the latency, nearest first.
     atlas_width, atlas_height: the plane to fill, in texels.
+    sample_budget: shading samples that a method with an atlas is to compute, by whatever means are its own, as near as
+        it and the atlas allow (see packers.budget); None where its own rule says how many.
     seed: for methods that need random numbers.
     frusta: where the cell's frustum is wider or higher than 100 degrees, and one view of it would have over four times
         the client's pixels, views from the server's eye that cover it together, each turned to its part and at the
@@ -185,6 +187,7 @@ class Frame:
     predicted: tuple[View, ...]
     atlas_width: int
     atlas_height: int
+    sample_budget: int | None = None
     seed: int = 0
     frusta: tuple[View, ...] = ()
 

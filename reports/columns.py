@@ -76,6 +76,7 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         int,
         "lower",
     ),
+    Column("sample_budget", "samples", "what --samples asks for; empty without it, and of lists", "setting", int),
     Column("atlas_width", "texels", "width of the atlas; empty for a method without one", "setting", int),
     Column("atlas_height", "texels", "height of the atlas; empty for a method without one", "setting", int),
     _quality("fill", "0..1", "higher", "share of the atlas' texels that a triangle owns"),
@@ -226,10 +227,13 @@ def statistic_columns(measure: Column, middle_of: str = "") -> tuple[Column, ...
 
 SWEEP_SETTINGS = (
     "scene", "path", "width", "height", "fov", "cell_radius", "cell_fov", "pvs_density", "latency", "atlas_width",
-    "atlas_height", "seed",
+    "atlas_height", "samples_per_pixel", "seed",
 )  # fmt: skip
 _SETTINGS_OF_SWEEPS = BY_NAME | {
-    "pvs_density": Column("pvs_density", "", "density of the PVS views over the client's", "setting", float)
+    "samples_per_pixel": Column(
+        "samples_per_pixel", "", "shading samples per pixel asked for; empty without --samples", "setting", float
+    ),
+    "pvs_density": Column("pvs_density", "", "density of the PVS views over the client's", "setting", float),
 }
 MEASURES_OF_SWEEPS = BY_NAME | {
     "atlas_mb": Column(

@@ -41,6 +41,10 @@ def _read_atlas(text: str) -> Values:
     return {"atlas_width": width, "atlas_height": height}
 
 
+def _read_samples(text: str) -> Values:
+    return {"samples_per_pixel": _read_number("samples")(text)["samples"]}
+
+
 def _read_cell(text: str) -> Values:
     cell = CELLS.get(text)
     radius, fov = (cell.radius, cell.fov) if cell else parse_pair(text.replace(":", "/"), "/", "--vary cell", "0.1/90")
@@ -65,6 +69,7 @@ def _read_number(name: str, kind: type = float) -> Callable[[str], Values]:
 
 SETTINGS = {
     "atlas": Setting(_read_atlas, False, "1024,2048x1024"),
+    "samples": Setting(_read_samples, False, "1,2,4"),
     "crf": Setting(_read_crf, False, "15,25,35"),
     "cell": Setting(_read_cell, True, "0.08/80,0.2/125,pvs1"),
     "size": Setting(_read_size, True, "480x270,960x540"),

@@ -198,7 +198,7 @@ def _describe(cell: Cell, folder: str) -> dict[str, Any]:
     lossless: tuple[str, int | None] = ("none", None)
     coded = {"h264": ("h264", settings.display_crf), "jpeg": ("jpeg", None)}.get(settings.codec)
     displayed = {"displayed": coded if cell.packer.atlas else lossless} if coded else {}
-    atlas = {} if cell.packer.atlas else {"atlas_width": None, "atlas_height": None}
+    atlas = {} if cell.packer.atlas else {"atlas_width": None, "atlas_height": None, "samples_per_pixel": None}
     return {
         "folder": folder,
         "method": method,

@@ -2,10 +2,6 @@
 
 // Persistent allocation of blocks in three phases: request, provision, assign. `top` is log2 of a superblock's side.
 
-#define STEPS 8
-
-static inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
-
 static inline int class_of_word(uint word, int top) {
     const Block block = unpack_location(word);
     return size_class(block.w, block.h, top);

@@ -2,7 +2,6 @@
 
 // How many superblocks the request of a frame needs at each allocation bias.
 
-#define STEPS 8
 #define SIZES 128
 
 // Inclusive sums along each row, then along each column, in place: entry (h, w) becomes the number of patches of at

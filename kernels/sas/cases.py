@@ -11,7 +11,14 @@ from kernels.inputs.patches import random_masks, random_patches, words_in_rows
 from kernels.sas.allocate import Allocator, AllocatorTwin, Grid
 from kernels.sas.bias import needed_superblocks, needed_superblocks_twin
 from kernels.sas.corners import locate_corners, locate_corners_twin
-from kernels.sas.emit import Unfolded, emit_samples, emit_samples_twin, without_texel_twin
+from kernels.sas.emit import (
+    Unfolded,
+    count_asked,
+    count_asked_twin,
+    emit_samples,
+    emit_samples_twin,
+    without_texel_twin,
+)
 from kernels.sas.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
 from kernels.sas.layout import pack_location
 from kernels.sas.visible import visible_patches, visible_patches_twin
@@ -146,6 +153,25 @@ def corners(device: Device, kind: str, size: int) -> Trial:
         return locate_corners(device, *uploaded[:2], size, uploaded[2], "corners")
 
     return Trial({"n": size}, run, lambda: [Result(run().get(), locate_corners_twin(patches, codes, words))])
+
+
+@case({"emit.ask_in_corner": Cost("n", "(4 + 4 + 4)*n")}, 1 << 14, 400)
+def budget(device: Device, kind: str, size: int) -> Trial:
+    """How many samples patches ask for. Adversarial: sides beyond a superblock's, and one triangle of each visible."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    soup, top = random_patches(rng, size), 4
+    w, h = rng.integers(0, SIZES if hard else 40, (2, size))
+    sizes, patches = (w | h << 8).astype(np.int32), np.arange(size, dtype=np.int32)
+    masks = np.ones(size, np.uint8) if hard else random_masks(rng, soup)
+    uploaded = [device.upload(array) for array in (patches, masks, sizes, soup.members)]
+
+    def run() -> int:
+        return count_asked(device, *uploaded[:2], size, uploaded[2], top, size, uploaded[3], False)
+
+    def results() -> list[Result]:
+        return [Result(np.array([run()]), np.array([count_asked_twin(masks, sizes, top, soup)]))]
+
+    return Trial({"n": size}, run, results)
 
 
 EMISSION = {

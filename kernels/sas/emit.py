@@ -9,15 +9,17 @@ import numpy as np
 
 from kernels.common.scan import exclusive_scan
 from kernels.samples import Samples
-from kernels.sas.layout import POINTS, ROLE_WEIGHTS, corner_points, unpack_location
+from kernels.sas.bias import levels_at
+from kernels.sas.layout import POINTS, ROLE_WEIGHTS, corner_points, pack_location, unpack_location
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from kernels.device import Device
+    from kernels.inputs.patches import Soup
     from kernels.triangles import Triangles
 
-STAGE = "gather/emit"
+STAGE, BUDGET = "gather/emit", "structs/budget"
 RUNS = 512  # on a CPU: patches differ in size by 65536, so more runs than cores by far
 
 
@@ -73,21 +75,62 @@ def emit_samples(
     along a side of one texel the middle stands for all. The footprint is the longer of the two ways on the surface
     between neighbouring texels.
     """
-    kernels = device.build("sas/emit.cl")
-    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
-    runs = -(-count // run)
+    run, runs = _runs(device, count, runs)
     listed = (count, run, runs, int(complete), patches, masks, unfolded.members, words)
-    local = 1 if device.is_cpu else None
-    counts, without = device.empty(runs, np.int32), device.empty(1, np.int32)
-    device.fill(without, 0, STAGE)
-    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, without, local=local)
+    counts, without = _counted(device, listed, STAGE)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     bare = int(without.get()[0])
     s = Samples.allocate(device, total)
+    kernels, local = device.build("sas/emit.cl"), 1 if device.is_cpu else None
     known = (unfolded.codes, unfolded.weights, unfolded.ways, atlas_width, counts, offsets)
     arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
     return s, bare
+
+
+def _runs(device: Device, count: int, runs: int | None = None) -> tuple[int, int]:
+    """How many patches one work-item goes through, and how many work-items that are."""
+    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
+    return run, -(-count // run)
+
+
+def _counted(device: Device, listed: tuple, stage: str) -> tuple[Array, Array]:
+    """Samples of each run, and the number of triangles without a texel."""
+    counts, without = device.empty(listed[2], np.int32), device.empty(1, np.int32)
+    device.fill(without, 0, stage)
+    kernel, local = device.build("sas/emit.cl").count_samples, 1 if device.is_cpu else None
+    device.launch(stage, kernel, listed[2], *listed, counts, without, local=local)
+    return counts, without
+
+
+def count_asked(
+    device: Device,
+    patches: Array,
+    masks: Array,
+    count: int,
+    sizes: Array,
+    top: int,
+    patch_count: int,
+    members: Array,
+    complete: bool,
+) -> int:
+    """The samples that `count` patches of the scene's `patch_count` have in blocks as large as they ask for.
+
+    sizes: as from `measure_sides`. top: log2 of a superblock's side. The rest as in `emit_samples`.
+    """
+    words = device.recycled(patch_count, np.uint32)
+    device.launch(BUDGET, device.build("sas/emit.cl").ask_in_corner, count, count, patches, sizes, top, words)
+    run, runs = _runs(device, count)
+    counts, _ = _counted(device, (count, run, runs, int(complete), patches, masks, members, words), BUDGET)
+    return exclusive_scan(device, counts, runs, BUDGET)[1]
+
+
+def count_asked_twin(masks: np.ndarray, sizes: np.ndarray, top: int, soup: Soup) -> int:
+    """The same for patches 0, 1, ... of which `masks` and `sizes` are."""
+    zeros, patches = np.zeros(len(sizes), np.int64), np.arange(len(sizes))
+    words = pack_location(zeros, zeros, levels_at(sizes & 0xFF, 0, top), levels_at(sizes >> 8, 0, top))
+    arrays = (soup.members, soup.codes, soup.indices, soup.positions)
+    return len(emit_samples_twin(patches, masks, words, *arrays, 1, False)["texel"])
 
 
 def without_texel_twin(

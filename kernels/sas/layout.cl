@@ -21,5 +21,10 @@ static inline Block unpack_location(uint word) {
     return block;
 }
 
+// The level of a side of `steps` eighths at a bias of `bias` eighths.
+#define STEPS 8
+
+static inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
+
 // Blocks of one size form a class; `top` is log2 of a superblock's side, the largest level.
 static inline int size_class(int w, int h, int top) { return h * (top + 1) + w; }

@@ -13,7 +13,7 @@ from kernels.inputs.soups import FAR_EYE, far_soup
 from kernels.samples import Samples
 from kernels.triangles import Triangles
 from kernels.tss.bins import Bins
-from kernels.tss.emit import CellTable, emit_primitive_twin, emit_samples
+from kernels.tss.emit import CellTable, count_samples, emit_primitive_twin, emit_samples
 from kernels.tss.footprint import camera_floats, measure_triangles, measure_triangles_twin
 from kernels.tss.forms import choose_forms, choose_forms_twin
 from kernels.tss.layout import lay_out, lay_out_twin, place_items, place_items_twin
@@ -209,7 +209,9 @@ def emission(device: Device, kind: str, size: int) -> Trial:
 
     def results() -> list[Result]:
         samples, expected = run(), samples_twin(scene, packed)
-        return [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
+        found = [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
+        everything = count_samples(device, primitives.count, packed.forms, table)
+        return [*found, Result(np.array([everything]), np.array([len(expected["texel"])]))]
 
     return Trial({"p": primitives.count, "n": run().count}, run, results)
 

@@ -11,8 +11,9 @@ INLINE int samples_of(int4 form, int2 places, __global const int *starts) {
     if (form.x != OVERSAMPLED) return places.x >= 0 ? starts[form.x + 1] - starts[form.x] : 0;
     int sum = 0;
     for (int side = 0; side < 2; side++) {
-        if ((side ? places.y : places.x) < 0) continue;
-        const int w = side ? form.w : form.z, h = form.y, p = GREATER(w, h), q = LESSER(w, h);
+        const int w = side ? form.w : form.z;
+        if ((side ? places.y : places.x) < 0 || w == 0) continue;
+        const int h = form.y, p = GREATER(w, h), q = LESSER(w, h);
         for (int row = 0; row <= q; row++) sum += row_length(p, q, row);
     }
     return sum;

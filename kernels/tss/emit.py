@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from kernels.triangles import Triangles
     from kernels.tss.primitives import Primitives
 
-STAGE = "gather/emit"
+STAGE, BUDGET = "gather/emit", "structs/budget"
 RUNS = 512  # on a CPU: primitives differ in size, so more runs than cores by far
 
 
@@ -77,13 +77,9 @@ def emit_samples(
     oversampled: whether any form is OVERSAMPLED; without, their code is not there.
     """
     kernels = device.build("tss/emit.cl", OVERSAMPLING=int(oversampled))
-    count = primitives.count
-    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
-    runs = -(-count // run)
     local = 1 if device.is_cpu else None
-    counts = device.empty(runs, np.int32)
-    listed = (count, run, runs, forms, places, table.starts)
-    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
+    listed, counts = _counted(device, primitives.count, forms, places, table, oversampled, runs, STAGE)
+    runs = listed[2]
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
     known = (primitives.firsts, primitives.parents, primitives.starts, primitives.pieces, inverse, primitives.ids)
@@ -91,6 +87,33 @@ def emit_samples(
     arrays = (counts, offsets, s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *scene, *arrays, local=local)
     return s
+
+
+def _counted(
+    device: Device,
+    count: int,
+    forms: Array,
+    places: Array,
+    table: CellTable,
+    oversampled: bool,
+    runs: int | None,
+    stage: str,
+) -> tuple[tuple, Array]:
+    """How `count` primitives are cut into runs, with what is known of them, and the samples of each run."""
+    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
+    runs = -(-count // run)
+    counts, listed = device.empty(runs, np.int32), (count, run, runs, forms, places, table.starts)
+    kernel = device.build("tss/emit.cl", OVERSAMPLING=int(oversampled)).count_samples
+    device.launch(stage, kernel, runs, *listed, counts, local=1 if device.is_cpu else None)
+    return listed, counts
+
+
+def count_samples(device: Device, count: int, forms: Array, table: CellTable) -> int:
+    """The samples that `count` primitives of these forms have once all of their items are placed."""
+    places = device.recycled((count, 2), np.int32)
+    device.fill(places, 0, BUDGET)
+    listed, counts = _counted(device, count, forms, places, table, True, None, BUDGET)
+    return exclusive_scan(device, counts, listed[2], BUDGET)[1]
 
 
 def row_length(p: int, q: int, row: int) -> int:

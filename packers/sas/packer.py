@@ -11,15 +11,18 @@ import numpy as np
 
 from kernels.sas.allocate import Allocator, Grid
 from kernels.sas.bias import needed_superblocks
-from kernels.sas.emit import Unfolded, emit_samples
+from kernels.sas.emit import Unfolded, count_asked, emit_samples
 from kernels.sas.footprint import STEPS, measure_sides
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
+from packers.budget import rate_for
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
 from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from kernels.samples import Samples
 
 FEWEST_SUPERBLOCKS = 128  # of an atlas, when their side is chosen for it: the paper's settings give 128 to 256
@@ -73,7 +76,7 @@ class ShadingAtlasStreaming(Packer):
         self.members = upload(self.patches.members)
         self.unfolded = Unfolded.measure(scene.device, self.members, upload(self.patches.codes), scene.triangles)
         self.marks = scene.device.zeros(max(1, scene.triangles.count), np.int32)
-        self.mark = 0
+        self.mark, self.rate = 0, 1.0
         attributes = dict(zip(ATTRIBUTES, (self.patches.of_triangle, self.patches.codes), strict=True))
         self.geometry = geometry_encoder(scene, attributes)
         self.sent, self.changed = np.zeros(self.patches.count, np.uint32), True
@@ -96,9 +99,7 @@ class ShadingAtlasStreaming(Packer):
         self.mark += 1
         known = (self.of_triangle, self.members, self.marks, self.mark)
         patches, masks, count = visible_patches(device, frame.pvs_device, len(frame.pvs), *known)
-        server, positions = frame.server, frame.scene.triangles.positions
-        seen = (positions, server.eye, server.pixels_per_tangent)
-        sizes, histogram = measure_sides(device, patches, count, self.points, *seen)
+        sizes, histogram = self._measure(frame, patches, masks, count)
         bias = self._search_bias(needed_superblocks(device, histogram, self.allocator.grid.top))
         resets = self.allocator.resets
         self.allocator.allocate(patches, count, sizes, bias, self.members, self.marks, self.mark)
@@ -108,6 +109,23 @@ class ShadingAtlasStreaming(Packer):
         listed = (patches, masks, count, self.allocator.words)
         samples, without = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
         return self._payload(frame, shown, words, samples, {"bias": bias / STEPS, "triangles_without_texel": without})
+
+    def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, Array]:
+        """Sizes of the patches' sides and their histogram, at the rate that the frame's sample budget asks for: a bias
+        that is any number."""
+        device, server = frame.scene.device, frame.server
+
+        def measured(rate: float) -> tuple[Array, Array]:
+            seen = (frame.scene.triangles.positions, server.eye, rate * server.pixels_per_tangent)
+            return measure_sides(device, patches, count, self.points, *seen)
+
+        def samples(rate: float) -> int:
+            asked = (measured(rate)[0], self.allocator.grid.top, self.patches.count)
+            return count_asked(device, patches, masks, count, *asked, self.unfolded.members, self.complete)
+
+        if frame.sample_budget is not None:
+            self.rate = rate_for(frame.sample_budget, samples, self.rate)
+        return measured(self.rate)
 
     def _search_bias(self, needed: np.ndarray) -> int:
         """The smallest bias, in eighths, whose request fits; the largest if none does."""

@@ -30,6 +30,7 @@ from kernels.snakebinning.place import Places, find_new, list_records, place_tri
 from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
+from packers.budget import keeps, rate_for
 from packers.interface import ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
 from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
 from packers.snakebinning.parameters import PARAMETERS
@@ -76,12 +77,13 @@ class SnakeBinning(Packer):
         self.rebuilt_area = self.added_area = 0.0  # texels, at the last rebuild and since then
         self.rebuilds = self.remappings = self.resets = 0
         self.step = self.mapped_at = 0
+        self.full_rate = self.shading_rate  # texels per pixel in a large enough atlas
         self.left_out = np.zeros(count + MOST, bool)  # triangles and pieces for which the atlas is too small
         self.blocks: Superblocks | None = None
 
     def rare_costs(self) -> tuple[RareCost, ...]:
         """A rebuild measures and ranks the whole set, a new mapping empties all bins, a reset tries shading rates."""
-        found = [RareCost("an atlas reset", "when the atlas is full", "resets")]
+        found = [RareCost("an atlas reset", "when the atlas is full or the samples leave their budget", "resets")]
         if self.remap_interval > 0 and self.mapping != "off":
             when = f"after {self.remap_interval} frames at the latest"
             found.append(RareCost("a new mapping of all bins", when, "remappings", self.remap_interval + 1))
@@ -102,13 +104,38 @@ class SnakeBinning(Packer):
             if not self._rebuild(frame):
                 self.resets += 1
                 self._reset(frame)
+        samples = self._emit_within_budget(frame)
         records, cuts = list_records(device, *self.items, self.places, self.footprints, self.blocks.strips)
-        known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, self.pieces)
-        samples = emit_samples(device, *self.items, *known, frame.atlas_width, self.full_footprint, self.enlarge)
         planes = frame.shade(samples)
         if self.average_clear:
             clear_strips(device, self.blocks, planes["atlas"])
         return self._payload(frame, records, cuts, samples, planes)
+
+    def _emit_within_budget(self, frame: Frame) -> Samples:
+        """The samples of the layout; where they are not as many as the frame's budget has, of one at another rate."""
+        samples, budget = self._emit(frame), frame.sample_budget
+        if budget is None or keeps(budget, samples.count, self.full_rate) or self._is_full(samples.count, budget):
+            return samples
+
+        def at(rate: float) -> int:
+            nonlocal samples
+            self.full_rate, self.step = rate, 0
+            self._reset(frame)
+            samples = self._emit(frame)
+            return budget if self._is_full(samples.count, budget) else samples.count
+
+        self.resets += self.frame > 1
+        rate_for(budget, at, self.full_rate, samples.count)
+        return samples
+
+    def _is_full(self, samples: int, budget: int) -> bool:
+        """Whether the atlas has no room for more."""
+        return samples < budget and (self.step > 1 or bool(self.left_out.any()))
+
+    def _emit(self, frame: Frame) -> Samples:
+        known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, self.pieces)
+        known += (frame.atlas_width, self.full_footprint, self.enlarge)
+        return emit_samples(frame.scene.device, *self.items, *known)
 
     def _begin(self, frame: Frame) -> None:
         """Set up for an atlas."""
@@ -133,7 +160,7 @@ class SnakeBinning(Packer):
     @property
     def rate(self) -> float:
         """Texels per pixel: all of them at the first two steps, and 2^(1/8) times fewer at each one further."""
-        return self.shading_rate * 2 ** (-max(self.step - 1, 0) / 8)
+        return self.full_rate * 2 ** (-max(self.step - 1, 0) / 8)
 
     def _append(self, frame: Frame) -> bool:
         """Add what is new to strips in which nothing moves; False if the set has changed too much for that."""

@@ -15,13 +15,14 @@ from arithmetic import draws
 from arithmetic.functions import log2, power
 from kernels.common.rank import rank_by_class
 from kernels.tss.bins import Bins
-from kernels.tss.emit import CellTable, build_kernels, emit_samples
+from kernels.tss.emit import CellTable, build_kernels, count_samples, emit_samples
 from kernels.tss.footprint import camera_floats
 from kernels.tss.forms import OVERSAMPLED, choose_forms
 from kernels.tss.layout import lay_out, place_items
 from kernels.tss.perspective import invert_depths
 from kernels.tss.primitives import Primitives, list_primitives
 from packers.atlas_client import geometry_encoder
+from packers.budget import rate_for
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
 from packers.tss.client import TessellatedClient
 from packers.tss.message import Placement, encode
@@ -106,6 +107,7 @@ class TessellatedShadingStreaming(Packer):
         self.geometry = geometry_encoder(scene, {})
         build_kernels(scene.device)
         self.step, self.guess = 0, -1  # of the last frame's scale, and where the search for it began
+        self.rate = 1.0  # texels per pixel in a large enough atlas
 
     def settled(self) -> bool:
         """Only the scale is kept from frame to frame, to begin with; the order of arrival is another in each."""
@@ -161,8 +163,7 @@ class TessellatedShadingStreaming(Packer):
 
         The search begins at the last frame's scale, which is mostly the same: then two layouts are enough.
         """
-        client = frame.predicted[0] if frame.predicted else frame.server
-        widest = 1.0 if self.picture == "density" else client.width / frame.server.width
+        widest = self._widest(frame, camera)
         fitting: Arranged | None = None
         uncut: tuple[int, Primitives] | None = None  # a step without cut triangles, as are all larger ones
 
@@ -184,21 +185,40 @@ class TessellatedShadingStreaming(Packer):
             excess(LAST)
         return fitting
 
+    def _widest(self, frame: Frame, camera: Array) -> float:
+        """Texels per pixel in a large enough atlas: what a sample budget asks for, or one."""
+        client = frame.predicted[0] if frame.predicted else frame.server
+        picture = 1.0 if self.picture == "density" else client.width / frame.server.width
+
+        def samples(rate: float) -> int:
+            primitives = self._list(frame, camera, rate * picture)
+            turns = self._turns(frame, primitives.count)
+            known = (rate * picture, self.threshold, turns, self.bin_tables)
+            forms, _ = choose_forms(frame.scene.device, primitives, *known)
+            return count_samples(frame.scene.device, primitives.count, forms, self.cells)
+
+        if frame.sample_budget is not None:
+            self.rate = rate_for(frame.sample_budget, samples, self.rate)
+        return self.rate * picture
+
     def _list(self, frame: Frame, camera: Array, scale: float) -> Primitives:
         listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale, self.threshold)
         return list_primitives(frame.scene.device, *listed)
 
     def _arrange_at(self, frame: Frame, primitives: Primitives, scale: float) -> Arranged:
         device, count = frame.scene.device, primitives.count
-        turns = np.arange(count, dtype=np.int32)
-        if self.order == "arrival":
-            turns = draws.generator([frame.seed, frame.index]).permutation(turns)
-        turns = device.upload(turns)
-        form = (primitives, scale, self.threshold, turns, self.bin_tables)
-        forms, items = choose_forms(device, *form)
+        turns = self._turns(frame, count)
+        forms, items = choose_forms(device, primitives, scale, self.threshold, turns, self.bin_tables)
         ranks, totals = rank_by_class(device, items, 2 * count, self.bins.count, "structs/rank")
         regions, used = lay_out(device, self.bin_tables, totals, frame.atlas_width)
         return Arranged(scale, primitives, forms, (turns, items, ranks), regions, used)
+
+    def _turns(self, frame: Frame, count: int) -> Array:
+        """When each primitive is placed, int32 (count)."""
+        turns = np.arange(count, dtype=np.int32)
+        if self.order == "arrival":
+            turns = draws.generator([frame.seed, frame.index]).permutation(turns)
+        return frame.scene.device.upload(turns)
 
     def _read(self, arranged: Arranged, places: Array, camera: np.ndarray) -> Placement:
         """What was decided, on the host."""

@@ -1,0 +1,41 @@
+"""Which methods do not compute as many samples as `--samples` asks for, and why."""
+
+from __future__ import annotations
+
+from packers.budget import TOLERANCE
+from reports.store import Store
+
+NOTES = "warning/budget"  # where the store keeps the sentences
+
+
+def note_off_budget(store: Store) -> None:
+    """Write a warning about every method with frames off their sample budget, in place of earlier ones."""
+    for key in store.notes.under(NOTES):
+        del store.notes[f"{NOTES}/{key}"]
+    for key, text in off_budget(store).items():
+        store.notes[f"{NOTES}/{key}"] = text
+
+
+def off_budget(store: Store) -> dict[str, str]:
+    """A sentence by METHOD[VARIANT]."""
+    shares: dict[tuple[str, str], dict[int, float]] = {}
+    for row in store.rows():
+        if row["sample_budget"] and row["samples"] is not None:
+            share = row["samples"] / row["sample_budget"] - 1
+            shares.setdefault((row["method"], row["variant"]), {})[row["frame"]] = share
+    return {
+        f"{method}[{variant}]": _sentence(method, list(of_frames.values()))
+        for (method, variant), of_frames in shares.items()
+        if max(map(abs, of_frames.values())) > TOLERANCE
+    }
+
+
+def _sentence(method: str, shares: list[float]) -> str:
+    off, worst = sum(abs(share) > TOLERANCE for share in shares), max(shares, key=abs)
+    more, why = (
+        ("more", "the triangles of the set have their smallest sizes")
+        if worst > 0
+        else ("fewer", "its atlas has no room for more, see --atlas, or its triangles have their largest sizes")
+    )
+    frames = f"in {off} of {len(shares)} frames" if len(shares) > 1 else "in its only frame"
+    return f"{method} computes up to {abs(worst):.0%} {more} samples than --samples asks for, {frames}: {why}."

@@ -1,0 +1,124 @@
+"""Sample budgets: every method with an atlas meets them by its own means, and says where it cannot."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from packers.budget import HIGHEST, LOWEST, TOLERANCE, keeps, rate_for
+from packers.interface import Packer, ServerScene
+from packers.sas import ShadingAtlasStreaming
+from packers.snakebinning import SnakeBinning
+from packers.tss import TessellatedShadingStreaming
+from tests.packers.rooms import changing_sets, frame_of
+from tests.packers.streams import Stream
+
+counts = st.integers(1, 10**7)
+rates = st.floats(LOWEST, HIGHEST)
+
+
+@given(st.integers(1000, 10**7), rates, st.floats(1e3, 1e6), st.floats(0, 1e4))
+def test_a_smooth_count_is_met_or_an_end_is_reached(budget: int, start: float, unit: float, least: float) -> None:
+    asked: list[float] = []
+
+    def count(rate: float) -> int:
+        asked.append(rate)
+        return int(least + unit * rate * rate)
+
+    rate = rate_for(budget, count, start)
+    assert asked[-1] == rate
+    assert LOWEST <= rate <= HIGHEST
+    assert keeps(budget, count(rate), rate)
+
+
+@given(counts, rates, st.lists(st.tuples(rates, st.integers(1, 10**6)), min_size=1, max_size=20))
+def test_of_a_count_in_steps_nothing_nearer_is_left(budget: int, start: float, steps: list) -> None:
+    def count(rate: float) -> int:
+        return 1 + sum(height for place, height in steps if rate >= place)
+
+    rate = rate_for(budget, count, start)
+    if not keeps(budget, count(start), start):
+        sides = [side for place, _ in steps for side in (place, max(LOWEST, np.nextafter(place, 0)))]
+        nearest = min(abs(count(side) - budget) for side in (LOWEST, HIGHEST, *sides))
+        assert abs(count(rate) - budget) <= max(nearest, TOLERANCE * budget) or _is_narrow(steps, rate)
+
+
+def _is_narrow(steps: list, rate: float) -> bool:
+    """Whether the rate lies so near to a step that the search ends there."""
+    return min(abs(np.log(place / rate)) for place, _ in steps) < 0.01
+
+
+def test_a_rate_within_the_tolerance_stays() -> None:
+    asked: list[float] = []
+
+    def count(rate: float) -> int:
+        asked.append(rate)
+        return 1000
+
+    assert rate_for(round(1000 / (1 + 0.9 * TOLERANCE)), count, 0.7) == 0.7
+    assert asked == [0.7]
+    assert rate_for(1020, count, 0.3, found=1020) == 0.3
+    assert len(asked) == 1
+
+
+@pytest.mark.parametrize(("budget", "end"), [(1, LOWEST), (10**9, HIGHEST)])
+def test_what_no_rate_reaches_ends_at_an_end_and_stays_there(budget: int, end: float) -> None:
+    asked: list[float] = []
+
+    def count(rate: float) -> int:
+        asked.append(rate)
+        return 1000 + int(100 * rate)
+
+    rate = rate_for(budget, count, 1.0)
+    assert rate == end
+    assert asked[-1] == end
+    trials = len(asked)
+    assert rate_for(budget, count, rate) == end
+    assert len(asked) == trials + 1
+
+
+METHODS = [ShadingAtlasStreaming, TessellatedShadingStreaming, SnakeBinning]
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
+@pytest.mark.parametrize("budget", [8_000, 30_000, 150_000])
+def test_a_walk_meets_its_budget(scene: ServerScene, method: type[Packer], budget: int) -> None:
+    stream, again = Stream(method, scene), Stream(method, scene)
+    for step in range(4):
+        frame = replace(frame_of(scene, 1024, 1024, 4 * step), sample_budget=budget)
+        payload = stream.send(frame)
+        assert stream.violations(frame, payload) == []
+        assert payload.unplaced == {}
+        assert abs(payload.sample_count - budget) <= TOLERANCE * budget
+        assert again.send(frame).planes["atlas"].get().tobytes() == payload.planes["atlas"].get().tobytes()
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
+def test_a_budget_that_the_atlas_does_not_hold_fills_it(scene: ServerScene, method: type[Packer]) -> None:
+    counts = []
+    for budget in (None, 10**6):
+        stream = Stream(method, scene)
+        for step in range(3):
+            frame = replace(frame_of(scene, 128, 128, 4 * step), sample_budget=budget)
+            payload = stream.send(frame)
+            assert stream.violations(frame, payload) == []
+            assert payload.sample_count <= 128 * 128
+        counts.append(payload.sample_count)
+    assert counts[1] > 0.7 * counts[0]
+
+
+@pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
+@settings(max_examples=8, deadline=None)
+@given(seed=st.integers(0, 1000), budgets=st.lists(st.integers(1, 10**6), min_size=4, max_size=4))
+def test_any_budgets_and_sets_are_valid(
+    scene: ServerScene, method: type[Packer], seed: int, budgets: list[int]
+) -> None:
+    stream, rng = Stream(method, scene), np.random.default_rng(seed)
+    sets = changing_sets(rng, scene.triangles.count, ["little", "none", "all", "one"], 0.05)
+    for chosen, budget in zip(sets, budgets, strict=True):
+        frame = replace(frame_of(scene, 256, 256, 0, chosen), sample_budget=budget)
+        assert stream.violations(frame, stream.send(frame)) == []
