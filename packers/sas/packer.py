@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from arithmetic.functions import log2
 from kernels.sas.allocate import Allocator, Grid
 from kernels.sas.bias import needed_superblocks
 from kernels.sas.emit import Unfolded, count_asked, emit_samples
@@ -108,7 +109,8 @@ class ShadingAtlasStreaming(Packer):
         self.changed = self.allocator.resets > resets or not np.array_equal(words, self.sent[shown])
         listed = (patches, masks, count, self.allocator.words)
         samples, without = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        return self._payload(frame, shown, words, samples, {"bias": bias / STEPS, "triangles_without_texel": without})
+        found = {"bias": bias / STEPS - float(log2(self.rate)), "triangles_without_texel": without}
+        return self._payload(frame, shown, words, samples, found)
 
     def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, Array]:
         """Sizes of the patches' sides and their histogram, at the rate that the frame's sample budget asks for: a bias

@@ -18,7 +18,7 @@ from tests.reports.synthetic import COMMON, METHODS, PLAN, frame_rows, make_stor
 
 ISSUE_ORDER = """scene,scene_hash,path,path_hash,frame_rate,method,variant,codec,crf,frame,status,reason,width,height,
 fov,cell_radius,cell_fov,latency,reference_eye,bandwidth,device,seed,pvs_triangles,placed_triangles,samples,
-atlas_width,atlas_height,fill,pvs_ms,structs_ms,
+sample_budget,atlas_width,atlas_height,fill,pvs_ms,structs_ms,
 gather_ms,server_ms,serialise_ms,fill_ms,encode_ms,network_ms,decode_ms,receive_ms,draw_host_ms,client_ms,frame_ms,
 wall_ms,bytes_total,bytes_video,bytes_alpha,bytes_metadata,bytes_geometry,
 compression_ratio,flip,view_dependence,dssim,iwssim,psnr,delta_e,stretch_l2,stretch_linf,coherence,coherence_bytes,missing_px,holes_px,

@@ -1,0 +1,36 @@
+"""Methods off their sample budget are named, with how far and why."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from harness.off_budget import NOTES, note_off_budget
+from reports.store import Store
+from tests.reports.synthetic import COMMON
+
+
+def commit(store: Store, method: str, frame: int, samples: int | None, budget: int | None) -> None:
+    status = "ok" if samples is not None else "failed"
+    row = COMMON | {"codec": "none", "status": status, "samples": samples, "sample_budget": budget}
+    store.commit_frame(method, "", frame, [row], (), {})
+
+
+def test_who_is_off_is_told_once_and_only_while_it_is(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        for frame, samples in enumerate((1000, 1049, 951)):
+            commit(store, "near", frame, samples, 1000)
+            commit(store, "list", frame, 5 * samples, None)
+        for frame, samples in enumerate((1000, 1120, 1060)):
+            commit(store, "more", frame, samples, 1000)
+        commit(store, "fewer", 0, 400, 1000)
+        commit(store, "failed", 0, None, 1000)
+        note_off_budget(store)
+        told = store.notes.under(NOTES)
+        assert set(told) == {"more[]", "fewer[]"}
+        assert "12% more samples than --samples asks for, in 2 of 3 frames" in told["more[]"]
+        assert "smallest sizes" in told["more[]"]
+        assert "60% fewer samples" in told["fewer[]"]
+        assert "in its only frame: its atlas has no room" in told["fewer[]"]
+        store.notes[f"{NOTES}/gone[]"] = "of an earlier time"
+        note_off_budget(store)
+        assert store.notes.under(NOTES) == told
