@@ -8,7 +8,8 @@ from collections.abc import Callable
 TOLERANCE = 0.05  # share by which the samples of a frame may differ from its budget
 CLOSE = 0.01  # share within which a search ends, so that the next frames need none
 LOWEST, HIGHEST = 1 / 64, 8.0  # texels per pixel along each axis
-TRIALS = 16
+TRIALS = 24
+FURTHEST = 2.0  # by which the rate of a trial may differ from that of the one before
 
 
 def keeps(budget: int, found: int, rate: float) -> bool:
@@ -29,19 +30,24 @@ def rate_for(budget: int, count: Callable[[float], int], rate: float, found: int
     found = count(rate) if found is None else found
     if keeps(budget, found, rate):
         return rate
-    low, high = LOWEST / 2, HIGHEST * 2  # too few samples at low, too many at high
+    few, many, power = None, None, 2.0  # rates with too few and too many samples; of which power of it they grow
     best, least = rate, abs(found - budget)
     for trial in range(TRIALS):
-        low, high = (rate, high) if found < budget else (low, rate)
-        rate = min(max(rate * math.sqrt(budget / max(found, 1)), LOWEST), HIGHEST)
-        if trial % 3 == 2 or not low < rate < high:  # the count has steps
-            rate = min(max(math.sqrt(low * high), LOWEST), HIGHEST)
+        few, many = (rate, many) if found < budget else (few, rate)
+        before = rate, max(found, 1)
+        rate *= min(max((budget / before[1]) ** (1 / power), 1 / FURTHEST), FURTHEST)
+        if few and many and (trial % 3 == 2 or not few < rate < many):  # a count in steps
+            rate = math.sqrt(few * many)
+        rate = min(max(rate, LOWEST), HIGHEST)
         found, last = count(rate), rate
         if abs(found - budget) <= least:
             best, least = rate, abs(found - budget)
         at_an_end = rate in (LOWEST, HIGHEST) and keeps(budget, found, rate)
-        if least <= CLOSE * budget or at_an_end or high < 1.001 * low:
+        if least <= CLOSE * budget or at_an_end or (few and many and many < 1.001 * few):
             break
+        if rate != before[0]:
+            power = math.log(max(found, 1) / before[1]) / math.log(rate / before[0])
+            power = min(max(power, 0.5), 2.0)
     if last != best:
         count(best)
     return best

@@ -231,6 +231,29 @@ def _full_atlas(name: str, scene: str) -> Source:
     return Source(f"full-atlas-{name}", commands, digests.full_atlas_parts, {ROWS: part})
 
 
+EQUAL = Source(
+    "equal-samples",
+    tuple(
+        f"bench run {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas 4096x4096 --samples {samples:g} --frames 4 "
+        "--crf 25 --metrics flip"
+        for scene in ("hall", "village", SPONZA, VIKING)
+        for samples in (0.5, 1, 2, 4, 8, 16)
+    ),
+    digests.equal_parts,
+    {
+        ROWS: Part(
+            ("scene", "asked"),
+            (
+                _words("scene", "{scene}"),
+                *_numbers(asked="samples / pixel: g"),
+                *_numbers(flip_sas="FLIP: sas: .4f", flip_snakebinning="snakebinning: .4f", flip_tss="tss: .4f"),
+                *_numbers(coded_sas="CRF 25: sas: .4f", coded_snakebinning="snakebinning: .4f", coded_tss="tss: .4f"),
+                *_numbers(kbytes_sas="kB: sas: ,.0f", kbytes_snakebinning="snakebinning: ,.0f", kbytes_tss="tss: ,.0f"),
+                _words("samples off by", "{off}"),
+            ),
+        )
+    },
+)
 TEXELS = Source(
     "sas-texels",
     tuple(
@@ -385,6 +408,7 @@ SOURCES: dict[str, Source] = {
         LIMITED,
         _full_atlas("hall", "hall --detail 1000000"),
         _full_atlas("viking", VIKING),
+        EQUAL,
         TEXELS,
         SETS,
         THESIS,

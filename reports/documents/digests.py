@@ -197,6 +197,24 @@ def full_atlas_parts(folders: Sequence[Path]) -> Parts:
     return {ROWS: rows}
 
 
+def equal_parts(folders: Sequence[Path]) -> Parts:
+    """Runs at one number of samples per pixel each: the errors and bytes of every method, and how far the samples are
+    from what was asked for where that is more than a twentieth."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        first = lanes.rows[0]
+        asked = {row["method"]: row["sample_budget"] for row in lanes.rows}
+        row: Row = {"scene": lanes.scene, "asked": max(asked.values()) / (first["width"] * first["height"])}
+        off = []
+        for key in lanes.keys:
+            method, share = key[0], lanes.median(key, "samples") / asked[key[0]] - 1
+            row |= {f"flip_{method}": lanes.median(key, "flip"), f"coded_{method}": lanes.median(key, "flip", True)}
+            row[f"kbytes_{method}"] = lanes.median(key, "bytes_total", True) / 1000
+            off += [f"{method} {share:+.0%}"] if abs(share) > 0.05 else []
+        rows.append(row | {"off": ", ".join(off)})
+    return {ROWS: rows}
+
+
 def texel_parts(folders: Sequence[Path]) -> Parts:
     """Runs of Shading Atlas Streaming: its bias, and how many triangles with a place own no texel."""
     rows = []

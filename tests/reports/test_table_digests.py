@@ -9,7 +9,7 @@ from kernels.case import find_cases
 from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
 from reports.csv_files import write_csv
 from reports.documents.catalogue import SOURCES
-from reports.documents.digests import BROKEN_STAGES, kernel_parts, limit_parts, reset_parts, stress_parts
+from reports.documents.digests import BROKEN_STAGES, equal_parts, kernel_parts, limit_parts, reset_parts, stress_parts
 from reports.documents.markdown import table_text
 from reports.store import Store
 from tests.reports.synthetic import COMMON
@@ -71,6 +71,16 @@ def test_resets_are_told_from_the_first_twelve_frames(tmp_path: Path):
     assert (first["frames"], first["median"], first["max"], first["key"]) == (12, 10, 10, 90)
     assert (whole["frames"], whole["median"], whole["max"], whole["largest"]) == (20, 10, 30, 15)
     assert (whole["mean"], whole["max_over_median"]) == ((18 * 10 + 30) / 19, 3)
+
+
+def test_methods_off_their_equal_samples_are_named(tmp_path: Path):
+    with Store(tmp_path) as store:
+        for method, samples in (("sas", 58_000), ("snakebinning", 86_400), ("tss", 49_000)):
+            measured = {"samples": samples, "sample_budget": 57_600, "flip": samples / 1e6, "bytes_total": samples}
+            codings = ({"codec": "none", "crf": None}, {"codec": "h264", "crf": 25})
+            store.commit_frame(method, "", 1, [COMMON | measured | coding | {"status": "ok"} for coding in codings])
+    (row,) = equal_parts([tmp_path])["rows"]
+    assert (row["scene"], row["asked"], row["off"]) == ("hall", 1.0, "snakebinning +50%, tss -15%")
 
 
 def test_limited_lists_are_told_from_full_ones(tmp_path: Path):
