@@ -41,7 +41,8 @@ Method = Annotated[
     list[str] | None,
     _option(
         WORK,
-        "all, a name, 'name\\[param=value,...]', 'module:Class' or 'file.py:Class'; repeatable. Default: all",
+        "all, a name, 'name\\[param=value,...]', 'module:Class' or 'file.py:Class', each perhaps with @published; "
+        "repeatable. Default: all",
         metavar="METHOD",
     ),
 ]

@@ -71,7 +71,7 @@ def make_table(title: str, *columns: str) -> Table:
 
 def show_catalogue() -> None:
     """Print packers with their parameters, scenes, paths, devices and metrics."""
-    from harness.plugins import find_packers
+    from harness.plugins import find_packers, published_values, value_text
     from kernels.device import kernels_digest
     from kernels.runtime.opencl import find_devices, noted_death
     from reports.columns import MEASURES
@@ -87,6 +87,8 @@ def show_catalogue() -> None:
             sweep = ", ".join(str(value) for value in parameter.sweep)
             table.add_row(f"  {key}", str(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\["))
         console.print(table)
+        published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
+        console.print(f"  {name}@published: {published or 'as the defaults'}", soft_wrap=True)
         console.print()
     for title, known in (("scenes", list_scenes()), ("paths", list_paths())):
         table = make_table(title, "name", "what it is")

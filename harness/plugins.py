@@ -19,7 +19,10 @@ from packers.interface import Packer, Parameter
 from reports.names import ALLOWED, fits_everywhere
 
 GROUP = "shading_atlas_packers"
-SPEC = re.compile(r"(?P<target>.+\.py(?::\w+)?|[^\[\]]+)(?:\[(?P<values>[^\[\]]*)\])?")  # folders may have brackets
+SPEC = re.compile(  # folders may have brackets and at signs
+    r"(?P<target>.+\.py(?::\w+)?|[^\[\]@]+)(?:@(?P<setting>[^\[\]]*))?(?:\[(?P<values>[^\[\]]*)\])?"
+)
+PUBLISHED = "published"
 TRUTH = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
 
 
@@ -39,22 +42,31 @@ def find_packers() -> dict[str, type[Packer]]:
 def load_packer(spec: str) -> list[Packer]:
     """The packers a `--method` argument means, with their parameters set.
 
-    spec: `all`, `NAME`, `package.module:Class` or `path/to/file.py:Class`; all but the first may end in
-        `[parameter=value,parameter=value]`. Values take the type of the parameter's default.
+    spec: `all`, `NAME`, `package.module:Class` or `path/to/file.py:Class`, then perhaps `@published` for what its paper
+        has where the defaults are other values; all but the first may end in `[parameter=value,parameter=value]`.
+        Values take the type of the parameter's default.
 
     Raises ValueError for an unknown name, parameter or value, naming the known ones and the nearest match.
     """
     spec = spec.strip()
-    if spec == "all":
-        return [packer() for packer in find_packers().values()]
     parts = SPEC.fullmatch(spec)
     if parts is None:
         raise ValueError(f"The method {spec!r} is not of the form NAME or NAME[parameter=value,parameter=value].")
-    target, values = parts["target"].strip(), parts["values"]
+    target, setting, values = parts["target"].strip(), parts["setting"], parts["values"]
+    if setting not in (None, PUBLISHED):
+        raise ValueError(f"The method {spec!r} has the unknown setting @{setting}: {PUBLISHED} is the only one.")
+    if target == "all" and values is None:
+        return [packer(**published_values(packer, setting)) for packer in find_packers().values()]
     if target == "all":
         raise ValueError(f"Parameters belong to one method: name it in place of 'all' in {spec!r}.")
     packer = _own(target) if ":" in target and not target.endswith(".py") else _installed(target)
-    return [packer(**_parse_values(packer, values or ""))]
+    return [packer(**published_values(packer, setting) | _parse_values(packer, values or ""))]
+
+
+def published_values(packer: type[Packer], setting: str | None = PUBLISHED) -> dict[str, Any]:
+    """The parameters whose published value is not their default, with that value; none for the setting None."""
+    named = {name: parameter.published for name, parameter in packer.parameters.items()}
+    return {name: value for name, value in named.items() if value is not None and setting == PUBLISHED}
 
 
 def variant_string(packer: Packer) -> str:

@@ -47,6 +47,7 @@ class Parameter:
     """One parameter of a method: its default, values for a sweep, what it means, its unit and its source.
 
     limits: lowest and highest value of a number, None for no limit. choices: all values there are, empty for any.
+    published: what the paper has, where the default is another value; None where it is not, or the paper has none.
     """
 
     default: Any
@@ -56,6 +57,7 @@ class Parameter:
     source: str = ""
     limits: tuple[float | None, float | None] = (None, None)
     choices: tuple = ()
+    published: Any = None
 
     def objection(self, value: Any) -> str | None:
         """Why `value` cannot be used, as the end of a sentence, or None."""

@@ -88,6 +88,7 @@ class PerPixelLinkedLists(Packer):
             "how the display applies bilateral differences: as published, or removing exactly what is meant",
             "",
             "paper: chapter 5; exact: chapter 7",
+            published="paper",
         ),
         "threshold": Parameter(
             0.005,

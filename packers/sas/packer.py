@@ -66,6 +66,7 @@ class ShadingAtlasStreaming(Packer):
             "whether every texel of a block is shaded, not only those that lookups touch",
             "",
             "true: SAS as quoted in Tessellated Shading Streaming, section 5.3; false: ours",
+            published=True,
         ),
     }
 

@@ -24,6 +24,7 @@ PARAMETERS = {
         "some of these texels unwritten",
         "",
         "paper: 3.2; exact: ours",
+        published="paper",
     ),
     "mapping": Parameter(
         "exact",
@@ -49,6 +50,7 @@ PARAMETERS = {
         "the superblock of a strip: the one in which it wastes least, or the first that has room",
         "",
         "first: 3.5; best: ours",
+        published="first",
     ),
     "capacity": Parameter(0.3, (0.0, 0.3), "room that a strip gets beyond what it needs", "1", "3.6"),
     "shrink": Parameter(
@@ -89,5 +91,6 @@ PARAMETERS = {
         "without an owner before video coding, for every method alike, so this costs time and changes no byte",
         "",
         "3.8",
+        published=True,
     ),
 }

@@ -67,6 +67,7 @@ class TessellatedShadingStreaming(Packer):
             "with the paper's atomic counters",
             "",
             "arrival: TSS, section 4; primitive: ours",
+            published="arrival",
         ),
         "mipmaps": Parameter(
             True,

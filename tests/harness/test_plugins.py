@@ -7,7 +7,14 @@ from textwrap import dedent
 import pytest
 
 from harness import plugins
-from harness.plugins import folder_name, load_packer, packer_names, variant_string
+from harness.plugins import (
+    find_packers,
+    folder_name,
+    load_packer,
+    packer_names,
+    published_values,
+    variant_string,
+)
 
 SOURCE = """
     from packers.interface import Packer, Paper, Parameter
@@ -34,6 +41,7 @@ SOURCE = """
 
     number = 3
 """
+ROOT = Path(__file__).parents[2]
 DEFAULTS = "cell=8,order=id,reuse=false,scale=1.0"
 
 
@@ -98,6 +106,35 @@ def test_by_file_and_by_module(file: Path, monkeypatch: pytest.MonkeyPatch):
     assert variants == ["cell=8,order=id,reuse=false,scale=2.0"] * 3
 
 
+def test_as_published(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    text, own = file.read_text(encoding="utf-8"), '"texels"'
+    assert text.count(own) == 1
+    file.write_text(text.replace(own, f"{own}, published=16"), encoding="utf-8")
+    ends = {
+        "": DEFAULTS,
+        "@published": DEFAULTS.replace("cell=8", "cell=16"),
+        "@published[cell=2]": DEFAULTS.replace("cell=8", "cell=2"),
+    }
+    assert {end: variant_string(*load_packer(f"{file}:Grid{end}")) for end in ends} == ends
+    folder = tmp_path / "a@b[1]"
+    folder.mkdir()
+    own = file.rename(folder / file.name)
+    assert "cell=16" in variant_string(*load_packer(f"{own}:Grid@published"))
+
+
+def test_what_is_published_is_a_value_that_can_be_set_and_stands_in_the_methods_readme():
+    for name, packer in find_packers().items():
+        published = published_values(packer)
+        packer(**published)
+        (made,) = load_packer(f"{name}@published")
+        assert {key: getattr(made, key) for key in published} == published
+        assert all(value != packer.parameters[key].default for key, value in published.items())
+        readme = (ROOT / "packers" / name / "README.md").read_text(encoding="utf-8")
+        defaults = readme.partition("## Defaults")[2].partition("\n## ")[0]
+        assert all(f"| `{key}` |" in defaults for key in published), name
+    assert len(load_packer("all@published")) == len(find_packers())
+
+
 def test_empty_brackets_mean_the_defaults(file: Path):
     assert variant_string(*load_packer(f"{file}:Grid[]")) == DEFAULTS
 
@@ -119,6 +156,9 @@ def test_empty_brackets_mean_the_defaults(file: Path):
         ("grid[cell=4", "is not of the form NAME or NAME[parameter=value,parameter=value]"),
         ("", "is not of the form NAME"),
         ("all[cell=4]", "Parameters belong to one method"),
+        ("all@published[cell=4]", "Parameters belong to one method"),
+        ("grid@publisched", "unknown setting @publisched: published is the only one"),
+        ("grid@", "unknown setting @: published is the only one"),
         ("my_packer:Gird", "no packer class 'Gird'. Did you mean 'Grid'?"),
         ("my_packer:Unfinished", "lacks client, pack"),
         ("my_packer:number", "is not a packer"),

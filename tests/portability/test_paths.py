@@ -29,7 +29,7 @@ def valid_on_windows(path: str) -> bool:
 @pytest.mark.parametrize("file", [r"C:\my packers\mine.py", r"C:\a[1]\mine.py", r"..\mine.py", "/home/a[b]/mine.py"])
 def test_a_method_in_a_file_is_told_from_its_parameters(file: str, values: str | None):
     spec = f"{file}:Mine" + ("" if values is None else f"[{values}]")
-    assert SPEC.fullmatch(spec).groups() == (f"{file}:Mine", values)
+    assert SPEC.fullmatch(spec).groups() == (f"{file}:Mine", None, values)
 
 
 def test_a_packer_in_a_folder_with_brackets_is_found(tmp_path: Path):
