@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 STEPS = 66  # ways to fill the atlas, from full rate on: see SnakeBinning.rate and its neighbours
 TIGHT_SPARE = 0.1  # largest `capacity` from the second step on; at the last there is none
-POINT_TEXELS = 2.0  # longest edge of a triangle below which it takes one texel, from the second step on
+POINT_TEXELS = 2.0  # longest edge of a triangle below which it takes one texel, where texels are short
 OUTSIDE_RATE = 1 / 8  # of pieces that no view from the cell shows
 ROUNDING = 0.2  # texels that float32 barycentrics may round by: pieces that would have smaller texels get larger ones
 UNPLACED = "the atlas is full with every triangle at one texel, and larger ones come first"
@@ -333,11 +333,17 @@ class SnakeBinning(Packer):
         """Footprints of triangles: notes and areas; those within the hysteresis keep their bins if `keep`."""
         views = [(view.view, view.projection, view.width) for view in reference_views(frame, self.prediction_frames)]
         near = (30, 5) if keep else (-1, -1)
-        fit = Fit(self.heights, float(frame.atlas_width - 2), self.perspective, *near, POINT_TEXELS * (self.step > 0))
+        fit = Fit(
+            self.heights, float(frame.atlas_width - 2), self.perspective, *near, POINT_TEXELS * self._has_points(frame)
+        )
         scene = frame.scene.triangles
         known = (scene.positions, scene.indices, self.pieces, pack_views(views, rate), fit)
         known += (footprints or self.footprints,)
         return measure_triangles(frame.scene.device, triangles, count, *known)
+
+    def _has_points(self, frame: Frame) -> bool:
+        """Whether texels are so short that small triangles take one."""
+        return self.points and (self.step > 0 or frame.sample_budget is not None)
 
     def _place(self, frame: Frame, is_new: Array, new: tuple[Array, int] | None = None) -> bool:
         """Bins, mapping, superblocks and ranks of all items, or of `new` ones among them; False if there is no room."""

@@ -84,6 +84,15 @@ PARAMETERS = {
     "full_footprint": Parameter(
         True, (False, True), "whether triangles are enlarged to their slot's largest footprint", "", "3.8"
     ),
+    "points": Parameter(
+        True,
+        (True, False),
+        "whether triangles shorter than two texels take one where texels are short: under a sample budget, and from the "
+        "second step of filling a full atlas on",
+        "",
+        "true: ours",
+        published=False,
+    ),
     "average_clear": Parameter(
         False,
         (False, True),
