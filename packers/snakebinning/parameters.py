@@ -87,8 +87,8 @@ PARAMETERS = {
     "points": Parameter(
         True,
         (True, False),
-        "whether triangles shorter than two texels take one where texels are short: under a sample budget, and from the "
-        "second step of filling a full atlas on",
+        "whether triangles shorter than two texels take one where texels are short: under a sample budget, and from "
+        "the second step of filling a full atlas on",
         "",
         "true: ours",
         published=False,
