@@ -5,6 +5,8 @@ Sizes, frames and repetitions are such that all of them together, but for the cl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from reports.claims import DEFAULT_FILE, read_claims
 from reports.documents import digests
 from reports.documents.figure import draw_sweep
@@ -112,6 +114,50 @@ def _switches(name: str, scene: str, quick: bool) -> Source:
     return Source(f"switches-{name}", (command,), digests.switch_parts, SWITCHES, quick)
 
 
+def _mapping_command(scene: str, size: str, packings: Sequence[tuple[str, str]]) -> str:
+    """In an atlas in which all these packings have room at the first step."""
+    methods = " ".join(f"--method 'snakebinning[{variant}]'" for variant in digests.mapping_variants(packings))
+    common = f"--cell pvs1 --size {size} --atlas 4096x4096 --frames 6 --crf 25 --metrics flip"
+    return f"bench run --scene {scene} {common} {methods}"
+
+
+PACKED = tuple(_words(head, f"{{{name}}}") for head, name in (
+    ("scene", "scene"), ("client", "size"), ("`assignment`", "assignment"), ("`orphans`", "orphans"),
+))  # fmt: skip
+MAPPING = Source(
+    "snakebinning-mapping",
+    (
+        *(
+            _mapping_command(scene, "480x270", digests.PACKINGS)
+            for scene in ("hall", "village", "shells", SPONZA, BISTRO, VIKING)
+        ),
+        *(_mapping_command(scene, "960x540", digests.PACKINGS[:-1]) for scene in ("hall", SPONZA)),
+    ),
+    digests.mapping_parts,
+    {
+        ROWS: Part(
+            ("scene", "size", "assignment", "orphans"),
+            (
+                *PACKED,
+                *_numbers(bins_after_mapping_freed="bins mapped: .0%", superblocks_off="superblocks, texels: ,.0f"),
+                *_numbers(superblocks="with mapping: ,.0f", superblocks_freed="freed: .0%"),
+                *_numbers(strips_freed="of strips: .0%"),
+            ),
+        ),
+        "costs": Part(
+            ("scene", "size", "assignment", "orphans"),
+            (
+                *PACKED,
+                *_numbers(triangles_moved_off="moved: ,.0f", triangles_moved="with mapping: ,.0f"),
+                *_numbers(bytes_off="bytes: ,.0f", bytes="with mapping: ,.0f"),
+                *_numbers(bytes_off_frozen="bytes, frozen: ,.0f", bytes_frozen="with mapping: ,.0f"),
+                *_numbers(flip_off="FLIP: .4f", flip="with mapping: .4f"),
+                *_numbers(server_ratio="server time, with / without: .2f"),
+            ),
+            ("server_ratio", "server_ratio_frozen"),
+        ),
+    },
+)
 STRATEGY_COLUMNS = (
     *_numbers(samples="samples: ,.0f", oversampling_share="slanted: .0%", oversampling_outside_share="outside: .0%"),
     *_numbers(gather_over_shading="sample / pixel: .2f", dssim="DSSIM: .4f", flip="FLIP: .4f"),
@@ -379,6 +425,7 @@ SOURCES: dict[str, Source] = {
         KERNELS,
         _switches("hall", "hall", quick=True),
         _switches("sponza", SPONZA, quick=False),
+        MAPPING,
         STRATEGIES,
         SLANTED,
         SPEED,

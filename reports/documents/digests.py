@@ -146,6 +146,71 @@ def switch_parts(folders: Sequence[Path]) -> Parts:
             + [row for name, row in rows.items() if name not in ("defaults", *SWITCHES)]}  # fmt: skip
 
 
+PACKINGS = (("best", "widest"), ("best", "found"), ("first", "widest"), ("first", "found"), ("next", "found"))
+LAYOUTS = {"": "freeze=0.0", "_frozen": "freeze=0.05"}  # made anew in every frame, or kept as by default
+
+
+def mapping_variants(packings: Sequence[tuple[str, str]]) -> list[str]:
+    """SnakeBinning by assignment and order of orphans, each with mapping and without, made anew or frozen."""
+    return [
+        f"assignment={assignment},freeze={freeze.split('=')[1]},mapping={mapping},orphans={orphans}"
+        for assignment, orphans in packings
+        for mapping in ("off", "exact")
+        for freeze in LAYOUTS.values()
+    ]
+
+
+def mapping_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of mapping_variants: what superblocks take with mapping and without, and what mapping changes beside it."""
+    rows, costs = [], []
+    for folder in folders:
+        lanes = Lanes(folder, first=1)
+        size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
+        found = {frozenset(variant.split(",")): _packed(lanes, (method, variant)) for method, variant in lanes.keys}
+        for assignment, orphans in PACKINGS:
+            name = {"scene": lanes.scene, "size": size, "assignment": assignment, "orphans": orphans}
+            chosen = {f"assignment={assignment}", f"orphans={orphans}"}
+            pairs = {
+                end: [
+                    next((of for parts, of in found.items() if parts >= chosen | {layout, f"mapping={mapping}"}), None)
+                    for mapping in ("off", "exact")
+                ]
+                for end, layout in LAYOUTS.items()
+            }
+            if None in pairs[""] + pairs["_frozen"]:
+                continue
+            rows.append(name | _areas(*pairs[""]))
+            costs.append(name | {k: v for end, pair in pairs.items() for k, v in _changes(*pair, end).items()})
+    return {ROWS: rows, "costs": costs}
+
+
+def _packed(lanes: Lanes, key: tuple[str, str]) -> Row:
+    """Texels that superblocks take, and rows of strips in them; what else depends on the packing."""
+    row = {name: lanes.statistic(key, name) for name in ("bins_after_mapping", "triangles_moved", "points", "resets")}
+    unused, loose = (lanes.statistic(key, name) for name in ("unallocated", "wasted_in_superblocks"))
+    first = lanes.rows[0]
+    row["superblocks"] = None if unused is None else first["atlas_width"] * first["atlas_height"] - unused
+    row["strips"] = None if row["superblocks"] is None or loose is None else row["superblocks"] - loose
+    row |= {"flip": lanes.median(key, "flip"), "server_ms": lanes.median(key, "server_ms")}
+    return row | {"bytes": lanes.median(key, "bytes_total", True)}
+
+
+def _areas(off: Row, on: Row) -> Row:
+    """off, on: without and with mapping."""
+    row: Row = {"superblocks_off": off["superblocks"], "superblocks": on["superblocks"]}
+    for name in ("superblocks", "strips", "bins_after_mapping"):
+        ratio = _ratio(on[name], off[name])
+        row[f"{name}_freed"] = None if ratio is None else 1 - ratio
+    return row
+
+
+def _changes(off: Row, on: Row, end: str) -> Row:
+    row: Row = {}
+    for name in ("triangles_moved", "bytes", "flip"):
+        row |= {f"{name}_off{end}": off[name], f"{name}{end}": on[name]}
+    return row | {f"server_ratio{end}": _ratio(on["server_ms"], off["server_ms"])}
+
+
 def strategy_parts(folders: Sequence[Path]) -> Parts:
     """Runs of Tessellated Shading Streaming in several variants: samples, shares, the price of a sample, errors."""
     rows = []
