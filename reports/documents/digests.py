@@ -146,47 +146,36 @@ def switch_parts(folders: Sequence[Path]) -> Parts:
             + [row for name, row in rows.items() if name not in ("defaults", *SWITCHES)]}  # fmt: skip
 
 
-PACKINGS = (("best", "widest"), ("best", "found"), ("first", "widest"), ("first", "found"), ("next", "found"))
-LAYOUTS = {"": "freeze=0.0", "_frozen": "freeze=0.05"}  # made anew in every frame, or kept as by default
-
-
-def mapping_variants(packings: Sequence[tuple[str, str]]) -> list[str]:
-    """SnakeBinning by assignment and order of orphans, each with mapping and without, made anew or frozen."""
-    return [
-        f"assignment={assignment},freeze={freeze.split('=')[1]},mapping={mapping},orphans={orphans}"
-        for assignment, orphans in packings
-        for mapping in ("off", "exact")
-        for freeze in LAYOUTS.values()
-    ]
-
-
 def mapping_parts(folders: Sequence[Path]) -> Parts:
-    """Runs of mapping_variants: what superblocks take with mapping and without, and what mapping changes beside it."""
-    rows, costs = [], []
+    """Runs of SnakeBinning with mapping and without, in several packings: what superblocks take, and in runs that are
+    coded, what mapping changes in layouts made anew in every frame and in frozen ones."""
+    rows, costs = [], {}
     for folder in folders:
         lanes = Lanes(folder, first=1)
         size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
-        found = {frozenset(variant.split(",")): _packed(lanes, (method, variant)) for method, variant in lanes.keys}
-        for assignment, orphans in PACKINGS:
+        variants = [(dict(part.split("=", 1) for part in key[1].split(",")), key) for key in lanes.keys]
+        found = {tuple(of[n] for n in ("assignment", "orphans", "freeze", "mapping")): key for of, key in variants}
+        for assignment, orphans, freeze in dict.fromkeys(place[:3] for place in found):
+            off, on = (_packed(lanes, found.get((assignment, orphans, freeze, value))) for value in ("off", "exact"))
             name = {"scene": lanes.scene, "size": size, "assignment": assignment, "orphans": orphans}
-            chosen = {f"assignment={assignment}", f"orphans={orphans}"}
-            pairs = {
-                end: [
-                    next((of for parts, of in found.items() if parts >= chosen | {layout, f"mapping={mapping}"}), None)
-                    for mapping in ("off", "exact")
-                ]
-                for end, layout in LAYOUTS.items()
-            }
-            if None in pairs[""] + pairs["_frozen"]:
-                continue
-            rows.append(name | _areas(*pairs[""]))
-            costs.append(name | {k: v for end, pair in pairs.items() for k, v in _changes(*pair, end).items()})
-    return {ROWS: rows, "costs": costs}
+            if off["bytes"] is None:
+                rows.append(name | _areas(off, on))
+            else:
+                end = "" if float(freeze) == 0 else "_frozen"
+                costs.setdefault(tuple(name.values()), name).update(_changes(off, on, end))
+    return {ROWS: _by_scene(rows), "costs": _by_scene(costs.values())}
 
 
-def _packed(lanes: Lanes, key: tuple[str, str]) -> Row:
+def _by_scene(rows: Iterable[Row]) -> list[Row]:
+    """Those of one scene and size together, which several runs may have measured."""
+    found = list(rows)
+    places = list(dict.fromkeys((row["scene"], row["size"]) for row in found))
+    return sorted(found, key=lambda row: places.index((row["scene"], row["size"])))
+
+
+def _packed(lanes: Lanes, key: tuple[str, str] | None) -> Row:
     """Texels that superblocks take, and rows of strips in them; what else depends on the packing."""
-    row = {name: lanes.statistic(key, name) for name in ("bins_after_mapping", "triangles_moved", "points", "resets")}
+    row = {name: lanes.statistic(key, name) for name in ("bins_after_mapping", "triangles_moved", "points")}
     unused, loose = (lanes.statistic(key, name) for name in ("unallocated", "wasted_in_superblocks"))
     first = lanes.rows[0]
     row["superblocks"] = None if unused is None else first["atlas_width"] * first["atlas_height"] - unused
@@ -201,7 +190,9 @@ def _areas(off: Row, on: Row) -> Row:
     for name in ("superblocks", "strips", "bins_after_mapping"):
         ratio = _ratio(on[name], off[name])
         row[f"{name}_freed"] = None if ratio is None else 1 - ratio
-    return row
+    row |= {"triangles_moved_ratio": _ratio(on["triangles_moved"], off["triangles_moved"])}
+    row |= {"flip_ratio": _ratio(on["flip"], off["flip"]), "points": on["points"]}  # without points the atlas is roomy
+    return row | {"server_ratio": _ratio(on["server_ms"], off["server_ms"])}
 
 
 def _changes(off: Row, on: Row, end: str) -> Row:
