@@ -180,8 +180,7 @@ def _packed(lanes: Lanes, key: tuple[str, str] | None) -> Row:
     first = lanes.rows[0]
     row["superblocks"] = None if unused is None else first["atlas_width"] * first["atlas_height"] - unused
     row["strips"] = None if row["superblocks"] is None or loose is None else row["superblocks"] - loose
-    row |= {"flip": lanes.median(key, "flip"), "server_ms": lanes.median(key, "server_ms")}
-    return row | {"bytes": lanes.median(key, "bytes_total", True)}
+    return row | {"flip": lanes.median(key, "flip"), "bytes": lanes.median(key, "bytes_total", True)}
 
 
 def _areas(off: Row, on: Row) -> Row:
@@ -191,15 +190,16 @@ def _areas(off: Row, on: Row) -> Row:
         ratio = _ratio(on[name], off[name])
         row[f"{name}_freed"] = None if ratio is None else 1 - ratio
     row |= {"triangles_moved_ratio": _ratio(on["triangles_moved"], off["triangles_moved"])}
-    row |= {"flip_ratio": _ratio(on["flip"], off["flip"]), "points": on["points"]}  # without points the atlas is roomy
-    return row | {"server_ratio": _ratio(on["server_ms"], off["server_ms"])}
+    # Without points everything has a place at the first step.
+    return row | {"flip_ratio": _ratio(on["flip"], off["flip"]), "points": on["points"]}
 
 
 def _changes(off: Row, on: Row, end: str) -> Row:
     row: Row = {}
     for name in ("triangles_moved", "bytes", "flip"):
         row |= {f"{name}_off{end}": off[name], f"{name}{end}": on[name]}
-    return row | {f"server_ratio{end}": _ratio(on["server_ms"], off["server_ms"])}
+        row[f"{name}_ratio{end}"] = _ratio(on[name], off[name])
+    return row
 
 
 def strategy_parts(folders: Sequence[Path]) -> Parts:
