@@ -202,14 +202,16 @@ def hierarchical_mapping(device: Device, kind: str, size: int) -> Trial:
 
 @case({"superblocks.manage": Cost("u", "(16 + 168)*u")}, 1500, 300)
 def superblocks(device: Device, kind: str, size: int) -> Trial:
-    """A frame with everything new. Adversarial: an atlas too small for it, so that strips lie in parts."""
+    """A frame with everything new. Adversarial: as algorithm 2 is printed, in an atlas too small for it, so that
+    strips lie in parts."""
     rng, used_and_counts = seeded(kind), crowd(seeded(kind), size)
     used, counts = used_and_counts
     widest, side = rng.integers(8, 400, (len(used), 2)), 512 if kind == "adversarial" else 8192
     tables = [np.zeros((BINS, 2) if k == 1 else BINS, np.int32) for k in range(3)]
     for table, values in zip(tables, (counts, widest, used), strict=True):
         table[used] = values
-    atlas, tops = Atlas(side, side, 512), HeightBins(511.0).tops()
+    rules = {"fit": "next", "orphans": "found"} if kind == "adversarial" else {}
+    atlas, tops = Atlas(side, side, 512, **rules), HeightBins(511.0).tops()
     uploaded = [device.upload(array) for array in (used.astype(np.int32), *tables, tops)]
     names = ("count", "base", "before8", "after8", "height8", "inset", "lines", "odd", "period", "texels")
 

@@ -22,11 +22,16 @@
 #define FIRST 0  // the first with room
 #define BEST 1   // the widest in which it wastes next to nothing, else the one in which it takes the smallest area
 #define TIGHT 2  // the one in which it takes the smallest area, which is a new one where that is not snug
+#define NEXT 3   // the first with room, and an orphan the last one made: algorithm 2 as printed
+
+// In which order orphans get theirs.
+#define WIDEST 0  // the widest slots first
+#define FOUND 1   // as algorithm 2 comes upon them
 
 typedef struct {
     int atlas_width, atlas_height, height;  // height of superblocks, the highest in a tight atlas
     float capacity, shrink, collapse;       // room / triangles; shares
-    int enlarge, fit, frozen, frame;
+    int enlarge, fit, order, frozen, frame;
     int entries, most_blocks;  // strips and superblocks that there is room for
     __global Strip *strips;
     __global Superblock *blocks;
@@ -148,7 +153,7 @@ static inline int find_superblock(Manager m, const Strip *s, float most) {
     for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
         const float area = area_in(m, s, block);
         if (area < 0.0f || area > most) continue;
-        if (m.fit == FIRST) return block;
+        if (m.fit == FIRST || m.fit == NEXT) return block;
         if (area <= little) {
             if (m.blocks[block].width > widest) best = block, widest = m.blocks[block].width;
         } else if (widest == 0 && (best < 0 || area < least)) best = block, least = area;
@@ -364,16 +369,23 @@ static inline int width_class(int width) {
 }
 
 // By what orphans are placed, the highest first: the width of their slots in eighths of powers of two, or in a tight
-// atlas their lines.
+// atlas their lines, whatever the order asked for (see band_height).
 static inline int place_class(Manager m, const Strip *s) {
-    return m.fit == TIGHT ? s->lines : width_class(s->extent + 1);
+    if (m.fit == TIGHT) return s->lines;
+    return m.order == WIDEST ? width_class(s->extent + 1) : 0;
+}
+
+// Puts an orphan into a superblock that is there; made: the last one that an orphan got new in this frame, or -1.
+static inline bool attach_orphan(Manager m, int strip, int made) {
+    if (m.fit == NEXT) return made >= 0 && attach(m, strip, made);
+    return attach_anywhere(m, strip, true);
 }
 
 // Orphans by their class, equal ones in the order of the list: into a superblock that has room, else into a new one,
 // else in parts. So superblocks hold strips of about their width, or bands those of about their lines.
 static inline void place_orphans(Manager m, __global const int *tops) {
     __global int *state = m.state;
-    int highest = 0;
+    int highest = 0, made = -1;
     for (int i = 0; i < state[ORPHANS]; i++) {
         reshape(m, m.orphans[i], tops);
         const Strip s = m.strips[m.orphans[i]];
@@ -383,9 +395,9 @@ static inline void place_orphans(Manager m, __global const int *tops) {
         for (int i = 0; i < state[ORPHANS]; i++) {
             const int strip = m.orphans[i];
             const Strip s = m.strips[strip];
-            if (place_class(m, &s) != class || attach_anywhere(m, strip, true)) continue;
+            if (place_class(m, &s) != class || attach_orphan(m, strip, made)) continue;
             const int block = create_superblock(m, &s, true);
-            if (block >= 0) attach(m, strip, block);
+            if (block >= 0) attach(m, strip, block), made = block;
             else if (!attach_anywhere(m, strip, false)) state[LEFT] += place_in_parts(m, strip);
         }
 }
@@ -395,11 +407,12 @@ static inline void place_orphans(Manager m, __global const int *tops) {
 __kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops,
                      int atlas_width, int atlas_height, int height, float capacity, float shrink, float share,
-                     int enlarge, int fit, int entries, int most_blocks, __global Strip *strips,
-                     __global Superblock *blocks, __global int *state, __global int *orphans, __global int *strip_of) {
+                     int enlarge, int fit, int order, int entries, int most_blocks,
+                     __global Strip *strips, __global Superblock *blocks, __global int *state,
+                     __global int *orphans, __global int *strip_of) {
     if (get_global_id(0) > 0) return;
-    const Manager m = {atlas_width, atlas_height, height,      capacity, shrink, share, enlarge, fit,    frozen,
-                       frame,       entries,      most_blocks, strips,   blocks, state, orphans, strip_of};
+    const Manager m = {atlas_width, atlas_height, height,      capacity,    shrink, share,  enlarge, fit,     order,
+                       frozen,      frame,        entries,     most_blocks, strips, blocks, state,   orphans, strip_of};
     state[ORPHANS] = state[LEFT] = 0;
     collect(m, used_count, used, map, counts, widest);
     for (int i = 0; i < state[STRIPS]; i++) {

@@ -27,7 +27,8 @@ SUPERBLOCK = np.dtype(
 STATE = ("strips", "superblocks", "cursor_x", "cursor_y", "left", "outgrown", "shrunk", "collapsed", "orphans", "free")
 MOST_BLOCKS = 1 << 14  # superblocks, at least
 PARTS = 1024  # further parts of strips that a frame may make
-FITS = {"first": 0, "best": 1, "tight": 2}
+FITS = {"first": 0, "best": 1, "tight": 2, "next": 3}
+ORDERS = {"widest": 0, "found": 1}
 
 
 @dataclass(frozen=True)
@@ -37,7 +38,8 @@ class Atlas:
     height: of superblocks, the highest in a tight atlas. capacity: room over triangles of a strip that is placed.
     shrink: a strip with less than this share of its room in use gives up the rest. collapse: a superblock with less
     than this share of its highest use becomes empty. enlarge: "exact" or "paper". fit: which superblock a strip gets,
-    "first", "best" or "tight" (see superblocks.cl).
+    "first", "best", "tight" or "next". orphans: the order in which they get theirs, "widest" or "found" (for both see
+    superblocks.cl).
     """
 
     width: int
@@ -48,6 +50,7 @@ class Atlas:
     collapse: float = 0.25
     enlarge: str = "exact"
     fit: str = "best"
+    orphans: str = "widest"
 
 
 class Superblocks:
@@ -85,7 +88,7 @@ class Superblocks:
         a = self.atlas
         counted = (bins.used_count, bins.used, targets, bins.counts, bins.widest, tops)
         rules = (a.width, a.lines, a.height, a.capacity, a.shrink, a.collapse, ENLARGE[a.enlarge])
-        rules += (FITS[a.fit], len(self.strips), len(self.blocks))
+        rules += (FITS[a.fit], ORDERS[a.orphans], len(self.strips), len(self.blocks))
         arrays = (self.strips, self.blocks, self.state, self.orphans, self.strip_of)
         self.device.launch(STAGE, self.kernels.manage, 1, frame, int(frozen), *counted, *rules, *arrays, local=1)
         self.numbers = dict(zip(STATE, map(int, self.state.get()), strict=True))
@@ -152,8 +155,13 @@ class SuperblocksTwin:
             orphans += self._collapse()
         for number in orphans:
             self._shape(number, tops)
+        made = None  # the superblock that an orphan got new last
         for number in sorted(orphans, key=lambda n: -self._class(self.strips[n])):
-            if not (self._attach_anywhere(number) or self._create(number) or self._attach_anywhere(number, False)):
+            if self._attach_orphan(number, made):
+                continue
+            if self._create(number):
+                made = len(self.blocks) - 1
+            elif not self._attach_anywhere(number, False):
                 self.left += self._place_in_parts(number)
         return not self.left
 
@@ -239,18 +247,32 @@ class SuperblocksTwin:
         most = 1.3 * self._wanted(strip) if snug and self.atlas.fit == "tight" else np.inf
         choices = []
         for index, block in enumerate(self.blocks):
-            per_row = slots_in(strip, block["width"])
-            lines = self._rows(strip, per_row) * strip["lines"] if per_row else 0
-            has_room = per_row and any(height >= lines for _, height, _ in self._gaps(block))
-            if has_room and lines * block["width"] <= most:
-                choices.append((index, lines * block["width"]))
+            if not self._has_room(strip, block):
+                continue
+            area = self._rows(strip, slots_in(strip, block["width"])) * strip["lines"] * block["width"]
+            if area <= most:
+                choices.append((index, area))
         if not choices:
             return False
         good = [c for c in choices if self.atlas.fit == "best" and c[1] <= 1.2 * self._wanted(strip)]
         best = max(good, key=lambda c: self.blocks[c[0]]["width"]) if good else min(choices, key=lambda c: c[1])
-        best = choices[0] if self.atlas.fit == "first" else best
+        best = choices[0] if self.atlas.fit in ("first", "next") else best
         self._attach(number, best[0])
         return True
+
+    def _attach_orphan(self, number: int, made: int | None) -> bool:
+        if self.atlas.fit != "next":
+            return self._attach_anywhere(number)
+        fits = made is not None and self._has_room(self.strips[number], self.blocks[made])
+        if fits:
+            self._attach(number, made)
+        return fits
+
+    def _has_room(self, strip: dict, block: dict) -> bool:
+        """Whether a gap of a superblock holds the strip as a whole."""
+        per_row = slots_in(strip, block["width"])
+        lines = self._rows(strip, per_row) * strip["lines"] if per_row else 0
+        return per_row > 0 and any(height >= lines for _, height, _ in self._gaps(block))
 
     def _attach(self, number: int, index: int) -> None:
         strip, block = self.strips[number], self.blocks[index]
@@ -307,7 +329,9 @@ class SuperblocksTwin:
         return 0 if not per_row or height < strip["lines"] or too_high else row_width(strip, per_row)
 
     def _class(self, strip: dict) -> int:
-        return strip["lines"] if self.atlas.fit == "tight" else _width_class(strip["extent"] + 1)
+        if self.atlas.fit == "tight":
+            return strip["lines"]
+        return _width_class(strip["extent"] + 1) if self.atlas.orphans == "widest" else 0
 
     def _place_in_parts(self, number: int) -> int:
         """Give a strip parts, or a placed one that is too small further parts; how many triangles have no slot then."""

@@ -148,7 +148,7 @@ class SnakeBinning(Packer):
     def _atlas(self, frame: Frame) -> Atlas:
         """The atlas at the present step: from the second on nothing is wasted for coherence."""
         tight = self.step > 0
-        rules = (self.shrink, self.collapse, self.enlarge, "tight" if tight else self.assignment)
+        rules = (self.shrink, self.collapse, self.enlarge, "tight" if tight else self.assignment, self.orphans)
         capacity = 1 + (min(TIGHT_SPARE, self.capacity) if tight else self.capacity) * (self.step < STEPS - 1)
         return Atlas(frame.atlas_width, frame.atlas_height, self.superblock, capacity, *rules)
 

@@ -46,11 +46,21 @@ PARAMETERS = {
     ),
     "assignment": Parameter(
         "best",
-        ("best", "first"),
-        "the superblock of a strip: the one in which it wastes least, or the first that has room",
+        ("best", "first", "next"),
+        "the superblock of a strip: the one in which it wastes least, or the first that has room; next: so too, but an "
+        "orphan has only the one that an orphan before it got new, as algorithm 2 is printed",
         "",
-        "first: 3.5; best: ours",
+        "first: 3.5; next: algorithm 2; best: ours",
         published="first",
+    ),
+    "orphans": Parameter(
+        "widest",
+        ("widest", "found"),
+        "the order in which strips without a superblock get one: the widest slots first, or as algorithm 2 comes upon "
+        "them; in a full atlas the highest slots come first either way, because they set the heights of its bands",
+        "",
+        "found: algorithm 2; widest: ours",
+        published="found",
     ),
     "capacity": Parameter(0.3, (0.0, 0.3), "room that a strip gets beyond what it needs", "1", "3.6"),
     "shrink": Parameter(

@@ -5,6 +5,8 @@ Sizes, frames and repetitions are such that all of them together, but for the cl
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from reports.claims import DEFAULT_FILE, read_claims
 from reports.documents import digests
 from reports.documents.figure import draw_sweep
@@ -112,6 +114,66 @@ def _switches(name: str, scene: str, quick: bool) -> Source:
     return Source(f"switches-{name}", (command,), digests.switch_parts, SWITCHES, quick)
 
 
+def _mapping_command(scene: str, options: str, packings: Sequence[str], freezing: Sequence[str]) -> str:
+    """In atlases in which all packings have room at the first step, with superblocks of the same height."""
+    pairs = [f"{packing},mapping={mapping}" for packing in packings for mapping in ("off", "exact")]
+    chosen = (f"{pair},freeze={freeze},superblock_height=512" for freeze in freezing for pair in pairs)
+    methods = " ".join(f"--method 'snakebinning[{variant}]'" for variant in chosen)
+    return f"bench run --scene {scene} --cell pvs1 {options} --metrics flip {methods}"
+
+
+BOTH = tuple(f"assignment={a},orphans={o}" for a in ("best", "first") for o in ("widest", "found"))
+PRINTED = ("assignment=next,orphans=found",)  # algorithm 2
+PACKED = tuple(_words(head, f"{{{name}}}") for head, name in (
+    ("scene", "scene"), ("client", "size"), ("`assignment`", "assignment"), ("`orphans`", "orphans"),
+))  # fmt: skip
+MAPPED_SCENES = ("hall", "village", "shells", SPONZA, BISTRO, VIKING)
+MAPPING = Source(
+    "snakebinning-mapping",
+    (
+        *(
+            _mapping_command(scene, f"--size 480x270 --atlas 4096x{lines} --frames 3 --codec none", packings, ("0",))
+            for scene in MAPPED_SCENES
+            for lines, packings in ((2048, BOTH), (4096, PRINTED))
+        ),
+        *(
+            _mapping_command(scene, "--size 960x540 --atlas 4096x4096 --frames 3 --codec none", BOTH, ("0",))
+            for scene in ("hall", SPONZA)
+        ),
+        *(
+            _mapping_command(
+                scene, "--size 480x270 --atlas 4096x2048 --frames 6 --crf 25", (BOTH[0], BOTH[-1]), ("0", "0.05")
+            )
+            for scene in ("hall", "village", SPONZA, VIKING)
+        ),
+    ),
+    digests.mapping_parts,
+    {
+        ROWS: Part(
+            ("scene", "size", "assignment", "orphans"),
+            (
+                *PACKED,
+                *_numbers(superblocks_off="texels without mapping: ,.0f", superblocks="with: ,.0f"),
+                *_numbers(superblocks_freed="freed: .0%", strips_freed="of strips: .0%"),
+                *_numbers(bins_after_mapping_freed="bins mapped: .0%", triangles_moved_ratio="moved: .2f"),
+                *_numbers(flip_ratio="FLIP: .3f"),
+            ),
+        ),
+        "costs": Part(
+            ("scene", "size", "assignment", "orphans"),
+            (
+                *PACKED,
+                *_numbers(triangles_moved_off="moved without mapping: ,.0f", triangles_moved="with: ,.0f"),
+                *_numbers(bytes_off="bytes without: ,.0f", bytes="with: ,.0f"),
+                *_numbers(
+                    triangles_moved_off_frozen="frozen, moved without: ,.0f", triangles_moved_frozen="with: ,.0f"
+                ),
+                *_numbers(bytes_off_frozen="bytes without: ,.0f", bytes_frozen="with: ,.0f"),
+                *_numbers(flip_off="FLIP without: .4f", flip="with: .4f"),
+            ),
+        ),
+    },
+)
 STRATEGY_COLUMNS = (
     *_numbers(samples="samples: ,.0f", oversampling_share="slanted: .0%", oversampling_outside_share="outside: .0%"),
     *_numbers(gather_over_shading="sample / pixel: .2f", dssim="DSSIM: .4f", flip="FLIP: .4f"),
@@ -234,10 +296,10 @@ def _full_atlas(name: str, scene: str) -> Source:
 EQUAL = Source(
     "equal-samples",
     tuple(
-        f"bench run {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas 4096x4096 --samples {samples:g} --frames 4 "
+        f"bench run {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas 4096x4096 --samples {samples:g} --frames 3 "
         "--crf 25 --metrics flip"
         for scene in ("hall", "village", SPONZA, VIKING)
-        for samples in (0.5, 1, 2, 4, 8, 16)
+        for samples in (1, 2, 4, 8)
     ),
     digests.equal_parts,
     {
@@ -402,6 +464,7 @@ SOURCES: dict[str, Source] = {
         KERNELS,
         _switches("hall", "hall", quick=True),
         _switches("sponza", SPONZA, quick=False),
+        MAPPING,
         STRATEGIES,
         SLANTED,
         SPEED,

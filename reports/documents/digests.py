@@ -146,6 +146,62 @@ def switch_parts(folders: Sequence[Path]) -> Parts:
             + [row for name, row in rows.items() if name not in ("defaults", *SWITCHES)]}  # fmt: skip
 
 
+def mapping_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of SnakeBinning with mapping and without, in several packings: what superblocks take, and in runs that are
+    coded, what mapping changes in layouts made anew in every frame and in frozen ones."""
+    rows, costs = [], {}
+    for folder in folders:
+        lanes = Lanes(folder, first=1)
+        size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
+        variants = [(dict(part.split("=", 1) for part in key[1].split(",")), key) for key in lanes.keys]
+        found = {tuple(of[n] for n in ("assignment", "orphans", "freeze", "mapping")): key for of, key in variants}
+        for assignment, orphans, freeze in dict.fromkeys(place[:3] for place in found):
+            off, on = (_packed(lanes, found.get((assignment, orphans, freeze, value))) for value in ("off", "exact"))
+            name = {"scene": lanes.scene, "size": size, "assignment": assignment, "orphans": orphans}
+            if off["bytes"] is None:
+                rows.append(name | _areas(off, on))
+            else:
+                end = "" if float(freeze) == 0 else "_frozen"
+                costs.setdefault(tuple(name.values()), name).update(_changes(off, on, end))
+    return {ROWS: _by_scene(rows), "costs": _by_scene(costs.values())}
+
+
+def _by_scene(rows: Iterable[Row]) -> list[Row]:
+    """Those of one scene and size together, which several runs may have measured."""
+    found = list(rows)
+    places = list(dict.fromkeys((row["scene"], row["size"]) for row in found))
+    return sorted(found, key=lambda row: places.index((row["scene"], row["size"])))
+
+
+def _packed(lanes: Lanes, key: tuple[str, str] | None) -> Row:
+    """Texels that superblocks take, and rows of strips in them; what else depends on the packing."""
+    row = {name: lanes.statistic(key, name) for name in ("bins_after_mapping", "triangles_moved", "points")}
+    unused, loose = (lanes.statistic(key, name) for name in ("unallocated", "wasted_in_superblocks"))
+    first = lanes.rows[0]
+    row["superblocks"] = None if unused is None else first["atlas_width"] * first["atlas_height"] - unused
+    row["strips"] = None if row["superblocks"] is None or loose is None else row["superblocks"] - loose
+    return row | {"flip": lanes.median(key, "flip"), "bytes": lanes.median(key, "bytes_total", True)}
+
+
+def _areas(off: Row, on: Row) -> Row:
+    """off, on: without and with mapping."""
+    row: Row = {"superblocks_off": off["superblocks"], "superblocks": on["superblocks"]}
+    for name in ("superblocks", "strips", "bins_after_mapping"):
+        ratio = _ratio(on[name], off[name])
+        row[f"{name}_freed"] = None if ratio is None else 1 - ratio
+    row |= {"triangles_moved_ratio": _ratio(on["triangles_moved"], off["triangles_moved"])}
+    # Without points everything has a place at the first step.
+    return row | {"flip_ratio": _ratio(on["flip"], off["flip"]), "points": on["points"]}
+
+
+def _changes(off: Row, on: Row, end: str) -> Row:
+    row: Row = {}
+    for name in ("triangles_moved", "bytes", "flip"):
+        row |= {f"{name}_off{end}": off[name], f"{name}{end}": on[name]}
+        row[f"{name}_ratio{end}"] = _ratio(on[name], off[name])
+    return row
+
+
 def strategy_parts(folders: Sequence[Path]) -> Parts:
     """Runs of Tessellated Shading Streaming in several variants: samples, shares, the price of a sample, errors."""
     rows = []

@@ -39,6 +39,7 @@ SWITCHES = [
     {"freeze": 0.5, "freeze_frames": 2, "remap_interval": 2},
     {"superblock_height": 128, "collapse": 0.9, "shrink": 0.9},
     {"assignment": "first", "shading_rate": 1.0},
+    {"assignment": "next", "orphans": "found"},
 ]
 
 

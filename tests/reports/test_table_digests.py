@@ -9,7 +9,15 @@ from kernels.case import find_cases
 from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
 from reports.csv_files import write_csv
 from reports.documents.catalogue import SOURCES
-from reports.documents.digests import BROKEN_STAGES, equal_parts, kernel_parts, limit_parts, reset_parts, stress_parts
+from reports.documents.digests import (
+    BROKEN_STAGES,
+    equal_parts,
+    kernel_parts,
+    limit_parts,
+    mapping_parts,
+    reset_parts,
+    stress_parts,
+)
 from reports.documents.markdown import table_text
 from reports.store import Store
 from tests.reports.synthetic import COMMON
@@ -91,3 +99,34 @@ def test_limited_lists_are_told_from_full_ones(tmp_path: Path):
     (row,) = limit_parts([tmp_path])["rows"]
     assert (row["bytes_total_full"], row["bytes_total"], row["flip_full"], row["flip"]) == (1000, 400, 0.1, 0.2)
     assert (row["bytes_total_ratio"], row["flip_ratio"], row["server_ratio"], row["size"]) == (0.4, 2, 0.4, "320x180")
+
+
+def mapping_run(folder: Path, codec: str, values: dict[str, tuple[float, float]]) -> None:
+    """SnakeBinning by `freeze/mapping`: texels that superblocks leave, and triangles that move, or bytes."""
+    with Store(folder) as store:
+        for lane, (unallocated, cost) in values.items():
+            freeze, mapping = lane.split("/")
+            variant = f"assignment=first,freeze={freeze},mapping={mapping},orphans=found"
+            row = COMMON | {"codec": "none", "status": "ok", "flip": 0.1}
+            coded = [] if codec == "none" else [row | {"codec": codec, "crf": 25, "bytes_total": cost}]
+            statistics = {"unallocated": unallocated, "wasted_in_superblocks": 144, "triangles_moved": cost}
+            for frame in range(3):
+                store.commit_frame("snakebinning", variant, frame, [row, *coded], statistics=statistics)
+
+
+def test_what_mapping_frees_is_told_from_pairs_of_runs(tmp_path: Path):
+    """Areas from runs without coding, costs from coded ones; a run without its partner has no ratio."""
+    whole = 512 * 512
+    mapping_run(tmp_path / "a", "none", {"0.0/off": (whole - 1144, 10), "0.0/exact": (whole - 644, 20)})
+    mapping_run(tmp_path / "b", "none", {"0.0/exact": (whole - 644, 20)})
+    mapping_run(tmp_path / "c", "h264", {f"{f}/{m}": (0, c) for f, m, c in (
+        ("0.0", "off", 100), ("0.0", "exact", 300), ("0.05", "off", 10), ("0.05", "exact", 20),
+    )})  # fmt: skip
+    parts = mapping_parts([tmp_path / name for name in "abc"])
+    both, alone = parts["rows"]
+    assert (both["superblocks_off"], both["superblocks"]) == (1144, 644)
+    assert (both["superblocks_freed"], both["strips_freed"]) == (1 - 644 / 1144, 0.5)
+    assert (both["triangles_moved_ratio"], both["flip_ratio"]) == (2, 1)
+    assert (alone["superblocks_off"], alone["superblocks"], alone["superblocks_freed"]) == (None, 644, None)
+    (costs,) = parts["costs"]
+    assert [costs[name] for name in ("bytes_off", "bytes", "bytes_off_frozen", "bytes_frozen")] == [100, 300, 10, 20]
