@@ -23,7 +23,7 @@ def test_a_loop_is_ended_in_any_thread():
             with time_limit(0.05, "looping"):
                 busy()
         except PackTimeoutError:
-            ended.append(threading.get_ident())
+            ended.append(threading.current_thread().name)  # numbers are used again once a thread has ended
 
     threads = [threading.Thread(target=loop) for _ in range(3)]
     for thread in threads:
