@@ -31,11 +31,10 @@ def off_budget(store: Store) -> dict[str, str]:
 
 
 def _sentence(method: str, shares: list[float]) -> str:
-    off, worst = sum(abs(share) > TOLERANCE for share in shares), max(shares, key=abs)
-    more, why = (
-        ("more", "the triangles of the set have their smallest sizes")
-        if worst > 0
-        else ("fewer", "its atlas has no room for more, see --atlas, or its triangles have their largest sizes")
-    )
+    above, below, off = max(shares), min(shares), sum(abs(share) > TOLERANCE for share in shares)
+    far = [f"{above:.0%} more"] * (above > TOLERANCE) + [f"{-below:.0%} fewer"] * (below < -TOLERANCE)
     frames = f"in {off} of {len(shares)} frames" if len(shares) > 1 else "in its only frame"
-    return f"{method} computes up to {abs(worst):.0%} {more} samples than --samples asks for, {frames}: {why}."
+    return (
+        f"{method} computes up to {' and '.join(far)} samples than --samples asks for, {frames}: it comes no nearer "
+        "with this scene in this atlas."
+    )

@@ -52,7 +52,8 @@ def load_packer(spec: str) -> list[Packer]:
     parts = SPEC.fullmatch(spec)
     if parts is None:
         raise ValueError(f"The method {spec!r} is not of the form NAME or NAME[parameter=value,parameter=value].")
-    target, setting, values = parts["target"].strip(), parts["setting"], parts["values"]
+    target, values = parts["target"].strip(), parts["values"]
+    setting = parts["setting"] and parts["setting"].strip()
     if setting not in (None, PUBLISHED):
         raise ValueError(f"The method {spec!r} has the unknown setting @{setting}: {PUBLISHED} is the only one.")
     if target == "all" and values is None:

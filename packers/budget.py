@@ -4,50 +4,88 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import dataclass
 
 TOLERANCE = 0.05  # share by which the samples of a frame may differ from its budget
 CLOSE = 0.01  # share within which a search ends, so that the next frames need none
 LOWEST, HIGHEST = 1 / 64, 8.0  # texels per pixel along each axis
 TRIALS = 24
 FURTHEST = 2.0  # by which the rate of a trial may differ from that of the one before
+NARROW = 1.001  # ratio of the rates around the budget at which a search ends
+NARROW_ROOM = 1.01  # likewise where the upper one is too high for the atlas
 
 
-def keeps(budget: int, found: int, rate: float) -> bool:
-    """Whether `found` samples at `rate` stay: they are within TOLERANCE of the budget, or no rate comes nearer."""
-    beyond = (rate <= LOWEST and found > budget) or (rate >= HIGHEST and found < budget)
-    return beyond or abs(found - budget) <= TOLERANCE * budget
+@dataclass
+class BudgetedRate:
+    """Texels per pixel along each axis, kept from frame to frame for as long as it meets the budget.
 
-
-def rate_for(budget: int, count: Callable[[float], int], rate: float, found: int | None = None) -> float:
-    """The rate, in texels per pixel along each axis, at which a frame has about `budget` samples.
-
-    count: the samples at a rate; they never become fewer with a higher one, and are about as many as its square. Its
-    last call is of the rate that is returned. rate: where the search begins; it stays if it `keeps` the budget. Else
-    the search goes on until the samples are within CLOSE, or as near as rates come. found: the samples at `rate`, if
-    they are known.
+    least: the samples of the last search's end where they do not meet its budget, because the atlas has no room for
+    more, or no rate comes nearer; else None.
     """
-    last = None if found is not None else rate
-    found = count(rate) if found is None else found
-    if keeps(budget, found, rate):
-        return rate
-    few, many, power = None, None, 2.0  # rates with too few and too many samples; of which power of it they grow
-    best, least = rate, abs(found - budget)
-    for trial in range(TRIALS):
-        few, many = (rate, many) if found < budget else (few, rate)
-        before = rate, max(found, 1)
-        rate *= min(max((budget / before[1]) ** (1 / power), 1 / FURTHEST), FURTHEST)
-        if few and many and (trial % 3 == 2 or not few < rate < many):  # a count in steps
-            rate = math.sqrt(few * many)
-        rate = min(max(rate, LOWEST), HIGHEST)
-        found, last = count(rate), rate
-        if abs(found - budget) <= least:
-            best, least = rate, abs(found - budget)
-        at_an_end = rate in (LOWEST, HIGHEST) and keeps(budget, found, rate)
-        if least <= CLOSE * budget or at_an_end or (few and many and many < 1.001 * few):
-            break
-        if rate != before[0]:
-            power = math.log(max(found, 1) / before[1]) / math.log(rate / before[0])
-            power = min(max(power, 0.5), 2.0)
-    if last != best:
-        count(best)
-    return best
+
+    rate: float = 1.0
+    least: int | None = None
+
+    def keeps(self, budget: int, found: int | None) -> bool:
+        """Whether `found` samples, None if there is no room for them, stay: they meet the budget, or are as near to it
+        as the last search came."""
+        if found is None:
+            return False
+        beyond = (self.rate <= LOWEST and found > budget) or (self.rate >= HIGHEST and found < budget)
+        return beyond or _near(found, budget) or (self.least is not None and _near(found, self.least))
+
+    def meet(self, budget: int, count: Callable[[float], int | None], found: int | None = None) -> bool:
+        """Find the rate at which a frame has about `budget` samples, beginning at the present one, which stays if it
+        `keeps` the budget. Returns whether there is one that the atlas has room for.
+
+        count: the samples at a rate, about as many as its square and never fewer with a higher one; None where the
+        atlas has no room for them. Its last call is of the rate that is kept. found: the samples at the present rate,
+        if they are known.
+        """
+        if found is None:
+            found = count(self.rate)
+        if self.keeps(budget, found):
+            return True
+        self.least = None
+        best, least, last = self._search(budget, count, found)
+        self.rate = LOWEST if best is None else best
+        if last != self.rate:
+            count(self.rate)
+        if least is not None and not _near(least, budget):
+            self.least = least
+        return best is not None
+
+    def _search(
+        self, budget: int, count: Callable[[float], int | None], found: int | None
+    ) -> tuple[float | None, int | None, float | None]:
+        """The best rate with its samples, None if none has room, and the rate that was tried last."""
+        few, many, power = None, None, 2.0  # rates with too few and too many samples; of which power of it they grow
+        rate, last, narrow = self.rate, None, NARROW
+        best, nearest = (None, None) if found is None else (rate, found)
+        for trial in range(TRIALS):
+            narrow = NARROW_ROOM if found is None else narrow
+            few, many = (rate, many) if found is not None and found < budget else (few, rate)
+            before = rate, found
+            wanted = 0.0 if found is None else (budget / max(found, 1)) ** (1 / power)
+            rate *= min(max(wanted, 1 / FURTHEST), FURTHEST)
+            if few and many and (trial % 3 == 2 or not few < rate < many):  # a count in steps, or a full atlas
+                rate = math.sqrt(few * many)
+            rate = min(max(rate, LOWEST), HIGHEST)
+            found, last = count(rate), rate
+            if found is not None and (nearest is None or abs(found - budget) <= abs(nearest - budget)):
+                best, nearest = rate, found
+            if nearest is not None and abs(nearest - budget) <= CLOSE * budget:
+                break
+            at_an_end = (rate == LOWEST and (found is None or found > budget)) or (
+                rate == HIGHEST and found is not None
+            )
+            if at_an_end or (few and many and many < narrow * few):
+                break
+            if found is not None and before[1] is not None and rate != before[0]:
+                power = math.log(max(found, 1) / max(before[1], 1)) / math.log(rate / before[0])
+                power = min(max(power, 0.5), 2.0)
+        return best, nearest, last
+
+
+def _near(found: int, wanted: int) -> bool:
+    return abs(found - wanted) <= TOLERANCE * wanted

@@ -16,7 +16,7 @@ from kernels.sas.emit import Unfolded, count_asked, emit_samples
 from kernels.sas.footprint import STEPS, measure_sides
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
-from packers.budget import rate_for
+from packers.budget import BudgetedRate
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
 from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
@@ -78,7 +78,7 @@ class ShadingAtlasStreaming(Packer):
         self.members = upload(self.patches.members)
         self.unfolded = Unfolded.measure(scene.device, self.members, upload(self.patches.codes), scene.triangles)
         self.marks = scene.device.zeros(max(1, scene.triangles.count), np.int32)
-        self.mark, self.rate = 0, 1.0
+        self.mark, self.budgeted = 0, BudgetedRate()
         attributes = dict(zip(ATTRIBUTES, (self.patches.of_triangle, self.patches.codes), strict=True))
         self.geometry = geometry_encoder(scene, attributes)
         self.sent, self.changed = np.zeros(self.patches.count, np.uint32), True
@@ -110,7 +110,7 @@ class ShadingAtlasStreaming(Packer):
         self.changed = self.allocator.resets > resets or not np.array_equal(words, self.sent[shown])
         listed = (patches, masks, count, self.allocator.words)
         samples, without = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        found = {"bias": bias / STEPS - float(log2(self.rate)), "triangles_without_texel": without}
+        found = {"bias": bias / STEPS - float(log2(self.budgeted.rate)), "triangles_without_texel": without}
         return self._payload(frame, shown, words, samples, found)
 
     def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, Array]:
@@ -122,13 +122,17 @@ class ShadingAtlasStreaming(Packer):
             seen = (frame.scene.triangles.positions, server.eye, rate * server.pixels_per_tangent)
             return measure_sides(device, patches, count, self.points, *seen)
 
-        def samples(rate: float) -> int:
-            asked = (measured(rate)[0], self.allocator.grid.top, self.patches.count)
-            return count_asked(device, patches, masks, count, *asked, self.unfolded.members, self.complete)
+        def samples(rate: float) -> int | None:
+            sizes, histogram = measured(rate)
+            grid = self.allocator.grid
+            if self._search_bias(needed_superblocks(device, histogram, grid.top)) > 0:
+                return None
+            asked = (sizes, grid.top, self.patches.count, self.unfolded.members, self.complete)
+            return count_asked(device, patches, masks, count, *asked)
 
         if frame.sample_budget is not None:
-            self.rate = rate_for(frame.sample_budget, samples, self.rate)
-        return measured(self.rate)
+            self.budgeted.meet(frame.sample_budget, samples)
+        return measured(self.budgeted.rate)
 
     def _search_bias(self, needed: np.ndarray) -> int:
         """The smallest bias, in eighths, whose request fits; the largest if none does."""

@@ -30,7 +30,7 @@ from kernels.snakebinning.place import Places, find_new, list_records, place_tri
 from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
-from packers.budget import keeps, rate_for
+from packers.budget import BudgetedRate
 from packers.interface import ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
 from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
 from packers.snakebinning.parameters import PARAMETERS
@@ -77,7 +77,7 @@ class SnakeBinning(Packer):
         self.rebuilt_area = self.added_area = 0.0  # texels, at the last rebuild and since then
         self.rebuilds = self.remappings = self.resets = 0
         self.step = self.mapped_at = 0
-        self.full_rate = self.shading_rate  # texels per pixel in a large enough atlas
+        self.budgeted = BudgetedRate(self.shading_rate)
         self.left_out = np.zeros(count + MOST, bool)  # triangles and pieces for which the atlas is too small
         self.blocks: Superblocks | None = None
 
@@ -94,7 +94,7 @@ class SnakeBinning(Packer):
 
     def pack(self, frame: Frame) -> Payload:
         """Slots for the triangles of the frame's set, and their shading."""
-        device = frame.scene.device
+        device, resets = frame.scene.device, self.resets
         self.frame += 1
         if self.blocks is None:
             self._begin(frame)
@@ -104,33 +104,39 @@ class SnakeBinning(Packer):
             if not self._rebuild(frame):
                 self.resets += 1
                 self._reset(frame)
-        samples = self._emit_within_budget(frame)
+        samples = self._emit_within_budget(frame, resets)
         records, cuts = list_records(device, *self.items, self.places, self.footprints, self.blocks.strips)
         planes = frame.shade(samples)
         if self.average_clear:
             clear_strips(device, self.blocks, planes["atlas"])
         return self._payload(frame, records, cuts, samples, planes)
 
-    def _emit_within_budget(self, frame: Frame) -> Samples:
-        """The samples of the layout; where they are not as many as the frame's budget has, of one at another rate."""
+    def _emit_within_budget(self, frame: Frame, resets: int) -> Samples:
+        """The samples of the layout; where they are not as many as the frame's budget has, of one at another rate.
+
+        resets: before this frame.
+        """
         samples, budget = self._emit(frame), frame.sample_budget
-        if budget is None or keeps(budget, samples.count, self.full_rate) or self._is_full(samples.count, budget):
+        if budget is None:
+            return samples
+        lowered = self.step > 1 and self.budgeted.least is None  # so that they are not those of the rate asked for
+        if not lowered and self.budgeted.keeps(budget, samples.count):
             return samples
 
-        def at(rate: float) -> int:
+        def at(rate: float) -> int | None:
             nonlocal samples
-            self.full_rate, self.step = rate, 0
+            self.budgeted.rate = rate
+            if not (self._fits(frame, 0) or self._fits(frame, 1)):
+                return None
+            samples = self._emit(frame)
+            return samples.count
+
+        self.resets = resets + (self.frame > 1)
+        if not self.budgeted.meet(budget, at, None if lowered else samples.count):
             self._reset(frame)
             samples = self._emit(frame)
-            return budget if self._is_full(samples.count, budget) else samples.count
-
-        self.resets += self.frame > 1
-        rate_for(budget, at, self.full_rate, samples.count)
+            self.budgeted.least = samples.count
         return samples
-
-    def _is_full(self, samples: int, budget: int) -> bool:
-        """Whether the atlas has no room for more."""
-        return samples < budget and (self.step > 1 or bool(self.left_out.any()))
 
     def _emit(self, frame: Frame) -> Samples:
         known = (self.places, self.blocks.strips, self.footprints, frame.scene.triangles, self.pieces)
@@ -160,7 +166,7 @@ class SnakeBinning(Packer):
     @property
     def rate(self) -> float:
         """Texels per pixel: all of them at the first two steps, and 2^(1/8) times fewer at each one further."""
-        return self.full_rate * 2 ** (-max(self.step - 1, 0) / 8)
+        return self.budgeted.rate * 2 ** (-max(self.step - 1, 0) / 8)
 
     def _append(self, frame: Frame) -> bool:
         """Add what is new to strips in which nothing moves; False if the set has changed too much for that."""

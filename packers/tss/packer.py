@@ -22,7 +22,7 @@ from kernels.tss.layout import lay_out, place_items
 from kernels.tss.perspective import invert_depths
 from kernels.tss.primitives import Primitives, list_primitives
 from packers.atlas_client import geometry_encoder
-from packers.budget import rate_for
+from packers.budget import BudgetedRate
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
 from packers.tss.client import TessellatedClient
 from packers.tss.message import Placement, encode
@@ -108,7 +108,7 @@ class TessellatedShadingStreaming(Packer):
         self.geometry = geometry_encoder(scene, {})
         build_kernels(scene.device)
         self.step, self.guess = 0, -1  # of the last frame's scale, and where the search for it began
-        self.rate = 1.0  # texels per pixel in a large enough atlas
+        self.budgeted = BudgetedRate()
 
     def settled(self) -> bool:
         """Only the scale is kept from frame to frame, to begin with; the order of arrival is another in each."""
@@ -191,16 +191,16 @@ class TessellatedShadingStreaming(Packer):
         client = frame.predicted[0] if frame.predicted else frame.server
         picture = 1.0 if self.picture == "density" else client.width / frame.server.width
 
-        def samples(rate: float) -> int:
+        def samples(rate: float) -> int | None:
             primitives = self._list(frame, camera, rate * picture)
-            turns = self._turns(frame, primitives.count)
-            known = (rate * picture, self.threshold, turns, self.bin_tables)
-            forms, _ = choose_forms(frame.scene.device, primitives, *known)
-            return count_samples(frame.scene.device, primitives.count, forms, self.cells)
+            arranged = self._arrange_at(frame, primitives, rate * picture)
+            if not 0 <= arranged.used <= frame.atlas_height:
+                return None
+            return count_samples(frame.scene.device, primitives.count, arranged.forms, self.cells)
 
         if frame.sample_budget is not None:
-            self.rate = rate_for(frame.sample_budget, samples, self.rate)
-        return self.rate * picture
+            self.budgeted.meet(frame.sample_budget, samples)
+        return self.budgeted.rate * picture
 
     def _list(self, frame: Frame, camera: Array, scale: float) -> Primitives:
         listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale, self.threshold)
@@ -208,18 +208,15 @@ class TessellatedShadingStreaming(Packer):
 
     def _arrange_at(self, frame: Frame, primitives: Primitives, scale: float) -> Arranged:
         device, count = frame.scene.device, primitives.count
-        turns = self._turns(frame, count)
-        forms, items = choose_forms(device, primitives, scale, self.threshold, turns, self.bin_tables)
-        ranks, totals = rank_by_class(device, items, 2 * count, self.bins.count, "structs/rank")
-        regions, used = lay_out(device, self.bin_tables, totals, frame.atlas_width)
-        return Arranged(scale, primitives, forms, (turns, items, ranks), regions, used)
-
-    def _turns(self, frame: Frame, count: int) -> Array:
-        """When each primitive is placed, int32 (count)."""
         turns = np.arange(count, dtype=np.int32)
         if self.order == "arrival":
             turns = draws.generator([frame.seed, frame.index]).permutation(turns)
-        return frame.scene.device.upload(turns)
+        turns = device.upload(turns)
+        form = (primitives, scale, self.threshold, turns, self.bin_tables)
+        forms, items = choose_forms(device, *form)
+        ranks, totals = rank_by_class(device, items, 2 * count, self.bins.count, "structs/rank")
+        regions, used = lay_out(device, self.bin_tables, totals, frame.atlas_width)
+        return Arranged(scale, primitives, forms, (turns, items, ranks), regions, used)
 
     def _read(self, arranged: Arranged, places: Array, camera: np.ndarray) -> Placement:
         """What was decided, on the host."""

@@ -109,8 +109,21 @@ def checked(kept: Kept, fresh: Parts, parts: dict[str, Part]) -> Kept:
     for name, rows in fresh.items():
         part = parts[name]
         before = {_key(row, part): row for row in kept.parts.get(name, [])}
-        found[name] = [_with_kept(row, before.get(_key(row, part)), part) for row in rows]
+        known = [row for row in rows if not before or _key(row, part) in before or not row.get("machine")]
+        found[name] = [_with_kept(row, before.get(_key(row, part)), part) for row in known]
+        _keep_missing(found[name], before, part)
     return Kept(kept.about, found)
+
+
+def _keep_missing(rows: list[Row], before: dict[tuple[Any, ...], Row], part: Part) -> None:
+    """Insert the rows that depend on the machine and that it did not give this time, where they were."""
+    at = 0
+    for key, row in before.items():
+        place = next((place for place, other in enumerate(rows) if _key(other, part) == key), None)
+        if place is None and row.get("machine"):
+            rows.insert(at, row)
+            place = at
+        at = at if place is None else place + 1
 
 
 def _with_kept(row: Row, before: Row | None, part: Part) -> Row:

@@ -28,9 +28,11 @@ def test_who_is_off_is_told_once_and_only_while_it_is(tmp_path: Path) -> None:
         told = store.notes.under(NOTES)
         assert set(told) == {"more[]", "fewer[]"}
         assert "12% more samples than --samples asks for, in 2 of 3 frames" in told["more[]"]
-        assert "smallest sizes" in told["more[]"]
-        assert "60% fewer samples" in told["fewer[]"]
-        assert "in its only frame: its atlas has no room" in told["fewer[]"]
+        assert "60% fewer samples than --samples asks for, in its only frame" in told["fewer[]"]
+        commit(store, "more", 3, 900, 1000)
+        note_off_budget(store)
+        assert "up to 12% more and 10% fewer samples" in store.notes[f"{NOTES}/more[]"]
+        told = store.notes.under(NOTES)
         store.notes[f"{NOTES}/gone[]"] = "of an earlier time"
         note_off_budget(store)
         assert store.notes.under(NOTES) == told

@@ -127,6 +127,18 @@ def test_a_new_measurement_is_compared_as_printed_and_without_times(root: Path):
     assert "printed '91%', now '85%'" in sentence
 
 
+def test_rows_that_the_machine_gives_or_not_stay_as_they_were() -> None:
+    def row(name: str, machine: bool = False) -> dict:
+        return {"name": name, "says": name, "machine": machine}
+
+    before = [row("a", True), row("b"), row("c", True), row("d", True), row("e"), row("f", True)]
+    now = [row("b"), row("new", True), row("d", True), row("e")]
+    found = checked(Kept(ABOUT, {"whole": before}), {"whole": now}, PARTS)
+    assert found.parts["whole"] == before
+    other = checked(Kept(ABOUT, {"whole": before}), {"whole": [*now, row("another")]}, PARTS)
+    assert {row["name"] for row in other.parts["whole"]} == {*"abcdef", "another"}
+
+
 def test_a_row_more_or_less_is_found(root: Path):
     fewer = checked(Kept(ABOUT, {"rows": ROWS}), {"rows": ROWS[:-1], "whole": WHOLE}, PARTS)
     with pytest.raises(DocumentError, match="names 0 values"):  # of a sentence
