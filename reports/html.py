@@ -100,6 +100,7 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "View cell": _joined(row, "{cell_radius:g} m, {cell_fov:g}°"),
         "Latency": _joined(row, "{latency:g} ms"),
         "Atlas": _joined(next((r for r in rows if r["atlas_width"]), row), "{atlas_width} x {atlas_height} texels"),
+        "Samples asked for": _samples_asked(rows),
         "Seed": _joined(row, "{seed}"),
         "Triangles": str(notes["environment"].get("triangles", "")).replace(",", THIN),
         "Scene hash": _joined(row, "{scene_hash:.12}"),
@@ -132,6 +133,11 @@ def _joined(row: Row, text: str) -> str:
         return text.format_map(row)
     except TypeError:  # None has no such format
         return ""
+
+
+def _samples_asked(rows: list[Row]) -> str:
+    budget = next((row for row in rows if row["sample_budget"]), None)
+    return f"{budget['sample_budget'] / (budget['width'] * budget['height']):.3g} per pixel" if budget else ""
 
 
 def section(name: str, title: str, *content: str) -> str:

@@ -80,15 +80,16 @@ def read_points(folder: Path) -> list[Point]:
     return points
 
 
-def read_rare(folder: Path) -> list[str]:
-    """What methods do in a few frames only and did in no frame of some cells, and of how many."""
+def read_told(folder: Path, prefix: str) -> list[str]:
+    """What runs of cells tell of methods in their notes of this prefix, and of how many cells: `rare`, what they do in
+    a few frames only and did in none; `warning/budget`, sample budgets that they did not meet."""
     cells = read_sweep(folder)["cells"]
     of_method = Counter(cell["method"] for cell in cells)
     counts: Counter[tuple[str, str]] = Counter()
     for place in dict.fromkeys(cell["folder"] for cell in cells):
         if (folder / place / "results.sqlite").is_file():
             with Store(folder / place, must_exist=True) as store:
-                counts.update((key.partition("[")[0], text) for key, text in store.notes.under("rare").items())
+                counts.update((key.partition("[")[0], text) for key, text in store.notes.under(prefix).items())
     return [f"{text} ({count} of {of_method[method]} cells)" for (method, text), count in counts.items()]
 
 

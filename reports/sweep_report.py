@@ -22,8 +22,8 @@ from reports.sweep import (
     cost_column,
     groups,
     read_points,
-    read_rare,
     read_sweep,
+    read_told,
     write_sweep_csv,
 )
 from reports.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
@@ -47,7 +47,11 @@ def write_sweep(folder: Path) -> list[Point]:
     write_sweep_csv(folder, points)
     colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sorted({p.row["method"] for p in points}))}
     sections = [
-        _warnings(sweep, [*notes["warning"].values(), *read_rare(folder)], points),
+        _warnings(
+            sweep,
+            [*notes["warning"].values(), *read_told(folder, "warning/budget"), *read_told(folder, "rare")],
+            points,
+        ),
         _plot(sweep, points),
         _fronts(points),
         _troubles(points),
@@ -215,6 +219,9 @@ def _header(sweep: dict[str, Any], points: Sequence[Point], notes: dict[str, dic
         "View cell": _same(rows, "{cell_radius:g} m, {cell_fov:g}°"),
         "Latency": _same(rows, "{latency:g} ms"),
         "Atlas": _same([row for row in rows if row["atlas_width"]], "{atlas_width} x {atlas_height} texels"),
+        "Samples asked for": _same(
+            [row for row in rows if row["samples_per_pixel"]], "{samples_per_pixel:g} per pixel"
+        ),
         "Coding": _same([row for row in rows if row["codec"] == "h264"], "H.264, CRF {crf}"),
         "Seed": str(settings["seed"]),
         "Triangles": notes["environment"].get("triangles", ""),

@@ -14,7 +14,7 @@ from harness.session import open_head_motion, open_path, open_scene
 from harness.skips import skipped_stages
 from harness.sweep.grid import make_grid
 from kernels.device import Device
-from reports.sweep import candidates, groups, read_rare
+from reports.sweep import candidates, groups, read_told
 from reports.sweep_words import CODING_NAMES, COST_NAMES, verdict
 
 if TYPE_CHECKING:
@@ -100,8 +100,9 @@ def show_sweep(points: list[Point], folder: Path) -> None:
         console.print(verdict(candidates(own, cost, "flip")[1], cost, "flip"))
         console.print()
     _show_troubles(console, points)
-    for text in read_rare(folder):
-        console.print(f"[yellow]not seen[/] {escape(text)}")
+    for prefix, word in (("warning/budget", "warning"), ("rare", "not seen")):
+        for text in read_told(folder, prefix):
+            console.print(f"[yellow]{word}[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
 
 
