@@ -6,6 +6,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from arithmetic.functions import log2, power
+
 TOLERANCE = 0.05  # share by which the samples of a frame may differ from its budget
 CLOSE = 0.01  # share within which a search ends, so that the next frames need none
 LOWEST, HIGHEST = 1 / 64, 8.0  # texels per pixel along each axis
@@ -59,14 +61,14 @@ class BudgetedRate:
         self, budget: int, count: Callable[[float], int | None], found: int | None
     ) -> tuple[float | None, int | None, float | None]:
         """The best rate with its samples, None if none has room, and the rate that was tried last."""
-        few, many, power = None, None, 2.0  # rates with too few and too many samples; of which power of it they grow
+        few, many, degree = None, None, 2.0  # rates with too few and too many samples; with which power of it they grow
         rate, last, narrow = self.rate, None, NARROW
         best, nearest = (None, None) if found is None else (rate, found)
         for trial in range(TRIALS):
             narrow = NARROW_ROOM if found is None else narrow
             few, many = (rate, many) if found is not None and found < budget else (few, rate)
             before = rate, found
-            wanted = 0.0 if found is None else (budget / max(found, 1)) ** (1 / power)
+            wanted = 0.0 if found is None else float(power(budget / max(found, 1), 1 / degree))
             rate *= min(max(wanted, 1 / FURTHEST), FURTHEST)
             if few and many and (trial % 3 == 2 or not few < rate < many):  # a count in steps, or a full atlas
                 rate = math.sqrt(few * many)
@@ -76,14 +78,13 @@ class BudgetedRate:
                 best, nearest = rate, found
             if nearest is not None and abs(nearest - budget) <= CLOSE * budget:
                 break
-            at_an_end = (rate == LOWEST and (found is None or found > budget)) or (
-                rate == HIGHEST and found is not None
-            )
-            if at_an_end or (few and many and many < narrow * few):
+            at_lowest = rate == LOWEST and (found is None or found > budget)
+            at_highest = rate == HIGHEST and found is not None and found < budget
+            if at_lowest or at_highest or (few and many and many < narrow * few):
                 break
             if found is not None and before[1] is not None and rate != before[0]:
-                power = math.log(max(found, 1) / max(before[1], 1)) / math.log(rate / before[0])
-                power = min(max(power, 0.5), 2.0)
+                degree = float(log2(max(found, 1) / max(before[1], 1)) / log2(rate / before[0]))
+                degree = min(max(degree, 0.5), 2.0)
         return best, nearest, last
 
 
