@@ -1,4 +1,4 @@
-"""Which methods do not compute as many samples as `--samples` asks for, and why."""
+"""Which methods do not compute as many samples as `--samples` asks for, and by how far."""
 
 from __future__ import annotations
 

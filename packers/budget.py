@@ -21,12 +21,12 @@ NARROW_ROOM = 1.01  # likewise where the upper one is too high for the atlas
 class BudgetedRate:
     """Texels per pixel along each axis, kept from frame to frame for as long as it meets the budget.
 
-    least: the samples of the last search's end where they do not meet its budget, because the atlas has no room for
+    reached: the samples of the last search's end where they do not meet its budget, because the atlas has no room for
     more, or no rate comes nearer; else None.
     """
 
     rate: float = 1.0
-    least: int | None = None
+    reached: int | None = None
 
     def keeps(self, budget: int, found: int | None) -> bool:
         """Whether `found` samples, None if there is no room for them, stay: they meet the budget, or are as near to it
@@ -34,7 +34,7 @@ class BudgetedRate:
         if found is None:
             return False
         beyond = (self.rate <= LOWEST and found > budget) or (self.rate >= HIGHEST and found < budget)
-        return beyond or _near(found, budget) or (self.least is not None and _near(found, self.least))
+        return beyond or _near(found, budget) or (self.reached is not None and _near(found, self.reached))
 
     def meet(self, budget: int, count: Callable[[float], int | None], found: int | None = None) -> bool:
         """Find the rate at which a frame has about `budget` samples, beginning at the present one, which stays if it
@@ -48,13 +48,13 @@ class BudgetedRate:
             found = count(self.rate)
         if self.keeps(budget, found):
             return True
-        self.least = None
-        best, least, last = self._search(budget, count, found)
+        self.reached = None
+        best, nearest, last = self._search(budget, count, found)
         self.rate = LOWEST if best is None else best
         if last != self.rate:
             count(self.rate)
-        if least is not None and not _near(least, budget):
-            self.least = least
+        if nearest is not None and not _near(nearest, budget):
+            self.reached = nearest
         return best is not None
 
     def _search(

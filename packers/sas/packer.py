@@ -101,8 +101,7 @@ class ShadingAtlasStreaming(Packer):
         self.mark += 1
         known = (self.of_triangle, self.members, self.marks, self.mark)
         patches, masks, count = visible_patches(device, frame.pvs_device, len(frame.pvs), *known)
-        sizes, histogram = self._measure(frame, patches, masks, count)
-        bias = self._search_bias(needed_superblocks(device, histogram, self.allocator.grid.top))
+        sizes, bias = self._measure(frame, patches, masks, count)
         resets = self.allocator.resets
         self.allocator.allocate(patches, count, sizes, bias, self.members, self.marks, self.mark)
         words = self.allocator.read(patches, count)
@@ -113,26 +112,27 @@ class ShadingAtlasStreaming(Packer):
         found = {"bias": bias / STEPS - float(log2(self.budgeted.rate)), "triangles_without_texel": without}
         return self._payload(frame, shown, words, samples, found)
 
-    def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, Array]:
-        """Sizes of the patches' sides and their histogram, at the rate that the frame's sample budget asks for: a bias
-        that is any number."""
-        device, server = frame.scene.device, frame.server
+    def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, int]:
+        """Sizes of the patches' sides, at the rate that the frame's sample budget asks for: a bias that is any number;
+        and the bias, in eighths, at which they fit."""
+        device, server, grid = frame.scene.device, frame.server, self.allocator.grid
 
-        def measured(rate: float) -> tuple[Array, Array]:
+        def measured(rate: float) -> tuple[Array, int]:
             seen = (frame.scene.triangles.positions, server.eye, rate * server.pixels_per_tangent)
-            return measure_sides(device, patches, count, self.points, *seen)
+            sizes, histogram = measure_sides(device, patches, count, self.points, *seen)
+            return sizes, self._search_bias(needed_superblocks(device, histogram, grid.top))
 
         def samples(rate: float) -> int | None:
-            sizes, histogram = measured(rate)
-            grid = self.allocator.grid
-            if self._search_bias(needed_superblocks(device, histogram, grid.top)) > 0:
-                return None
+            nonlocal last
+            last = sizes, bias = measured(rate)
             asked = (sizes, grid.top, self.patches.count, self.unfolded.members, self.complete)
-            return count_asked(device, patches, masks, count, *asked)
+            return None if bias else count_asked(device, patches, masks, count, *asked)
 
-        if frame.sample_budget is not None:
-            self.budgeted.meet(frame.sample_budget, samples)
-        return measured(self.budgeted.rate)
+        if frame.sample_budget is None:
+            return measured(self.budgeted.rate)
+        last: tuple[Array, int]
+        self.budgeted.meet(frame.sample_budget, samples)
+        return last
 
     def _search_bias(self, needed: np.ndarray) -> int:
         """The smallest bias, in eighths, whose request fits; the largest if none does."""

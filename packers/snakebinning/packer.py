@@ -119,7 +119,7 @@ class SnakeBinning(Packer):
         samples, budget = self._emit(frame), frame.sample_budget
         if budget is None:
             return samples
-        lowered = self.step > 1 and self.budgeted.least is None  # so that they are not those of the rate asked for
+        lowered = self.step > 1 and self.budgeted.reached is None  # so that they are not those of the rate asked for
         if not lowered and self.budgeted.keeps(budget, samples.count):
             return samples
 
@@ -135,7 +135,7 @@ class SnakeBinning(Packer):
         if not self.budgeted.meet(budget, at, None if lowered else samples.count):
             self._reset(frame)
             samples = self._emit(frame)
-            self.budgeted.least = samples.count
+            self.budgeted.reached = samples.count
         return samples
 
     def _emit(self, frame: Frame) -> Samples:

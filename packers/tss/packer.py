@@ -160,11 +160,15 @@ class TessellatedShadingStreaming(Packer):
         return {"strategies": drawn}
 
     def _arrange(self, frame: Frame, camera: Array) -> Arranged:
-        """Primitives, bins and their positions at the largest scale that fits; at the smallest one if none does.
+        """Primitives, bins and their positions: those within the frame's sample budget, if any fit; without one those
+        at the largest scale that fits, at the smallest if none does.
 
         The search begins at the last frame's scale, which is mostly the same: then two layouts are enough.
         """
-        widest = self._widest(frame, camera)
+        client = frame.predicted[0] if frame.predicted else frame.server
+        widest = 1.0 if self.picture == "density" else client.width / frame.server.width
+        if frame.sample_budget is not None and (within := self._within_budget(frame, camera, widest)):
+            return within
         fitting: Arranged | None = None
         uncut: tuple[int, Primitives] | None = None  # a step without cut triangles, as are all larger ones
 
@@ -186,21 +190,22 @@ class TessellatedShadingStreaming(Packer):
             excess(LAST)
         return fitting
 
-    def _widest(self, frame: Frame, camera: Array) -> float:
-        """Texels per pixel in a large enough atlas: what a sample budget asks for, or one."""
-        client = frame.predicted[0] if frame.predicted else frame.server
-        picture = 1.0 if self.picture == "density" else client.width / frame.server.width
+    def _within_budget(self, frame: Frame, camera: Array, widest: float) -> Arranged | None:
+        """The layout that has as many samples as the frame's budget; None if the atlas has no room for any."""
 
         def samples(rate: float) -> int | None:
-            primitives = self._list(frame, camera, rate * picture)
-            arranged = self._arrange_at(frame, primitives, rate * picture)
-            if not 0 <= arranged.used <= frame.atlas_height:
+            nonlocal last
+            primitives = self._list(frame, camera, rate * widest)
+            last = self._arrange_at(frame, primitives, rate * widest)
+            if not 0 <= last.used <= frame.atlas_height:
                 return None
-            return count_samples(frame.scene.device, primitives.count, arranged.forms, self.cells)
+            return count_samples(frame.scene.device, primitives.count, last.forms, self.cells)
 
-        if frame.sample_budget is not None:
-            self.budgeted.meet(frame.sample_budget, samples)
-        return self.budgeted.rate * picture
+        last: Arranged
+        rate = self.budgeted.rate
+        met = self.budgeted.meet(frame.sample_budget, samples)
+        self.guess = self.step if self.budgeted.rate == rate else -1
+        return last if met else None
 
     def _list(self, frame: Frame, camera: Array, scale: float) -> Primitives:
         listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale, self.threshold)

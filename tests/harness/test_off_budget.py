@@ -1,4 +1,4 @@
-"""Methods off their sample budget are named, with how far and why."""
+"""Methods off their sample budget are named, with how far."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def test_a_smooth_count_is_met_or_an_end_is_reached(budget: int, start: float, u
     assert count.asked[-1] == rate.rate
     assert LOWEST <= rate.rate <= HIGHEST
     assert rate.keeps(budget, count(rate.rate))
-    assert rate.least in (None, count(rate.rate))
+    assert rate.reached in (None, count(rate.rate))
 
 
 @given(st.integers(1000, 10**7), rates, st.floats(1e3, 1e6), st.floats(2 * LOWEST, HIGHEST))
@@ -53,7 +53,7 @@ def test_an_atlas_is_filled_where_it_has_no_room_for_the_budget(
     found = count(rate.rate)
     if unit * room * room < 0.9 * budget:
         assert rate.rate > 0.97 * room
-        assert rate.least == found
+        assert rate.reached == found
         trials = len(count.asked)
         assert rate.meet(budget, count)
         assert len(count.asked) == trials + 1
