@@ -134,7 +134,7 @@ SIZES = (
     ("bytes_metadata_mean", "meta", 1e-3, _kilobytes),
     ("bytes_geometry_mean", "geom", 1e-3, _kilobytes),
 )
-NOTE_WORDS = {"scene": "note", "rare": "not seen", "warning": "warning"}
+NOTE_WORDS = {"scene": "note", "published": "published", "rare": "not seen", "warning": "warning"}
 SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", "sample/pixel", "{:.2f}"))  # statistics
 
 
@@ -154,7 +154,7 @@ def show_summary(store: Store, folder: Path) -> None:
     for status, count, reason in _troubles(rows, labels):
         colour = "dim" if status == "skipped" else "red"
         console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
-    for prefix, colour in (("scene", "dim"), ("rare", "yellow"), ("warning", "yellow")):
+    for prefix, colour in (("scene", "dim"), ("published", "dim"), ("rare", "yellow"), ("warning", "yellow")):
         for text in dict.fromkeys(store.notes.under(prefix).values()):
             console.print(f"[{colour}]{NOTE_WORDS[prefix]}[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)

@@ -25,6 +25,7 @@ import typer
 from filelock import FileLock, Timeout
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from harness.as_published import note_as_published
 from harness.console import InputError, make_console, show_summary, tell_passed_over
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
@@ -161,6 +162,7 @@ class Run:
             self._one_frame(index, done, finished, progress, task)
         note_unseen(self.store, (lane.packer for lane in self.lanes))
         note_off_budget(self.store)
+        note_as_published(self.store, (lane.packer for lane in self.lanes))
         self.session.device.announce = lambda path: None
         progress.remove_task(task)
         self.session.device.remember_programs(repr(self.settings))

@@ -17,7 +17,9 @@ from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
 from reports.tables import NONE, THIN, folded_lists, headline_tables, number, ranges, table
 
-NOTES = ("environment", "device", "warning", "rare", "skipped", "skip", "saved", "scene", "prepare_ms")
+NOTES = (
+    "environment", "device", "warning", "rare", "published", "skipped", "skip", "saved", "scene", "prepare_ms",
+)  # fmt: skip
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
 
 Row = dict[str, Any]
@@ -41,7 +43,7 @@ def write_report(folder: Path) -> Path:
     spent = budgets(rows, labels)
     sections = [
         _warnings(notes, rows),
-        _results(rows, summaries, statistics, labels),
+        _results(rows, summaries, statistics, labels, notes),
         _budget(spent, rows),
         _viewer(embedded),
         _charts(rows, summaries, stages, labels),
@@ -158,13 +160,20 @@ def _warnings(notes: dict[str, dict[str, str]], rows: list[Row]) -> str:
     return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
 
 
-def _results(rows: list[Row], summaries: list[Row], statistics: list[Row], labels: charts.Labels) -> str:
+def _results(
+    rows: list[Row],
+    summaries: list[Row],
+    statistics: list[Row],
+    labels: charts.Labels,
+    notes: dict[str, dict[str, str]],
+) -> str:
     if not rows:
         return ""
     return section(
         "results",
         "Results",
         *(caption(text) + html for text, html in headline_tables(rows, summaries, labels)),
+        *(f"<p>{escape(text)}</p>" for text in notes["published"].values()),
         _speed(statistics, labels),
         caption("Error over server time: the best methods are at the lower left. Rings are without video coding."),
         '<div class="chart" data-figure="error"></div>',
