@@ -145,7 +145,8 @@ def show_summary(store: Store, folder: Path) -> None:
 
     console = make_console()
     rows = store.rows()
-    labels = method_labels(list({(row["method"], row["variant"]): None for row in rows}))
+    published = store.notes.under("as_published").items()
+    labels = method_labels(list({(row["method"], row["variant"]): None for row in rows}), published)
     _show_numbers(rows, labels, console)
     speed = _speed_lines(measured_statistics(rows, store.statistics()), labels)
     if speed:
@@ -232,8 +233,9 @@ def _fitting(title: str, headings: list[str], lines: list[list[str]], console: C
         column.no_wrap = True
     for column in table.columns[2:]:
         column.justify = "right"
-    for line in lines:
-        table.add_row(*line[:count])
+    room = console.width - sum(widths[1:count]) - 2 * (count - 1)
+    for label, *cells in lines:
+        table.add_row(label if len(label) <= room else label.replace("@", "\n@", 1), *cells[: count - 1])
     return table
 
 

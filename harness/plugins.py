@@ -70,6 +70,12 @@ def published_values(packer: type[Packer], setting: str | None = PUBLISHED) -> d
     return {name: value for name, value in named.items() if value is not None and setting == PUBLISHED}
 
 
+def is_published(packer: Packer) -> bool:
+    """Whether a packer's parameters are those that its paper has, and these are not its defaults."""
+    values = published_values(type(packer))
+    return bool(values) and variant_string(packer) == variant_string(type(packer)(**values))
+
+
 def variant_string(packer: Packer) -> str:
     """All parameters of a packer and their values as `a=1,b=2`, sorted by name: equal for equal packers only."""
     return ",".join(f"{name}={value_text(getattr(packer, name))}" for name in sorted(packer.parameters))

@@ -37,6 +37,7 @@ from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
 from harness.off_budget import note_off_budget
 from harness.plan import check_folder, make_plan, remember_pace
+from harness.plugins import is_published, variant_string
 from harness.rare import note_unseen
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
@@ -411,6 +412,8 @@ def write_notes(store: Store, session: Session) -> None:
         notes[f"warning/{number:02d}"] = text
     for name, reason in skipped_stages(scene.features, session.settings.no_skip).items():
         notes[f"skipped/{name}"] = reason
+    for packer in filter(is_published, find_methods(session.settings)):
+        notes[f"as_published/{packer.name}"] = variant_string(packer)
     for skip in known_skips(find_methods(session.settings)):
         notes[f"skip/{skip.name}"] = f"{skip.what}: {skip.unneeded}"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Collection
 from statistics import median
 from typing import Any
 
@@ -26,15 +27,19 @@ PER_FRAME = (
 )  # fmt: skip
 
 
-def method_labels(keys: list[Key]) -> Labels:
-    """A short unique name of each method and variant: parameters only where variants of a method differ in them."""
+def method_labels(keys: list[Key], published: Collection[Key] = ()) -> Labels:
+    """A short unique name of each method and variant: parameters only where variants of a method differ in them, and
+    `@published` for those in `published`, whose parameters are their paper's."""
     labels: Labels = {}
     for method in sorted({method for method, _ in keys}):
         variants = sorted({variant for name, variant in keys if name == method})
-        shared = set.intersection(*(set(variant.split(",")) for variant in variants))
-        for variant in variants:
+        others = [variant for variant in variants if (method, variant) not in published]
+        shared = set.intersection(*(set(variant.split(",")) for variant in others or variants))
+        for variant in others:
             own = [part for part in variant.split(",") if part not in shared]
             labels[method, variant] = f"{method}[{','.join(own)}]" if own else method
+        for variant in variants:
+            labels.setdefault((method, variant), f"{method}@published")
     return labels
 
 

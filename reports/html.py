@@ -18,7 +18,8 @@ from reports.store import Store, flat
 from reports.tables import NONE, THIN, folded_lists, headline_tables, number, ranges, table
 
 NOTES = (
-    "environment", "device", "warning", "rare", "published", "skipped", "skip", "saved", "scene", "prepare_ms",
+    "environment", "device", "warning", "rare", "published", "as_published", "skipped", "skip", "saved", "scene",
+    "prepare_ms",
 )  # fmt: skip
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
 
@@ -37,7 +38,9 @@ def write_report(folder: Path) -> Path:
         notes = {name: store.notes.under(name) for name in NOTES}
         plan = flat(store.plan() or {})
     pictures = find_pictures(folder)
-    labels = charts.method_labels(list({(row["method"], row["variant"]) for row in rows}))
+    labels = charts.method_labels(
+        list({(row["method"], row["variant"]) for row in rows}), notes["as_published"].items()
+    )
     embedded = embed(pictures, chosen_frames(pictures, rows), labels)
     summaries = summarise(rows)
     spent = budgets(rows, labels)

@@ -236,7 +236,7 @@ class Notes(MutableMapping[str, str]):
     Keys are PREFIX/NAME. The report shows `environment/...` (machine, device, versions), `warning/...`,
     `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...`,
     `prepare_ms/METHOD`, `rare/METHOD/STATISTIC` (what a method does in a few frames only, and did in none of these) and
-    `published/METHOD` (what changes where its parameters are as published).
+    `published/METHOD` (what changes where its parameters are as published; `as_published/METHOD` is that variant).
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:

@@ -21,7 +21,7 @@ def commit(store: Store, packer: Packer, crf: int | None, frame: int, **values: 
 def test_differences_above_five_percent_are_told_by_coding(tmp_path: Path) -> None:
     usual, published = SnakeBinning(), SnakeBinning(**published_values(SnakeBinning))
     with Store(tmp_path) as store:
-        for frame in range(3):
+        for frame in range(6):
             commit(store, usual, None, frame, samples=1000, flip=0.05, server_ms=100.0, coherence=0.9)
             commit(store, published, None, frame, samples=1040, flip=0.06, server_ms=80.0, coherence=0.0)
         note_as_published(store, [usual, published])
@@ -32,6 +32,16 @@ def test_differences_above_five_percent_are_told_by_coding(tmp_path: Path) -> No
         }
         note_as_published(store, [usual])
         assert not store.notes.under(NOTES)
+
+
+def test_times_are_told_only_where_their_intervals_are_apart(tmp_path: Path) -> None:
+    usual, published = SnakeBinning(), SnakeBinning(**published_values(SnakeBinning))
+    with Store(tmp_path) as store:
+        for frame in range(8):
+            commit(store, usual, None, frame, server_ms=100.0 + 40 * (frame % 2))
+            commit(store, published, None, frame, server_ms=110.0 + 40 * (frame % 2))
+        note_as_published(store, [usual, published])
+        assert "server time" not in store.notes.under(NOTES)["snakebinning"]
 
 
 def test_what_differs_in_a_rare_frame_counts(tmp_path: Path) -> None:

@@ -182,6 +182,16 @@ def test_labels_name_only_what_differs() -> None:
     }  # fmt: skip
 
 
+def test_the_published_variant_is_named_so_and_names_nothing_of_the_others() -> None:
+    keys = [("sas", "a=1,b=2"), ("sas", "a=9,b=9"), ("sas", "a=1,b=3"), ("tss", "c=1")]
+    assert method_labels(keys, [("sas", "a=9,b=9")]) == {
+        ("sas", "a=9,b=9"): "sas@published", ("sas", "a=1,b=2"): "sas[b=2]", ("sas", "a=1,b=3"): "sas[b=3]",
+        ("tss", "c=1"): "tss",
+    }  # fmt: skip
+    assert method_labels(keys[:2], [("sas", "a=9,b=9")])["sas", "a=1,b=2"] == "sas"
+    assert method_labels(keys[:1], keys[:1]) == {keys[0]: "sas@published"}
+
+
 def test_numbers_and_ranges_read_well() -> None:
     assert [number(v) for v in (0, 12345.6, 123.46, 12.346, 1.23456, 0.01234, 1e-7)] == [
         "0", "12\u202f346", "123.5", "12.35", "1.235", "0.0123", "<0.0001"
