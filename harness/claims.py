@@ -96,8 +96,9 @@ def scene_file(name: str) -> str:
 
 def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
     """The claims asked for, and the runs that they take, in the file's order. Raises InputError."""
+    file = wanted.file or DEFAULT_FILE
     try:
-        claims = chosen(read_claims(wanted.file or DEFAULT_FILE), wanted.ids)
+        claims = chosen(read_claims(file), wanted.ids)
     except ClaimsError as error:
         raise InputError(str(error)) from error
     found = []
@@ -108,10 +109,16 @@ def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
         if ids:
             device = {"device": wanted.device} if wanted.device else {}
             quick = claims.quick if wanted.quick else {}
-            found.append(NamedRun(name, _shortened(options | device, quick, specs), ids))
+            found.append(NamedRun(name, _shortened(_beside(file, options) | device, quick, specs), ids))
     for named in found:
         _check(named)
     return claims, found
+
+
+def _beside(file: Path, options: dict[str, Any]) -> dict[str, Any]:
+    """The options of a run, a file of poses found beside the file of claims."""
+    poses = file.parent / str(options.get("path", ""))
+    return options | {"path": str(poses)} if poses.is_file() else options
 
 
 def _check(named: NamedRun) -> None:

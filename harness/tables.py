@@ -178,6 +178,8 @@ def _run(command: str, folder: Path) -> None:
     for place, word in enumerate(words[:-1]):
         if word == "--scene":
             words[place + 1] = scene_file(words[place + 1])
+        if word == "--path" and (ROOT / words[place + 1]).is_file():
+            words[place + 1] = str(ROOT / words[place + 1])
     done = subprocess.run(
         [sys.executable, "-m", "harness", *words, "--out", str(folder)],
         check=False, stdout=subprocess.DEVNULL, env=os.environ | {"COLUMNS": "80", "PYTHONSAFEPATH": "1"},

@@ -8,14 +8,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from reports.claims import DEFAULT_FILE, read_claims
-from reports.documents import digests
-from reports.documents.figure import draw_sweep
+from reports.documents import digests, published
+from reports.documents.figure import draw_samples, draw_sweep
 from reports.documents.kept import ROWS, Column, Part, Source
 
 METHODS = ("ppll", "sas", "snakebinning", "tss")
 ATLAS_METHODS = " ".join(f"--method {name}" for name in METHODS[1:])
 SPONZA, CLASSROOM, VIKING = "sponza_crytek/scene.glb", "classroom/scene.glb", "viking_village/scene.glb"
 BISTRO = "bistro_exterior/scene.glb"
+STREET = "--path reports/paths/viking_street.txt"
 
 
 def _words(heading: str, form: str) -> Column:
@@ -91,27 +92,35 @@ TRANSPARENCY = Source(
         )
     },
 )
-SWITCHED = " ".join(
-    ["--metrics flip,dssim --method snakebinning"]
-    + [f"--method 'snakebinning[{value}]'" for value in digests.SWITCHES.values()]
-    + ["--method sas --method tss"]
-)
 SWITCHES = {
     ROWS: Part(
-        ("variant",),
+        ("settings", "variant"),
         (
-            _words("", "{variant}"),
+            _words("settings", "{settings}"),
+            _words("switched", "{variant}"),
             *_numbers(samples="samples: ,.0f", fill="fill: .2f", coherence="coherence: .3f"),
-            *_numbers(bytes_video="video bytes: ,.0f", bytes_metadata="metadata bytes: ,.0f"),
-            *_numbers(flip="FLIP: .4f", dssim="DSSIM: .4f"),
+            *_numbers(
+                rebuilt="rebuilt frames: d", triangles_moved="triangles moved: ,.0f", moved_frozen="frozen: ,.0f"
+            ),
+            *_numbers(bytes_total="bytes: ,.0f", bytes_rebuilt="rebuilt: ,.0f", bytes_frozen="frozen: ,.0f"),
+            *_numbers(bytes_metadata="metadata: ,.0f", flip="FLIP: .4f", dssim="DSSIM: .4f"),
         ),
     )
 }
 
 
-def _switches(name: str, scene: str, quick: bool) -> Source:
-    command = f"bench run --scene {scene} --frames 6 --size 480x270 --atlas 2048x1024 --crf 25 {SWITCHED}"
-    return Source(f"switches-{name}", (command,), digests.switch_parts, SWITCHES, quick)
+def _switches(name: str, scene: str) -> Source:
+    """SnakeBinning at both settings, each with one switch flipped at a time; other methods as they are at both."""
+    commands = []
+    for settings, switches in digests.SETTINGS.items():
+        end = "@published" * (settings == "published")
+        methods = [f"snakebinning{end}", *(f"snakebinning{end}[{value}]" for value in switches.values())]
+        chosen = " ".join(f"--method '{method}'" for method in [*methods, f"sas{end}", f"tss{end}"])
+        commands.append(
+            f"bench run --scene {scene} --frames 24 --size 480x270 --atlas 2048x1024 --crf 25 --metrics flip,dssim "
+            f"{chosen}"
+        )
+    return Source(f"switches-{name}", tuple(commands), digests.switch_parts, SWITCHES)
 
 
 def _mapping_command(scene: str, options: str, packings: Sequence[str], freezing: Sequence[str]) -> str:
@@ -293,13 +302,44 @@ def _full_atlas(name: str, scene: str) -> Source:
     return Source(f"full-atlas-{name}", commands, digests.full_atlas_parts, {ROWS: part})
 
 
+PUBLISHED_SCENES = {  # scene to its path, atlas, and the samples per pixel that SnakeBinning has in its cells
+    "hall": ("", "8192x8192", (4.18, 5.63, 6.0)),
+    VIKING: (f" {STREET}", "8192x4096", (5.54, 6.97, 7.07)),
+    "village": ("", "8192x4096", (5.54, 6.97, 7.07)),
+    SPONZA: ("", "8192x4096", (5.54, 6.97, 7.07)),
+}
+AT_BOTH = " ".join(f"--method {name}{end}" for end in ("", "@published") for name in METHODS[1:])
+PUBLISHED_COLUMNS = (
+    _words("", "{quantity}"),
+    _words("scene", "{scene}"),
+    _words("published", "{published}"),
+    _words("as published", "{as_published}"),
+    _words("default", "{default}"),
+    _words("equal samples", "{equal}"),
+    _words("claims", "{claims}"),
+)
+PUBLISHED = Source(
+    "published",
+    tuple(
+        f"bench run {methods} --scene {scene}{path} --cell {cell} --size 1920x1080 --atlas {atlas} --frames 3{asked} "
+        "--codec none --metrics flip,dssim,iwssim"
+        for scene, (path, atlas, samples) in PUBLISHED_SCENES.items()
+        for cell, number in zip(published.CELLS, samples, strict=True)
+        for methods, asked in ((AT_BOTH, ""), (ATLAS_METHODS, f" --samples {number}"))
+    ),
+    published.published_parts,
+    {
+        "cells": Part(("paper", "quantity", "scene", "cell")),
+        "snakebinning-2021": Part(("quantity", "scene"), PUBLISHED_COLUMNS),
+        "tss-2019": Part(("quantity", "scene"), PUBLISHED_COLUMNS),
+    },
+)
 EQUAL = Source(
     "equal-samples",
     tuple(
-        f"bench run {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas 4096x4096 --samples {samples:g} --frames 3 "
-        "--crf 25 --metrics flip"
-        for scene in ("hall", "village", SPONZA, VIKING)
-        for samples in (1, 2, 4, 8)
+        f"bench sweep {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas 4096x4096 --frames 3 "
+        "--vary samples=0.25,0.5,1,2,4,8,16 --repetitions 1"
+        for scene in ("hall", "village", SPONZA, f"{VIKING} {STREET}")
     ),
     digests.equal_parts,
     {
@@ -313,6 +353,7 @@ EQUAL = Source(
                 *_numbers(kbytes_sas="kB: sas: ,.0f", kbytes_snakebinning="snakebinning: ,.0f", kbytes_tss="tss: ,.0f"),
                 _words("samples off by", "{off}"),
             ),
+            figure=draw_samples,
         )
     },
 )
@@ -462,8 +503,8 @@ SOURCES: dict[str, Source] = {
         TRANSPARENCY,
         STRESS,
         KERNELS,
-        _switches("hall", "hall", quick=True),
-        _switches("sponza", SPONZA, quick=False),
+        _switches("hall", "hall"),
+        _switches("sponza", SPONZA),
         MAPPING,
         STRATEGIES,
         SLANTED,
@@ -472,6 +513,7 @@ SOURCES: dict[str, Source] = {
         _full_atlas("hall", "hall --detail 1000000"),
         _full_atlas("viking", VIKING),
         EQUAL,
+        PUBLISHED,
         TEXELS,
         SETS,
         THESIS,

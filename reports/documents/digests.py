@@ -5,15 +5,15 @@ from __future__ import annotations
 import csv
 import json
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, product
 from pathlib import Path
-from statistics import median
+from statistics import fmean, median
 
 from reports import sweep, sweep_words
 from reports.claims import CONFIRMED, NOT_CONFIRMED, NOT_MEASURABLE, NOT_MEASURED, UNDECIDED, Claim, Judged
 from reports.claims_report import short, why_not, write_claims
-from reports.columns import BY_NAME, KERNEL_COLUMNS, MEASURED_STATUSES, STRESS_COLUMNS, Column
+from reports.columns import BY_NAME, KERNEL_COLUMNS, KEYFRAME, MEASURED_STATUSES, STRESS_COLUMNS, Column
 from reports.csv_files import after_keyframe, summarise
 from reports.documents.kept import ROWS, Parts, Row
 from reports.kernels import compare_variants
@@ -47,6 +47,39 @@ class Lanes:
         """Of a statistic."""
         rows = (row for row in self.statistics if (row["method"], row["variant"]) == key and row["name"] == name)
         return _median(row["value"] for row in rows)
+
+    @property
+    def later(self) -> set[int]:
+        """The frames after the first of the path."""
+        return {row["frame"] for row in self.rows} - {KEYFRAME}
+
+    def mean(
+        self, key: tuple[str, str], name: str, coded: bool = False, frames: Collection[int] | None = None
+    ) -> float | None:
+        """Of a column, over `frames`, by default those after the first."""
+        chosen = self.later if frames is None else frames
+        rows = (row for row in self.rows if (row["method"], row["variant"]) == key and row["frame"] in chosen)
+        return _mean(row[name] for row in rows if (row["codec"] != "none") == coded)
+
+    def mean_statistic(self, key: tuple[str, str], name: str, frames: Collection[int] | None = None) -> float | None:
+        """Of a statistic, over `frames`, by default those after the first."""
+        chosen = self.later if frames is None else frames
+        return _mean(value for frame, value in self._values(key, name).items() if frame in chosen)
+
+    def rebuilt(self, key: tuple[str, str]) -> set[int] | None:
+        """The frames after the first in which `rebuilds`, a count of layouts, grew; None without such a count."""
+        counts = self._values(key, "rebuilds")
+        return {frame for frame in self.later if counts[frame] > counts[frame - 1]} if counts else None
+
+    def _values(self, key: tuple[str, str], name: str) -> dict[int, float]:
+        """A statistic by frame."""
+        rows = (row for row in self.statistics if (row["method"], row["variant"]) == key and row["name"] == name)
+        return {row["frame"]: row["value"] for row in rows if row["value"] is not None}
+
+
+def _mean(values: Iterable[float | None]) -> float | None:
+    known = [value for value in values if value is not None]
+    return fmean(known) if known else None
 
 
 def _median(values: Iterable[float | None]) -> float | None:
@@ -118,32 +151,57 @@ SWITCHES = {
     "linear bins": "logarithmic=false",
     "no perspective": "perspective=false",
     "no full footprint": "full_footprint=false",
-    "first superblock with room": "assignment=first",
-    "enlarged by half a texel": "enlarge=paper",
     "no slicing": "slicing=0",
     "shading rate 1": "shading_rate=1.0",
 }  # of SnakeBinning, flipped one at a time
+OURS = {
+    "superblock": ("assignment=first", "assignment=best"),
+    "enlargement": ("enlarge=paper", "enlarge=exact"),
+    "order of orphans": ("orphans=found", "orphans=widest"),
+    "points": ("points=false", "points=true"),
+}  # where its defaults are not as published: the published value and ours
+SETTINGS = {
+    "ours": SWITCHES | {f"{label} as published": values[0] for label, values in OURS.items()},
+    "published": SWITCHES | {f"{label} of ours": values[1] for label, values in OURS.items()},
+}
 
 
 def switch_parts(folders: Sequence[Path]) -> Parts:
-    """One run of SnakeBinning with one of SWITCHES flipped at a time, and of other methods.
+    """Runs of SnakeBinning at our settings and at the published ones, each with one switch flipped at a time, beside
+    other methods.
 
-    The first frame, which sends everything, does not count.
+    All means are over the frames after the first, which sends everything; those whose layout was made anew stand apart.
     """
-    (folder,) = folders
-    lanes, rows = Lanes(folder, first=1), {}
-    ours = [variant for method, variant in lanes.keys if method == "snakebinning"]
-    usual = Counter(part for variant in ours for part in variant.split(","))
-    for method, variant in lanes.keys:
-        changed = [part for part in variant.split(",") if method == "snakebinning" and usual[part] <= len(ours) / 2]
-        labels = [label for label, value in SWITCHES.items() if changed[:1] and changed[0].startswith(value)]
-        row: Row = {"variant": (labels or ["defaults" if method == "snakebinning" else method])[0]}
-        names = ("samples", "fill", "coherence", "bytes_metadata", "flip", "dssim")
-        row |= {name: lanes.median((method, variant), name) for name in names}
-        row["unwritten_lookups"] = lanes.statistic((method, variant), "unwritten_lookups")
-        rows[row["variant"]] = row | {"bytes_video": lanes.median((method, variant), "bytes_video", True)}
-    return {ROWS: [rows[name] for name in ("defaults", *SWITCHES) if name in rows]
-            + [row for name, row in rows.items() if name not in ("defaults", *SWITCHES)]}  # fmt: skip
+    rows = []
+    for (settings, switches), folder in zip(SETTINGS.items(), folders, strict=True):
+        lanes = Lanes(folder)
+        ours = [variant for method, variant in lanes.keys if method == "snakebinning"]
+        usual = Counter(part for variant in ours for part in variant.split(","))
+        found = {}
+        for key in lanes.keys:
+            changed = [part for part in key[1].split(",") if key in _own(lanes) and usual[part] <= len(ours) / 2]
+            labels = [label for label, value in switches.items() if changed[:1] and changed[0].startswith(value)]
+            label = (labels or ["none" if key[0] == "snakebinning" else key[0]])[0]
+            found[label] = {"settings": settings, "variant": label} | _switched(lanes, key)
+        rows += [found.pop(name) for name in ("none", *switches) if name in found] + list(found.values())
+    return {ROWS: rows}
+
+
+def _own(lanes: Lanes) -> list[tuple[str, str]]:
+    return [key for key in lanes.keys if key[0] == "snakebinning"]
+
+
+def _switched(lanes: Lanes, key: tuple[str, str]) -> Row:
+    """Means over the frames after the first, and of bytes over those of them that were rebuilt and the others."""
+    row: Row = {name: lanes.mean(key, name) for name in ("samples", "fill", "coherence", "flip", "dssim")}
+    row |= {name: lanes.mean(key, name, coded=True) for name in ("bytes_total", "bytes_video", "bytes_metadata")}
+    row |= {name: lanes.mean_statistic(key, name) for name in ("triangles_moved", "unwritten_lookups")}
+    rebuilt = lanes.rebuilt(key)
+    row["rebuilt"] = None if rebuilt is None else len(rebuilt)
+    for end, chosen in (("rebuilt", rebuilt), ("frozen", None if rebuilt is None else lanes.later - rebuilt)):
+        row[f"bytes_{end}"] = lanes.mean(key, "bytes_total", True, chosen) if chosen else None
+        row[f"moved_{end}"] = lanes.mean_statistic(key, "triangles_moved", chosen) if chosen else None
+    return row
 
 
 def mapping_parts(folders: Sequence[Path]) -> Parts:
@@ -254,21 +312,27 @@ def full_atlas_parts(folders: Sequence[Path]) -> Parts:
 
 
 def equal_parts(folders: Sequence[Path]) -> Parts:
-    """Runs at one number of samples per pixel each: the errors and bytes of every method, and how far the samples are
-    from what was asked for where that is more than a twentieth."""
+    """Sweeps over the samples per pixel, one per scene: the errors and bytes of every method, and how far the samples
+    are from what was asked for where that is more than a twentieth."""
     rows = []
-    for lanes in map(Lanes, folders):
-        first = lanes.rows[0]
-        asked = {row["method"]: row["sample_budget"] for row in lanes.rows}
-        row: Row = {"scene": lanes.scene, "asked": max(asked.values()) / (first["width"] * first["height"])}
-        off = []
-        for key in lanes.keys:
-            method, share = key[0], lanes.median(key, "samples") / asked[key[0]] - 1
-            row |= {f"flip_{method}": lanes.median(key, "flip"), f"coded_{method}": lanes.median(key, "flip", True)}
-            row[f"kbytes_{method}"] = lanes.median(key, "bytes_total", True) / 1000
-            off += [f"{method} {share:+.0%}"] if abs(share) > 0.05 else []
-        rows.append(row | {"off": ", ".join(off)})
+    for folder in folders:
+        places = dict.fromkeys(cell["folder"] for cell in sweep.read_sweep(folder)["cells"])
+        rows += sorted((_equal(Lanes(folder / place)) for place in places), key=lambda row: row["asked"])
     return {ROWS: rows}
+
+
+def _equal(lanes: Lanes) -> Row:
+    """One number of samples per pixel."""
+    first = lanes.rows[0]
+    asked = {row["method"]: row["sample_budget"] for row in lanes.rows}
+    row: Row = {"scene": lanes.scene, "asked": max(asked.values()) / (first["width"] * first["height"])}
+    off = []
+    for key in lanes.keys:
+        method, share = key[0], lanes.median(key, "samples") / asked[key[0]] - 1
+        row |= {f"flip_{method}": lanes.median(key, "flip"), f"coded_{method}": lanes.median(key, "flip", True)}
+        row[f"kbytes_{method}"] = lanes.median(key, "bytes_total", True) / 1000
+        off += [f"{method} {share:+.0%}"] if abs(share) > 0.05 else []
+    return row | {"off": ", ".join(off)}
 
 
 def texel_parts(folders: Sequence[Path]) -> Parts:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import log10
+from itertools import groupby
+from math import log2, log10
 
 from reports.charts import COLOURS
 from reports.documents.kept import Row
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 760, 400, 60, 150, 20, 45
+METHODS = ("sas", "snakebinning", "tss")  # of figures over samples
+PANEL = 320  # width and height of one of their panels, two beside each other
 
 
 def draw_sweep(rows: list[Row]) -> str:
@@ -33,6 +36,50 @@ def draw_sweep(rows: list[Row]) -> str:
         parts.append(f'<text x="{WIDTH - RIGHT + 36}" y="{y}">{method}</text>')
     head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {HEIGHT}" font-family="sans-serif"'
     return f'{head} font-size="13">\n<rect width="100%" height="100%" fill="#fff"/>\n' + "\n".join(parts) + "\n</svg>\n"
+
+
+def draw_samples(rows: list[Row]) -> str:
+    """FLIP error over samples per pixel, a panel per scene and a line per method: whole without video coding, dashed
+    with. Points that are not at the samples asked for are left out."""
+    panels = [(scene, list(own)) for scene, own in groupby(rows, lambda row: row["scene"])]
+    height = PANEL * -(-len(panels) // 2) + 30
+    parts = [
+        f'<g transform="translate({PANEL * 1.15 * (n % 2):.0f} {PANEL * (n // 2)})">\n{_panel(scene, own)}\n</g>'
+        for n, (scene, own) in enumerate(panels)
+    ]
+    for place, (method, colour) in enumerate(zip(METHODS, COLOURS, strict=False)):
+        x = LEFT + 120 * place
+        parts.append(f'<circle cx="{x}" cy="{height - 14}" r="5" fill="{colour}"/>')
+        parts.append(f'<text x="{x + 12}" y="{height - 10}">{method}</text>')
+    parts.append(f'<text x="{LEFT + 370}" y="{height - 10}">dashed: at CRF 25</text>')
+    head = f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {WIDTH} {height}" font-family="sans-serif"'
+    return f'{head} font-size="13">\n<rect width="100%" height="100%" fill="#fff"/>\n' + "\n".join(parts) + "\n</svg>\n"
+
+
+def _panel(scene: str, rows: list[Row]) -> str:
+    """One scene's lines over its grid."""
+    asked = [row["asked"] for row in rows]
+    across = _scale(log2(min(asked)), log2(max(asked)), LEFT, PANEL)
+    top = 1.1 * max(row[f"{kind}_{method}"] for row in rows for kind in ("flip", "coded") for method in METHODS)
+    up = _scale(0.0, top, PANEL - BOTTOM, TOP + 10)
+    parts = [f'<text x="{LEFT}" y="{TOP}" font-weight="bold">{scene}</text>']
+    for value in asked:
+        x = across(log2(value))
+        parts.append(f'<path d="M{x:.1f} {TOP + 10}V{PANEL - BOTTOM}" stroke="#ddd"/>')
+        parts.append(f'<text x="{x:.1f}" y="{PANEL - BOTTOM + 17}" text-anchor="middle">{value:g}</text>')
+    step = 0.05 if top > 0.12 else 0.02
+    for line in range(int(top / step) + 1):
+        y = up(step * line)
+        parts.append(f'<path d="M{LEFT} {y:.1f}H{PANEL}" stroke="#ddd"/>')
+        parts.append(f'<text x="{LEFT - 8}" y="{y + 4:.1f}" text-anchor="end">{step * line:.2f}</text>')
+    for kind, dash in (("flip", ""), ("coded", ' stroke-dasharray="5 4"')):
+        for method, colour in zip(METHODS, COLOURS, strict=False):
+            met = [row for row in rows if f"{method} " not in row["off"]]
+            points = [f"{across(log2(row['asked'])):.1f} {up(row[f'{kind}_{method}']):.1f}" for row in met]
+            if points:
+                parts.append(f'<path d="M{"L".join(points)}" fill="none" stroke="{colour}" stroke-width="2"{dash}/>')
+    parts.append(f'<text x="{(LEFT + PANEL) / 2}" y="{PANEL - 8}" text-anchor="middle">samples per pixel</text>')
+    return "\n".join(parts)
 
 
 def _scale(low: float, high: float, start: float, end: float) -> Callable[[float], float]:

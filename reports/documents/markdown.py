@@ -26,6 +26,7 @@ from reports.documents.kept import FOLDER, ROOT, ROWS, DocumentError, Kept, Part
 
 DOCUMENTS = (
     "README.md", "reports/SWEEP.md", "reports/STRESS.md", "reports/KERNELS.md", "reports/CLAIMS.md",
+    "reports/PUBLISHED.md",
     "packers/README.md", "packers/TRANSPARENCY.md", "packers/ppll/README.md", "packers/sas/README.md",
     "packers/snakebinning/README.md", "packers/tss/README.md",
 )  # fmt: skip

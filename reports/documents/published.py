@@ -1,0 +1,142 @@
+"""Published numbers beside measured ones: at the methods' defaults, as published, and at equal samples."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from reports.columns import BY_NAME
+from reports.documents.digests import Lanes
+from reports.documents.kept import Parts, Row
+from reports.store import Store
+
+FILE = Path(__file__).parents[1] / "published.toml"
+CELLS = ("pvs1", "pvs2", "pvs3")  # of SnakeBinning's table 1
+STANDS_FOR = {"hall": "RL", "viking_village": "VV", "village": "VV"}  # our scene to the published one
+SETTINGS = ("as_published", "default", "equal")
+ALIKE = 1.5  # a ratio of measured over published within 1/ALIKE and ALIKE
+WORSE_FROM_ONE = "iwssim"  # compared by how much it lacks to 1
+TIMED = ("structs_share",)
+EXPECTED = ("where", "unit", "compared", "claims")
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A number that a paper has for several methods. values: by method and published scene, one per cell.
+
+    compared: one method, or two of which the first is divided by the second; claims: as many lists of ids."""
+
+    paper: str
+    name: str
+    where: str
+    unit: str
+    values: dict[str, dict[str, list[float]]]
+    compared: list[list[str]]
+    claims: list[list[str]]
+
+    def published(self, methods: Sequence[str], scene: str) -> list[float | None]:
+        """The number of the first method, over that of the second if there is one, in each cell."""
+        found = [self.values[method].get(STANDS_FOR.get(scene, "")) for method in methods]
+        if None in found:
+            return [None] * len(CELLS)
+        return [_over(list(each)) for each in zip(*found, strict=True)]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The runs of one scene and cell. usual: with each method at its defaults and as published; equal: at the samples
+    that SnakeBinning has there in its paper."""
+
+    usual: Lanes
+    equal: Lanes
+    published: dict[str, str]  # method to its variant as published
+
+    def value(self, quantity: Quantity, methods: Sequence[str], setting: str) -> float | None:
+        return _over([self._one(quantity.name, method, setting) for method in methods])
+
+    def _one(self, name: str, method: str, setting: str) -> float | None:
+        lanes = self.equal if setting == "equal" else self.usual
+        own = [key for key in lanes.keys if key[0] == method]
+        variant = self.published.get(method)
+        chosen = [key for key in own if (key[1] == variant) == (setting == "as_published")] or own
+        value = (lanes.median if name in BY_NAME else lanes.statistic)(chosen[0] if chosen else None, name)
+        return 1 - value if value is not None and name == WORSE_FROM_ONE else value
+
+
+def read_published(file: Path = FILE) -> list[Quantity]:
+    """The published numbers, in the order of the file."""
+    content = tomllib.loads(file.read_text(encoding="utf-8"))
+    return [
+        Quantity(paper, name, *(entry.pop(key) for key in EXPECTED[:2]), compared=entry.pop("compared"),
+                 claims=entry.pop("claims"), values=entry)
+        for paper, quantities in content.items()
+        for name, entry in quantities.items()
+    ]  # fmt: skip
+
+
+def published_parts(folders: Sequence[Path]) -> Parts:
+    """Runs in threes of cells, each cell with a run at the methods' settings and one at equal samples: a table per
+    paper, and every number by cell."""
+    runs = [_measured(*folders[at : at + 2]) for at in range(0, len(folders), 2)]
+    scenes = [runs[at : at + len(CELLS)] for at in range(0, len(runs), len(CELLS))]
+    parts: Parts = {"cells": []}
+    for quantity in read_published():
+        for methods, claims in zip(quantity.compared, quantity.claims, strict=True):
+            for cells in scenes:
+                numbers = list(_numbers(quantity, methods, cells))
+                parts["cells"] += numbers
+                parts.setdefault(quantity.paper, []).append(_line(quantity, methods, claims, numbers))
+    return parts
+
+
+def _measured(usual: Path, equal: Path) -> Measured:
+    with Store(usual, must_exist=True) as store:
+        published = store.notes.under("as_published")
+    return Measured(Lanes(usual), Lanes(equal), published)
+
+
+def _numbers(quantity: Quantity, methods: Sequence[str], cells: Sequence[Measured]) -> Iterator[Row]:
+    """A row per cell: published, and measured at each setting."""
+    scene = cells[0].usual.scene
+    for cell, published, measured in zip(CELLS, quantity.published(methods, scene), cells, strict=True):
+        row: Row = {"paper": quantity.paper, "quantity": _title(quantity, methods), "scene": scene, "cell": cell}
+        row |= {setting: measured.value(quantity, methods, setting) for setting in SETTINGS}
+        yield row | {"published": published, "machine": quantity.name.endswith("_ms") or quantity.name in TIMED}
+
+
+def _line(quantity: Quantity, methods: Sequence[str], claims: Sequence[str], numbers: Sequence[Row]) -> Row:
+    """The cells of one scene as the document shows them; those unlike the published one are bold."""
+    first = numbers[0]
+    row: Row = {name: first[name] for name in ("quantity", "scene", "machine")}
+    row["published"] = ", ".join(_short(each["published"]) for each in numbers)
+    for setting in SETTINGS:
+        row[setting] = ", ".join(_short(each[setting], is_unlike(each, setting)) for each in numbers)
+    unlike = any(is_unlike(each, SETTINGS[0]) for each in numbers)
+    return row | {"where": quantity.where, "claims": ", ".join(f"`{name}`" for name in claims) if unlike else ""}
+
+
+def is_unlike(row: Row, setting: str) -> bool:
+    """Whether what was measured at a setting is not within ALIKE of what was published."""
+    published, measured = row["published"], row[setting]
+    return bool(published and measured) and not 1 / ALIKE <= measured / published <= ALIKE
+
+
+def _title(quantity: Quantity, methods: Sequence[str]) -> str:
+    return f"{quantity.unit}: {' / '.join(methods)}"
+
+
+def _over(values: list[float | None]) -> float | None:
+    first, *rest = values
+    if first is None or None in rest or 0 in rest:
+        return None
+    return first / rest[0] if rest else first
+
+
+def _short(value: Any, bold: bool = False) -> str:
+    if value is None:
+        return "-"
+    text = f"{value / 1e6:.2f} M" if value >= 1e6 else f"{value:,.0f}" if value >= 1000 else f"{value:.2f}"
+    return f"**{text}**" if bold else text
