@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from typing import Any
 
 from kernels.case import find_cases
+from reports.charts import COLOURS
 from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
 from reports.csv_files import write_csv
 from reports.documents.catalogue import SOURCES
@@ -17,7 +19,9 @@ from reports.documents.digests import (
     mapping_parts,
     reset_parts,
     stress_parts,
+    switch_parts,
 )
+from reports.documents.figure import draw_samples
 from reports.documents.markdown import table_text
 from reports.store import Store
 from tests.reports.synthetic import COMMON
@@ -82,13 +86,42 @@ def test_resets_are_told_from_the_first_twelve_frames(tmp_path: Path):
 
 
 def test_methods_off_their_equal_samples_are_named(tmp_path: Path):
-    with Store(tmp_path) as store:
+    cells = [{"folder": "cells/a", "method": name, "variant": "", "varied": {}} for name in ("sas", "snakebinning")]
+    (tmp_path / "sweep.json").write_text(json.dumps({"cells": cells}), encoding="utf-8")
+    with Store(tmp_path / "cells" / "a") as store:
         for method, samples in (("sas", 58_000), ("snakebinning", 86_400), ("tss", 49_000)):
             measured = {"samples": samples, "sample_budget": 57_600, "flip": samples / 1e6, "bytes_total": samples}
             codings = ({"codec": "none", "crf": None}, {"codec": "h264", "crf": 25})
             store.commit_frame(method, "", 1, [COMMON | measured | coding | {"status": "ok"} for coding in codings])
     (row,) = equal_parts([tmp_path])["rows"]
     assert (row["scene"], row["asked"], row["off"]) == ("hall", 1.0, "snakebinning +50%, tss -15%")
+    drawn = draw_samples([row, row | {"asked": 2.0, "off": ""}])
+    assert [drawn.count(f'stroke="{colour}"') for colour in COLOURS[:3]] == [2, 2, 2]
+    assert drawn.count("L") == 2  # only sas met both: a line without coding and one with
+
+
+def test_switches_are_told_by_what_most_variants_have_and_rebuilt_frames_stand_apart(tmp_path: Path):
+    settings = {"ours": ("0.3", "exact", "true"), "published": ("0.3", "paper", "false")}
+    others = ("0", "paper", "false"), ("0", "exact", "true")
+    for (name, usual), flipped in zip(settings.items(), others, strict=True):
+        variants = [usual, *((*usual[:n], flipped[n], *usual[n + 1 :]) for n in range(3))]
+        with Store(tmp_path / name) as store:
+            for capacity, enlarge, points in variants:
+                variant = f"capacity={capacity},enlarge={enlarge},points={points}"
+                for frame in range(4):
+                    row = COMMON | {"status": "ok", "samples": 100 * frame, "bytes_total": (9000, 10, 70, 10)[frame]}
+                    rows = [row | {"codec": "none"}, row | {"codec": "h264", "crf": 25}]
+                    counted = {"rebuilds": 1 + (frame >= 2), "triangles_moved": (0, 2, 50, 4)[frame]}
+                    store.commit_frame("snakebinning", variant, frame, rows, statistics=counted)
+            store.commit_frame("sas", "a=1", 1, [COMMON | {"status": "ok", "codec": "none", "samples": 7}])
+    rows = switch_parts([tmp_path / name for name in settings])["rows"]
+    names = {name: [row["variant"] for row in rows if row["settings"] == name] for name in settings}
+    assert names["ours"] == ["none", "no spare capacity", "enlargement as published", "points as published", "sas"]
+    assert names["published"] == ["none", "no spare capacity", "enlargement of ours", "points of ours", "sas"]
+    row, rival = rows[0], rows[4]
+    assert (row["samples"], row["rebuilt"], row["triangles_moved"], row["moved_frozen"]) == (200, 1, 56 / 3, 3)
+    assert (row["bytes_total"], row["bytes_rebuilt"], row["bytes_frozen"]) == (30, 70, 10)
+    assert (rival["samples"], rival["rebuilt"], rival["bytes_total"]) == (7, None, None)
 
 
 def test_limited_lists_are_told_from_full_ones(tmp_path: Path):
