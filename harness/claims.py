@@ -362,7 +362,8 @@ def show_results(results: list[Judged], causes: list[Explained], folder: Path) -
         console.print(f"[bold]{id_}[/]  [dim]published {escape(claim.published)}{rule}[/]")
         for result in places:
             verdict = f"[{COLOURS.get(result.verdict, 'dim')}]{result.verdict}[/]"
-            console.print(f"  {'/'.join(result.place):<30} {measured_text(result):<26} {verdict}", soft_wrap=True)
+            where = f"{'/'.join(result.place)} {result.size}"
+            console.print(f"  {where:<36} {measured_text(result):<24} {verdict}", soft_wrap=True)
             if result.verdict == NOT_CONFIRMED:
                 for each in causes:
                     if (each.claim, each.place) == (id_, result.place):

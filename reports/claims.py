@@ -396,6 +396,17 @@ class RunRows:
                     extra.setdefault((row["method"], row["variant"], row["frame"]), {})[name] = row[value]
         return cls({TABLES[0]: rows}, extra)
 
+    @property
+    def sizes(self) -> list[str]:
+        """Sizes of the client's pictures, as 1920x1080, each once."""
+        of_rows = (row.get("size") or _size(row) for row in self.tables.get(TABLES[0], ()))
+        return list(dict.fromkeys(filter(None, of_rows)))
+
+
+def _size(row: Row) -> str:
+    width, height = row.get("width"), row.get("height")
+    return f"{width:.0f}x{height:.0f}" if width and height else ""
+
 
 def _numbers(file: Path) -> list[Row]:
     """The rows of a CSV file, numbers as such."""
@@ -507,7 +518,8 @@ def _slope(xs: Sequence[float], ys: Sequence[float]) -> float | None:
 
 @dataclass(frozen=True)
 class Judged:
-    """A claim at one place. measured, low, high: median and 95 % interval over `count` values, None without."""
+    """A claim at one place. measured, low, high: median and 95 % interval over `count` values, None without. size: of
+    the clients' pictures there, as 1920x1080, those compared joined by a slash where they differ."""
 
     claim: Claim
     place: tuple[str, ...]
@@ -517,6 +529,7 @@ class Judged:
     low: float | None = None
     high: float | None = None
     count: int = 0
+    size: str = ""
 
 
 def judge(values: Sequence[float], rule: Rule) -> tuple[str, str, float, float | None, float | None]:
@@ -552,15 +565,17 @@ def judge_all(
             if lacking:
                 found.append(Judged(claim, place, NOT_MEASURED, problems[lacking]))
                 continue
+            runs = [rows_of(name) for name in place]
             try:
-                values = measure(claim, [rows_of(name) for name in place], variants)
+                values = measure(claim, runs, variants)
             except UnmeasuredError as error:
                 found.append(Judged(claim, place, NOT_MEASURED, str(error)))
                 continue
             verdict, reason, *numbers = judge(values, claim.rule)
             if verdict == UNDECIDED and claim.undecided:
                 reason = claim.undecided
-            found.append(Judged(claim, place, verdict, reason, *numbers, count=len(values)))
+            size = "/".join(dict.fromkeys(", ".join(run.sizes) for run in runs))
+            found.append(Judged(claim, place, verdict, reason, *numbers, count=len(values), size=size))
     return found
 
 

@@ -97,6 +97,7 @@ def as_row(result: Judged) -> dict[str, Any]:
     return {
         "id": claim.id,
         "run": "/".join(result.place),
+        "size": result.size,
         "paper": claim.paper,
         "source": claim.source,
         "methods": ", ".join(claim.methods),
@@ -124,6 +125,7 @@ def as_cause(each: Explained) -> dict[str, Any]:
         "cause": each.cause.cause,
         "test": each.cause.test,
         "tested_in": "/".join(test.place) if test else "",
+        "size": test.size if test else "",
         "methods": ", ".join(dict.fromkeys(op.method for op in test.claim.operands() if op.method)) if test else "",
         "measured": test and test.measured,
         "low": test and test.low,
@@ -183,12 +185,18 @@ def _why_lines(own: dict[str, dict[str, str]], causes: list[dict[str, str]]) -> 
     for which none is left. own: the claim's rows by place."""
 
     def measured(places: Sequence[str]) -> str:
-        return "<br>".join(f"{place} {_interval(own[place])}, not {own[place]['rule']}" for place in places)
+        return "<br>".join(
+            f"{place} ({own[place]['size']}) {_interval(own[place])}, not {own[place]['rule']}" for place in places
+        )
 
     lines = []
     for _, group in groupby(sorted(causes, key=lambda row: row["id"]), key=lambda row: row["id"]):
         tests = list(group)
-        then = [f"{row['tested_in']} {_interval(row)}, must be {row['rule']}" for row in tests if row["tested_in"]]
+        then = [
+            f"{row['tested_in']} ({row['size']}) {_interval(row)}, must be {row['rule']}"
+            for row in tests
+            if row["tested_in"]
+        ]
         verdicts = dict.fromkeys(row["verdict"] for row in tests)
         if len(verdicts) > 1:
             verdicts = dict.fromkeys(f"{row['run']} {row['verdict']}" for row in tests)
@@ -260,7 +268,8 @@ def _body(results: Sequence[Judged]) -> str:
         f'<td rowspan="{rows}">{escape(claim.published)}<small>{escape(claim.rule.text)}</small></td>'
     )
     lines = [
-        f"<td>{escape(' / '.join(result.place))}</td><td>{escape(measured_text(result)) or NONE}</td>"
+        f"<td>{escape(' / '.join(result.place))}<small>{escape(result.size)}</small></td>"
+        f"<td>{escape(measured_text(result)) or NONE}</td>"
         f'<td class="{KINDS[result.verdict]}">{result.verdict}<small>{escape(_unclear(result))}</small></td>'
         for result in results
     ]

@@ -338,6 +338,7 @@ CLAIM_VERDICTS = ("confirmed", "not confirmed", "undecided", "not measured", "no
 CLAIM_COLUMNS: tuple[Column, ...] = (
     Column("id", "", "the claim", "key", str),
     Column("run", "", "where it was measured: names of runs, those compared joined by a slash", "key", str),
+    Column("size", "pixels", "of the client's picture there, as 1920x1080", "setting", str),
     Column("paper", "", "short name of the paper", "setting", str),
     Column("source", "", "table, figure or section of the paper", "setting", str),
     Column("methods", "", "packers that it is about", "setting", str),
@@ -361,6 +362,7 @@ CAUSE_COLUMNS: tuple[Column, ...] = (
     Column("cause", "", "why the claim may fail there", "setting", str),
     Column("test", "", "how an experiment removes the cause; empty where none can", "setting", str),
     Column("tested_in", "", "runs of the experiment: those compared joined by a slash", "setting", str),
+    Column("size", "pixels", "of the client's picture there, as 1920x1080", "setting", str),
     Column("methods", "", "methods of the experiment", "setting", str),
     Column("measured", "", "the claim's value there: median over the frames", "count", float),
     Column("low", "", "lower end of its 95 % interval", "count", float),

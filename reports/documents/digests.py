@@ -515,7 +515,8 @@ def places_text(results: Sequence[Judged]) -> str:
             return f"{r.verdict}: {r.reason}"
         ends = "" if r.low is None else f" ({short(r.low)} to {short(r.high)})"
         value = "" if r.measured is None else f" {short(r.measured)}{ends}"
-        texts.append(f"{' / '.join(r.place)}{value} **{r.verdict}**")
+        size = f" ({r.size})" if r.size else ""
+        texts.append(f"{' / '.join(r.place)}{size}{value} **{r.verdict}**")
     return "<br>".join(texts)
 
 

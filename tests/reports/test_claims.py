@@ -320,7 +320,7 @@ def test_a_cause_holds_or_is_refuted_by_its_own_experiment(tmp_path: Path, runs)
     assert [line["verdict"] for line in lines] == ["untested", "holds", "refuted", "holds"]
     assert [line["claim"] for line in lines] == ["A is less than B. `a`", "", "", ""], "said once"
     assert "It takes another driver." in lines[0]["how"]
-    assert (lines[3]["how"], lines[3]["then"][:8]) == ("swapped back: `bench claims --id a`", "one 1.34")
+    assert (lines[3]["how"], lines[3]["then"][:18]) == ("swapped back: `bench claims --id a`", "one (320x180) 1.34")
     assert why_not(folder, "tss") == []
 
 
@@ -329,7 +329,7 @@ def test_a_claim_without_a_cause_that_holds_says_so(tmp_path: Path, runs):
     folder, _ = explained(tmp_path, runs, FAILING + slow)
     lines = why_not(folder, "sas")
     assert [line["verdict"] for line in lines] == ["refuted", ""]
-    assert all(text in lines[1]["measured"] for text in ("one 0.744", "two 0.744"))
+    assert all(text in lines[1]["measured"] for text in ("one (320x180) 0.744", "two (320x180) 0.744"))
     assert lines[1]["cause"] == "no cause found"
     folder, _ = explained(tmp_path, runs, CLAIM + CAUSE, "confirmed")
     assert why_not(folder, "sas") == [], "a confirmed claim is not in the table"
