@@ -75,6 +75,8 @@ class _Materials:
     steel: int
     lamp: int
     window: int
+    glass: int
+    plastic: int
 
 
 def _materials(palette: Palette, seed: int) -> _Materials:
@@ -88,27 +90,35 @@ def _materials(palette: Palette, seed: int) -> _Materials:
         bumps = -1 if normals is None else palette.texture(name + " normals", normals, srgb=False)
         return palette.material(name, tile, base_colour=white, base_texture=base, normal_texture=bumps, **properties)
 
+    def worn(name: str, texels: np.ndarray) -> int:
+        return palette.texture(name + " wear", texels, srgb=False)
+
     screen = surfaces.screen(seed)
+    metal = {"surface_texture": worn("metal", surfaces.metal_wear(seed)), "roughness": 1.0, "metallic": 1.0}
+    paint = {"surface_texture": worn("paint", surfaces.paint_wear(seed)), "roughness": 1.0}
+    floor = {"surface_texture": worn("floor", surfaces.tile_wear(seed)), "roughness": 1.0}
     return _Materials(
         brick=add("brick", 2.0, brick, brick_normals, roughness=0.9),
-        floor=add("floor", 1.2, tiles, tile_normals, roughness=0.35),
+        floor=add("floor", 1.2, tiles, tile_normals, **floor),
         tiles=add("wall panels", 2.0, surfaces.paint(seed + 1), roughness=0.7),
         concrete=add("concrete", 2.0, surfaces.concrete(seed), roughness=0.9),
-        paint=add("paint", 1.0, surfaces.paint(seed), roughness=0.45),
-        plates=add("plates", 2.0, plates, plate_normals, roughness=0.5, metallic=0.5),
-        tread=add("tread", 1.0, surfaces.tread(seed), roughness=0.5, metallic=0.4),
-        stripes=add("stripes", 0.5, surfaces.stripes(seed), roughness=0.6),
-        signs=add("signs", 1.0, surfaces.signs(), roughness=0.5),
+        paint=add("paint", 1.0, surfaces.paint(seed), **paint),
+        plates=add("plates", 2.0, plates, plate_normals, **metal),
+        tread=add("tread", 1.0, surfaces.tread(seed), **metal),
+        stripes=add("stripes", 0.5, surfaces.stripes(seed), roughness=0.45),
+        signs=add("signs", 1.0, surfaces.signs(), roughness=0.3),
         screen=add(
-            "screen", 1.0, screen, roughness=0.3, emissive=(0.8, 0.8, 0.8), emissive_texture=len(palette.textures)
+            "screen", 1.0, screen, roughness=0.12, emissive=(0.8, 0.8, 0.8), emissive_texture=len(palette.textures)
         ),
-        board=add("board", 1.0, surfaces.ruler(), roughness=0.6),
+        board=add("board", 1.0, surfaces.ruler(), roughness=0.4),
         wood=add("wood", 1.0, surfaces.planks(seed), roughness=0.8),
         cardboard=add("cardboard", 0.5, surfaces.cardboard(seed), roughness=0.95),
-        rubber=palette.material("rubber", base_colour=(0.02, 0.02, 0.022, 1), roughness=0.8),
-        steel=palette.material("steel", base_colour=(0.55, 0.56, 0.58, 1), roughness=0.35, metallic=0.7),
+        rubber=palette.material("rubber", base_colour=(0.02, 0.02, 0.022, 1), roughness=0.65),
+        steel=palette.material("steel", base_colour=(0.55, 0.56, 0.58, 1), roughness=0.3, metallic=1.0),
         lamp=palette.material("lamp", base_colour=white, emissive=(6.0, 5.6, 4.8)),
-        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(0.75, 0.95, 1.2), roughness=0.2),
+        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(0.75, 0.95, 1.2), roughness=0.1),
+        glass=palette.material("glass", base_colour=(0.02, 0.025, 0.03, 1), roughness=0.06),
+        plastic=palette.material("plastic", base_colour=white, roughness=0.25),
     )
 
 
@@ -581,7 +591,7 @@ class _Hall:
             tints=CREAM,
         )
         door = boxes([(-0.75, 1.35, 0.79), (0.35, 1.35, 0.79)], (1.0, 1.3, 0.05), m.paint, tints=BLUE)
-        glass = boxes([(-0.75, 1.5, 0.82), (0.35, 1.5, 0.82)], (0.7, 0.7, 0.02), m.paint, tints=DARK)
+        glass = boxes([(-0.75, 1.5, 0.82), (0.35, 1.5, 0.82)], (0.7, 0.7, 0.02), m.glass)
         vents = boxes([(x, 0.35 + 0.07 * k, 1.155) for x in (-1.0, 0.9) for k in range(5)], (0.7, 0.03, 0.03), m.steel)
         handles = [
             tube(
@@ -708,11 +718,11 @@ class _Hall:
         m, n = self.m, self.count(12)
         picture = [(-0.46, 1.02, -0.133), (0.06, 1.02, -0.133), (0.06, 1.34, -0.133), (-0.46, 1.34, -0.133)]
         keys = [(-0.42 + 0.033 * i, 0.922, 0.09 + 0.055 * j) for i in range(14) for j in range(3)]
-        mug = lathe([(0.0, 0.0), (0.042, 0.0), (0.04, 0.1), (0.035, 0.1), (0.032, 0.01)], n, m.paint, RED)
+        mug = lathe([(0.0, 0.0), (0.042, 0.0), (0.04, 0.1), (0.035, 0.1), (0.032, 0.01)], n, m.plastic, RED)
         mugs = placement([(0.25, 0.9, 0.2), (0.42, 0.9, -0.2), (-0.9, 0.9, 0.1)])
         return merge(
             [
-                box((-0.2, 1.18, -0.15), (0.56, 0.36, 0.03), m.paint, DARK),
+                box((-0.2, 1.18, -0.15), (0.56, 0.36, 0.03), m.plastic, DARK),
                 card(picture, m.screen),
                 cylinder_at((-0.2, 0.9, -0.18), 0.02, 0.15, n, m.paint, DARK),
                 box((-0.2, 0.905, -0.15), (0.25, 0.01, 0.18), m.paint, DARK),
@@ -758,7 +768,7 @@ class _Hall:
         """What stands in the upper levels of a rack; the lowest level is kept for small parts."""
         m, n = self.m, self.count(11)
         drum = lathe(
-            [(0.28, 0), (0.28, 0.25), (0.305, 0.36), (0.28, 0.47), (0.305, 0.58), (0.28, 0.88), (0, 0.87)], n, m.paint
+            [(0.28, 0), (0.28, 0.25), (0.305, 0.36), (0.28, 0.47), (0.305, 0.58), (0.28, 0.88), (0, 0.87)], n, m.plastic
         )
         drums, cartons, crates = [], [], []
         for level, y in enumerate(SHELVES[1:], 1):
@@ -794,9 +804,9 @@ class _Hall:
     def yard(self) -> Mesh:
         """On the floor: pallets, cones, gas bottles, fire extinguishers, a ladder, cables and cable reels."""
         m, n = self.m, self.count(10)
-        rim = lathe([(0.15, 0.03), (0.10, 0.18)], n, m.paint, ORANGE)
-        band = lathe([(0.10, 0.18), (0.065, 0.36)], n, m.paint, CREAM)
-        tip = lathe([(0.065, 0.36), (0.02, 0.55), (0, 0.55)], n, m.paint, ORANGE)
+        rim = lathe([(0.15, 0.03), (0.10, 0.18)], n, m.plastic, ORANGE)
+        band = lathe([(0.10, 0.18), (0.065, 0.36)], n, m.plastic, CREAM)
+        tip = lathe([(0.065, 0.36), (0.02, 0.55), (0, 0.55)], n, m.plastic, ORANGE)
         cone = merge([rim, band, tip, box((0, 0.015, 0), (0.36, 0.03, 0.36), m.rubber)])
         spots = ((-9.5, -1.6), (6.2, -1.55), (8.4, -1.6), (16.4, 1.7), (-18.2, 2.9), (-18.6, -2.6))
         drum = [(0, -0.2), (0.4, -0.2), (0.4, -0.17), (0.2, -0.17), (0.2, 0.17), (0.4, 0.17), (0.4, 0.2), (0, 0.2)]

@@ -96,6 +96,13 @@ def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     return out
 
 
+def _wear(roughness: np.ndarray, metal: np.ndarray | float = 1.0) -> np.ndarray:
+    """A texture of roughness (H, W) in green and metalness in blue, as glTF has them; red is not read."""
+    out = np.ones((*roughness.shape, 3), np.float32)
+    out[..., 1], out[..., 2] = roughness, metal
+    return _texels(out)
+
+
 def normal_map(height: np.ndarray, metres_per_texel: float) -> np.ndarray:
     """A tangent-space normal map of a seamless height field (H, W) in metres; green points up in the image."""
     du = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / (2 * metres_per_texel)
@@ -144,6 +151,16 @@ def tiles(seed: int, count: int = 4, size: int = 512) -> tuple[np.ndarray, np.nd
     return _texels(colour), normal_map(inside * 0.0025, 1.2 / size)
 
 
+def tile_wear(seed: int, count: int = 4, size: int = 256) -> np.ndarray:
+    """Roughness of `tiles` under a sealing coat: smears, scuffs, some tiles worn more than others, matt joints."""
+    rng = generator(seed, "tile wear")
+    stone, inside = _wall(size, count, count, 0.03, 0.0)
+    smear, scuff = fractal(size, rng, 1.3), fractal(size, rng, 0.6, (0.05, 1))
+    worn = rng.random(count * count, np.float32)[stone]
+    rough = 0.14 + 0.10 * worn + 0.5 * np.clip(smear - 0.5, 0, 1) + 0.5 * np.clip(scuff * 3 - 2.1, 0, 1)
+    return _wear(0.85 + (np.clip(rough, 0.1, 0.6) - 0.85) * inside)
+
+
 def concrete(seed: int, size: int = 512) -> np.ndarray:
     """Grey concrete with pores and stains."""
     rng = generator(seed, "concrete")
@@ -160,6 +177,23 @@ def paint(seed: int, size: int = 512) -> np.ndarray:
     scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
     fine = rng.random((size, size), np.float32)
     return _texels((0.83 + 0.14 * grain - 0.35 * scratch - 0.06 * fine)[..., None].repeat(3, -1))
+
+
+def paint_wear(seed: int, size: int = 512) -> np.ndarray:
+    """Roughness of `paint`: gloss where it is sound, dull scratches and grime."""
+    rng = generator(seed, "paint")
+    grain = fractal(size, rng, 0.9)
+    scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
+    grime = fractal(size, generator(seed, "grime"), 1.3)
+    return _wear(np.clip(0.30 + 0.9 * np.clip(grime - 0.5, 0, 1) + 0.3 * (0.5 - grain) + 0.4 * scratch, 0.22, 0.8))
+
+
+def metal_wear(seed: int, size: int = 256) -> np.ndarray:
+    """Roughness and metalness of brushed metal plates: fine lines, and dull oxide in patches."""
+    rng = generator(seed, "metal wear")
+    brushed, patches = fractal(size, rng, 0.5, (0.05, 1)), fractal(size, rng, 1.4)
+    oxide = np.clip(patches * 5 - 3.1, 0, 1)
+    return _wear(0.30 + 0.35 * (brushed - 0.3) + 0.4 * oxide, 1 - 0.7 * oxide)
 
 
 def rivets(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
@@ -350,6 +384,33 @@ def cobbles(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     grain = fractal(size, rng, 0.7)
     stone = _mix((0.40, 0.39, 0.37), (0.60, 0.57, 0.52), tone) * (0.72 + 0.5 * grain)[..., None]
     return _texels(_mix((0.30, 0.27, 0.22), stone, dome)), normal_map(np.sqrt(dome) * 0.03 + grain * 0.008, 2 / size)
+
+
+def paving(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Trodden cobbles after rain: colours, normal map and roughness. Stones are polished, joints full of water in places
+    or of matt mortar elsewhere, and water lies level."""
+    colour, _ = cobbles(seed, size)
+    rng = generator(seed, "cobbles")
+    near, second, index = _cells(size, 9, rng)
+    dome = np.clip((second - near) / 0.35, 0, 1)
+    tone = rng.random(81, np.float32)[index]
+    wet = np.clip(fractal(size, generator(seed, "rain"), 1.5) * 4 - 1.7, 0, 1)
+    water = np.clip((wet * 0.75 - np.sqrt(dome)) * 6 + 1, 0, 1)
+    height = np.maximum(np.sqrt(dome), wet * 0.75) * 0.03
+    dark = 1 - 0.45 * wet - 0.25 * water
+    rough = _blend(0.85 - 0.30 * dome + 0.2 * (tone - 0.5), 0.35, wet)
+    shade = colour[..., :3].astype(np.float32) / 255 * dark[..., None]
+    return _texels(shade), normal_map(height, 2 / size), _wear(_blend(rough, 0.06, water))
+
+
+def puddles(seed: int, size: int = 256) -> np.ndarray:
+    """Roughness of trodden earth after rain: damp in patches, nowhere quite dry."""
+    damp = np.clip(fractal(size, generator(seed, "puddles"), 1.6) * 4 - 2.2, 0, 1)
+    return _wear(0.95 - 0.55 * damp)
+
+
+def _blend(a: np.ndarray, b: float, share: np.ndarray) -> np.ndarray:
+    return a + (b - a) * share
 
 
 def grass(seed: int, size: int = 512) -> np.ndarray:
