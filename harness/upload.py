@@ -112,9 +112,7 @@ def _not_see_through(
     return part, mask.of_triangles(device, ids) if mask else None, ids
 
 
-def _drawn_environment_map(
-    scene: Scene, triangles: Triangles, mask: AlphaMask | None, shader: Shader
-) -> np.ndarray:
+def _drawn_environment_map(scene: Scene, triangles: Triangles, mask: AlphaMask | None, shader: Shader) -> np.ndarray:
     """What a place's surfaces reflect is the place, without what is see-through; what an object's do, the sky."""
     point = standpoint(scene)
     if point is None:

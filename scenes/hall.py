@@ -88,23 +88,24 @@ def _materials(palette: Palette, seed: int) -> _Materials:
     def add(name: str, tile: float, texels: np.ndarray, normals: np.ndarray | None = None, **properties) -> int:
         base = palette.texture(name, texels)
         bumps = -1 if normals is None else palette.texture(name + " normals", normals, srgb=False)
-        return palette.material(name, tile, base_colour=white, base_texture=base, normal_texture=bumps, **properties)
+        return palette.material(
+            name, tile, **{"base_colour": white, "base_texture": base, "normal_texture": bumps} | properties
+        )
 
-    def worn(name: str, texels: np.ndarray) -> int:
-        return palette.texture(name + " wear", texels, srgb=False)
+    def worn(name: str, texels: np.ndarray) -> dict:
+        return {"surface_texture": palette.texture(name + " wear", texels, srgb=False), "roughness": 1.0}
 
     screen = surfaces.screen(seed)
-    metal = {"surface_texture": worn("metal", surfaces.metal_wear(seed)), "roughness": 1.0, "metallic": 1.0}
-    paint = {"surface_texture": worn("paint", surfaces.paint_wear(seed)), "roughness": 1.0}
-    floor = {"surface_texture": worn("floor", surfaces.tile_wear(seed)), "roughness": 1.0}
+    floor = {"base_colour": (0.42, 0.44, 0.45, 1.0)} | worn("floor", surfaces.tile_wear(seed))
+    metal = worn("metal", surfaces.metal_wear(seed))
     return _Materials(
         brick=add("brick", 2.0, brick, brick_normals, roughness=0.9),
         floor=add("floor", 1.2, tiles, tile_normals, **floor),
         tiles=add("wall panels", 2.0, surfaces.paint(seed + 1), roughness=0.7),
         concrete=add("concrete", 2.0, surfaces.concrete(seed), roughness=0.9),
-        paint=add("paint", 1.0, surfaces.paint(seed), **paint),
-        plates=add("plates", 2.0, plates, plate_normals, **metal),
-        tread=add("tread", 1.0, surfaces.tread(seed), **metal),
+        paint=add("paint", 1.0, surfaces.paint(seed), **worn("paint", surfaces.paint_wear(seed))),
+        plates=add("plates", 2.0, plates, plate_normals, metallic=0.5, **metal),
+        tread=add("tread", 1.0, surfaces.tread(seed), metallic=0.7, **metal),
         stripes=add("stripes", 0.5, surfaces.stripes(seed), roughness=0.45),
         signs=add("signs", 1.0, surfaces.signs(), roughness=0.3),
         screen=add(

@@ -185,15 +185,15 @@ def paint_wear(seed: int, size: int = 512) -> np.ndarray:
     grain = fractal(size, rng, 0.9)
     scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
     grime = fractal(size, generator(seed, "grime"), 1.3)
-    return _wear(np.clip(0.30 + 0.9 * np.clip(grime - 0.5, 0, 1) + 0.3 * (0.5 - grain) + 0.4 * scratch, 0.22, 0.8))
+    return _wear(np.clip(0.24 + 0.9 * np.clip(grime - 0.5, 0, 1) + 0.2 * (0.5 - grain) + 0.4 * scratch, 0.16, 0.8))
 
 
 def metal_wear(seed: int, size: int = 256) -> np.ndarray:
     """Roughness and metalness of brushed metal plates: fine lines, and dull oxide in patches."""
     rng = generator(seed, "metal wear")
     brushed, patches = fractal(size, rng, 0.5, (0.05, 1)), fractal(size, rng, 1.4)
-    oxide = np.clip(patches * 5 - 3.1, 0, 1)
-    return _wear(0.30 + 0.35 * (brushed - 0.3) + 0.4 * oxide, 1 - 0.7 * oxide)
+    oxide = np.clip(patches * 3 - 2, 0, 1)
+    return _wear(0.32 + 0.35 * (brushed - 0.3) + 0.35 * oxide, 1 - 0.6 * oxide)
 
 
 def rivets(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:

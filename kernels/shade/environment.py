@@ -31,9 +31,7 @@ def directions(size: int) -> tuple[np.ndarray, np.ndarray]:
     x, z = np.meshgrid(step, step)
     y = 1 - np.abs(x) - np.abs(z)
     below = y < 0
-    x, z = (
-        np.where(below, (1 - np.abs(other)) * np.where(one < 0, -1.0, 1.0), one) for one, other in ((x, z), (z, x))
-    )
+    x, z = (np.where(below, (1 - np.abs(other)) * np.where(one < 0, -1.0, 1.0), one) for one, other in ((x, z), (z, x)))
     points = np.stack([x, y, z], axis=-1)
     length = np.sqrt(dot(points, points))
     return points / length[..., None], 1 / (length * length * length)
