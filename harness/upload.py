@@ -39,8 +39,8 @@ SHADING = {
 
 
 def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> ServerScene:
-    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps, environment map; outside
-    all timers.
+    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps and environment map;
+    outside all timers.
 
     What the scene does not need is left out, unless `skips` says otherwise.
     """

@@ -84,6 +84,11 @@ def _mix(a, b, t) -> np.ndarray:
     return out
 
 
+def _blend(a: np.ndarray | float, b: np.ndarray | float, share: np.ndarray) -> np.ndarray:
+    """a where the share is 0, b where it is 1."""
+    return a + (b - a) * share
+
+
 def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     """uint8 (H, W, 4) of colours (H, W, 3) and alpha (H, W) in 0..1."""
     out = np.full((*colour.shape[:2], 4), 255, np.uint8)
@@ -157,8 +162,8 @@ def tile_wear(seed: int, count: int = 4, size: int = 256) -> np.ndarray:
     stone, inside = _wall(size, count, count, 0.03, 0.0)
     smear, scuff = fractal(size, rng, 1.3), fractal(size, rng, 0.6, (0.05, 1))
     worn = rng.random(count * count, np.float32)[stone]
-    rough = 0.14 + 0.10 * worn + 0.5 * np.clip(smear - 0.5, 0, 1) + 0.5 * np.clip(scuff * 3 - 2.1, 0, 1)
-    return _wear(0.85 + (np.clip(rough, 0.1, 0.6) - 0.85) * inside)
+    rough = 0.08 + 0.08 * worn + 0.5 * np.clip(smear - 0.5, 0, 1) + 0.5 * np.clip(scuff * 3 - 2.1, 0, 1)
+    return _wear(_blend(0.8, np.minimum(rough, 0.6), inside))
 
 
 def concrete(seed: int, size: int = 512) -> np.ndarray:
@@ -387,8 +392,8 @@ def cobbles(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
 
 
 def paving(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Trodden cobbles after rain: colours, normal map and roughness. Stones are polished, joints full of water in places
-    or of matt mortar elsewhere, and water lies level."""
+    """Trodden cobbles after rain: colours, normal map and roughness. Stones are polished; in wet patches they are dark
+    and water stands in the joints, level."""
     colour, _ = cobbles(seed, size)
     rng = generator(seed, "cobbles")
     near, second, index = _cells(size, 9, rng)
@@ -403,14 +408,13 @@ def paving(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return _texels(shade), normal_map(height, 2 / size), _wear(_blend(rough, 0.06, water))
 
 
-def puddles(seed: int, size: int = 256) -> np.ndarray:
-    """Roughness of trodden earth after rain: damp in patches, nowhere quite dry."""
-    damp = np.clip(fractal(size, generator(seed, "puddles"), 1.6) * 4 - 2.2, 0, 1)
-    return _wear(0.95 - 0.55 * damp)
-
-
-def _blend(a: np.ndarray, b: float, share: np.ndarray) -> np.ndarray:
-    return a + (b - a) * share
+def mud(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """Trodden earth after rain: colours and roughness. Where it is damp it is dark, and in the middle stands water."""
+    earth = dirt(seed, size)[..., :3].astype(np.float32) / 255
+    depth = fractal(size, generator(seed, "rain on earth"), 1.6)
+    damp, water = np.clip(depth * 5 - 2.6, 0, 1), np.clip(depth * 12 - 8.4, 0, 1)
+    rough = _blend(_blend(0.95, 0.5, damp), 0.06, water)
+    return _texels(earth * (1 - 0.35 * damp - 0.2 * water)[..., None]), _wear(rough)
 
 
 def grass(seed: int, size: int = 512) -> np.ndarray:

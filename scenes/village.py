@@ -101,6 +101,7 @@ SIGNS = (
 def _materials(palette: Palette, seed: int) -> _Materials:
     white = (1.0, 1.0, 1.0, 1.0)
     stones, stone_normals = surfaces.cobbles(seed)
+    mud, mud_wear = surfaces.mud(seed)
     paved, paved_normals, paved_wear = surfaces.paving(seed)
 
     def add(name: str, tile: float, texels: np.ndarray, normals: np.ndarray | None = None, **properties) -> int:
@@ -120,7 +121,7 @@ def _materials(palette: Palette, seed: int) -> _Materials:
     return _Materials(
         grass=grass,
         meadow=alike("meadow", 17.0, grass),
-        dirt=add("dirt", 2.5, surfaces.dirt(seed), **worn("dirt", surfaces.puddles(seed))),
+        dirt=add("dirt", 2.5, mud, **worn("dirt", mud_wear)),
         stone=add("stone", 2.0, stones, stone_normals, roughness=0.9),
         paving=add("paving", 2.0, paved, paved_normals, **worn("paving", paved_wear)),
         planks=add("planks", 1.6, surfaces.planks(seed), roughness=0.9),

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from kernels.raster.rasteriser import Rasteriser
     from kernels.shade.shader import Shader
 
-SIDE = 192  # pixels of each face of the cube around the point
+SIDE = 256  # pixels of each face of the cube around the point
 # Of what the exposure turns into white, a few times over. A lamp's shell, centimetres from its light, sends thousands.
 BRIGHTEST = 16.0
 # Right, up and backward of the cameras that look along x, -x, y, -y, z, -z.

@@ -7,7 +7,7 @@
 #define MATT 0.8f                        // roughness of the last level, from which on the map does not count
 #define FADE 5.0f                        // 1 / (MATT - 0.6): up to a roughness of 0.6 nothing but the map counts
 #define LAST_LEVEL 4.0f
-#define STRIDE 66 // texels in a row of the map: a side of the first level with its border
+#define STRIDE 130 // texels in a row of the map: a side of the first level with its border
 
 // How much of what a surface of this roughness reflects comes from the map; the rest is the sky's.
 INLINE float8 map_share8(float8 roughness)
@@ -61,10 +61,10 @@ INLINE vector8 environment8(__global const float *map, vector8 direction, float8
     const float8 cut = floor8(level), whole = (cut < LAST_LEVEL - 1.0f) ? cut : (float8)(LAST_LEVEL - 1.0f);
     float further[8], red[8], green[8], blue[8];
     STORE8(level - whole, further);
-    // Sides are 64, 32, 16, 8 and 8 again; each level begins where the one before it and its border end.
-    const float8 size = as_float8((133 - convert_int8(whole)) << 23), next = GREATER(0.5f * size, (float8)8.0f);
-    const taps8 near = taps_of(u, v, size, 128.0f - 2.0f * size + 2.0f * whole);
-    const taps8 far = taps_of(u, v, next, 130.0f - size + 2.0f * whole);
+    // Sides are 128, 64, 32, 16 and 8; each level begins where the one before it and its border end.
+    const float8 size = as_float8((134 - convert_int8(whole)) << 23);
+    const taps8 near = taps_of(u, v, size, 256.0f - 2.0f * size + 2.0f * whole);
+    const taps8 far = taps_of(u, v, 0.5f * size, 258.0f - size + 2.0f * whole);
     for (int lane = 0; lane < 8; lane++) {
         const float4 smooth = between_texels(map, &near, lane), rough = between_texels(map, &far, lane);
         const float4 colour = smooth + (rough - smooth) * further[lane];

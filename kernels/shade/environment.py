@@ -14,7 +14,7 @@ import numpy as np
 
 from arithmetic.matrices import dot
 
-SIZES = (64, 32, 16, 8, 8)  # texels along a side, level by level
+SIZES = (128, 64, 32, 16, 8)  # texels along a side, level by level
 SMOOTHEST, FULL, MATT = 0.05, 0.6, 0.8  # as in environment.cl: the last level's roughness is MATT
 ROUGHNESSES = tuple(SMOOTHEST + (MATT - SMOOTHEST) * k / (len(SIZES) - 1) for k in range(len(SIZES)))
 STRIDE = SIZES[0] + 2
@@ -22,6 +22,7 @@ STARTS = tuple(sum(size + 2 for size in SIZES[:level]) for level in range(len(SI
 SHAPE = (STARTS[-1] + SIZES[-1] + 2, STRIDE, 4)
 BLOCK = 16  # texels blurred at a time, so that their weights stay in the processor's cache
 ACROSS = 4  # directions that a texel of the first level averages, along each side
+BLURRED_FROM = 64  # texels along a side of the picture that further levels are blurred from
 
 
 def directions(size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -43,15 +44,22 @@ def environment_map(radiance: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     Each level's texels stand in rows of STRIDE from its row in STARTS on, in RGB and a fourth float that is 0, with a
     border of one texel that holds what lies beyond the square's edges.
     """
-    size = SIZES[0]
-    seen = np.asarray(radiance(directions(size * ACROSS)[0].reshape(-1, 3)), np.float64)
-    parts = seen.reshape(size, ACROSS, size, ACROSS, 3).transpose(1, 3, 0, 2, 4).reshape(-1, size * size, 3)
-    sharp = _total(parts) / len(parts)
+    fine = SIZES[0] * ACROSS
+    seen = np.asarray(radiance(directions(fine)[0].reshape(-1, 3)), np.float64).reshape(fine, fine, 3)
+    sharp = _averaged(seen, SIZES[0])
+    coarse = _averaged(sharp, BLURRED_FROM).reshape(-1, 3)
     rows = np.zeros(SHAPE, np.float32)
     for size, start, roughness in zip(SIZES, STARTS, ROUGHNESSES, strict=True):
-        level = sharp if start == 0 else _blurred(sharp, size, roughness)
-        rows[start : start + size + 2, : size + 2, :3] = _bordered(level.reshape(size, size, 3))
+        level = sharp if start == 0 else _blurred(coarse, size, roughness).reshape(size, size, 3)
+        rows[start : start + size + 2, : size + 2, :3] = _bordered(level)
     return rows
+
+
+def _averaged(picture: np.ndarray, size: int) -> np.ndarray:
+    """A picture (n, n, 3) with the averages of its squares: (size, size, 3)."""
+    step = len(picture) // size
+    parts = picture.reshape(size, step, size, step, 3).transpose(1, 3, 0, 2, 4)
+    return _total(parts.reshape(step * step, size, size, 3)) / (step * step)
 
 
 def _total(parts: np.ndarray) -> np.ndarray:
@@ -62,9 +70,10 @@ def _total(parts: np.ndarray) -> np.ndarray:
     return parts[0]
 
 
-def _blurred(sharp: np.ndarray, size: int, roughness: float) -> np.ndarray:
-    """(size * size, 3): the first level (n, 3) as surfaces of a roughness reflect it that face the viewer."""
-    sources, angles = (part.reshape(len(sharp), -1) for part in directions(SIZES[0]))
+def _blurred(seen: np.ndarray, size: int, roughness: float) -> np.ndarray:
+    """(size * size, 3): the picture (BLURRED_FROM squared, 3) as surfaces of a roughness reflect it that face the
+    viewer."""
+    sources, angles = (part.reshape(len(seen), -1) for part in directions(BLURRED_FROM))
     targets = directions(size)[0].reshape(-1, 3)
     squared = roughness * roughness * roughness * roughness
     level = np.empty((len(targets), 3))
@@ -77,7 +86,7 @@ def _blurred(sharp: np.ndarray, size: int, roughness: float) -> np.ndarray:
         weights = np.maximum(cosine, 0) * angles / (narrow * narrow)
         whole = _total(weights)
         for channel in range(3):
-            level[block, channel] = _total(weights * sharp[:, channel, None]) / whole
+            level[block, channel] = _total(weights * seen[:, channel, None]) / whole
     return level
 
 
