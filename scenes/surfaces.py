@@ -185,12 +185,13 @@ def paint(seed: int, size: int = 512) -> np.ndarray:
 
 
 def paint_wear(seed: int, size: int = 512) -> np.ndarray:
-    """Roughness of `paint`: gloss where it is sound, dull scratches and grime."""
+    """Roughness of `paint` of a size, at half of it: gloss where it is sound, dull scratches and grime."""
     rng = generator(seed, "paint")
     grain = fractal(size, rng, 0.9)
     scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
-    grime = fractal(size, generator(seed, "grime"), 1.3)
-    return _wear(np.clip(0.24 + 0.9 * np.clip(grime - 0.5, 0, 1) + 0.2 * (0.5 - grain) + 0.4 * scratch, 0.16, 0.8))
+    grime = np.clip(fractal(size // 2, generator(seed, "grime"), 1.3) - 0.5, 0, 1)
+    grain, scratch = grain[::2, ::2], scratch[::2, ::2]
+    return _wear(np.clip(0.24 + 0.9 * grime + 0.2 * (0.5 - grain) + 0.4 * scratch, 0.16, 0.8))
 
 
 def metal_wear(seed: int, size: int = 256) -> np.ndarray:

@@ -37,7 +37,7 @@ def radiances_twin(shader: Shader, samples: Samples) -> np.ndarray:
 # Three lights with highlights, two shadow maps, five trilinear lookups and one in the environment map; 4 x 4 taps of a
 # shadow's penumbra.
 @case(
-    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*96 + 5*8*4 + 2*16*4 + 8*16)*n", "1200*n")},
+    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*96 + 5*8*4 + 2*16*4 + 4*32)*n", "1200*n")},
     1 << 18,
     1 << 14,
     typical=Bound(wrong=2e-3),  # colours close to the middle between two levels
@@ -59,10 +59,10 @@ def shading(device: Device, kind: str, size: int) -> Trial:
 
 # One light, and the environment map. Directions are good to 5e-6, and neighbouring texels of the map are not alike.
 @case(
-    {"radiance.shade_radiance": Cost("n", "(16 + 12 + 3*32 + 8*16)*n", "300*n")},
+    {"radiance.shade_radiance": Cost("n", "(16 + 12 + 3*32 + 4*32)*n", "300*n")},
     1 << 18,
     1 << 14,
-    typical=Bound(600),
+    typical=Bound(1500),
     adversarial=Bound(1300),
 )
 def radiance(device: Device, kind: str, size: int) -> Trial:

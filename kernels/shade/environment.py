@@ -2,8 +2,9 @@
 
 A map is one point's view in all directions on the square of an octahedron (Cigolle 2014, "A Survey of Efficient
 Representations for Independent Unit Vectors"), y up, blurred as GGX surfaces of five roughnesses do that are seen from
-straight above (Karis 2013, "Real Shading in Unreal Engine 4"). Everything here is float64, summed in a fixed order, so
-that a map's bytes are the same on every machine.
+straight above (Karis 2013, "Real Shading in Unreal Engine 4"). Each texel holds all five, so that one load gets two of
+them; the blurred ones are computed on coarser squares. Everything here is float64, summed in a fixed order, so that a
+map's bytes are the same on every machine.
 """
 
 from __future__ import annotations
@@ -14,12 +15,11 @@ import numpy as np
 
 from arithmetic.matrices import dot
 
-SIZES = (128, 64, 32, 16, 8)  # texels along a side, level by level
+SIDE = 128  # texels of a map, without its border
+SIZES = (SIDE, 64, 32, 16, 8)  # texels along the side of the square that a level is computed on
 SMOOTHEST, FULL, MATT = 0.05, 0.6, 0.8  # as in environment.cl: the last level's roughness is MATT
 ROUGHNESSES = tuple(SMOOTHEST + (MATT - SMOOTHEST) * k / (len(SIZES) - 1) for k in range(len(SIZES)))
-STRIDE = SIZES[0] + 2
-STARTS = tuple(sum(size + 2 for size in SIZES[:level]) for level in range(len(SIZES)))  # rows
-SHAPE = (STARTS[-1] + SIZES[-1] + 2, STRIDE, 4)
+SHAPE = (SIDE + 3, SIDE + 2, 16)  # one row more: eight floats are read at a time, beyond the last texel's end
 BLOCK = 16  # texels blurred at a time, so that their weights stay in the processor's cache
 ACROSS = 4  # directions that a texel of the first level averages, along each side
 BLURRED_FROM = 64  # texels along a side of the picture that further levels are blurred from
@@ -41,18 +41,18 @@ def directions(size: int) -> tuple[np.ndarray, np.ndarray]:
 def environment_map(radiance: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """float32 SHAPE: the map of what is seen, radiance (n, 3) as a function of unit directions (n, 3).
 
-    Each level's texels stand in rows of STRIDE from its row in STARTS on, in RGB and a fourth float that is 0, with a
-    border of one texel that holds what lies beyond the square's edges.
+    A texel holds RGB of each level, one after the other. The border, one texel wide, holds what lies beyond the
+    square's edges.
     """
-    fine = SIZES[0] * ACROSS
+    fine = SIDE * ACROSS
     seen = np.asarray(radiance(directions(fine)[0].reshape(-1, 3)), np.float64).reshape(fine, fine, 3)
-    sharp = _averaged(seen, SIZES[0])
+    sharp = _averaged(seen, SIDE)
     coarse = _averaged(sharp, BLURRED_FROM).reshape(-1, 3)
-    rows = np.zeros(SHAPE, np.float32)
-    for size, start, roughness in zip(SIZES, STARTS, ROUGHNESSES, strict=True):
-        level = sharp if start == 0 else _blurred(coarse, size, roughness).reshape(size, size, 3)
-        rows[start : start + size + 2, : size + 2, :3] = _bordered(level)
-    return rows
+    texels = np.zeros(SHAPE, np.float32)
+    for level, (size, roughness) in enumerate(zip(SIZES, ROUGHNESSES, strict=True)):
+        blurred = _enlarged(_blurred(coarse, size, roughness)) if level else sharp
+        texels[:-1, :, 3 * level : 3 * level + 3] = _bordered(blurred)
+    return texels
 
 
 def _averaged(picture: np.ndarray, size: int) -> np.ndarray:
@@ -71,7 +71,7 @@ def _total(parts: np.ndarray) -> np.ndarray:
 
 
 def _blurred(seen: np.ndarray, size: int, roughness: float) -> np.ndarray:
-    """(size * size, 3): the picture (BLURRED_FROM squared, 3) as surfaces of a roughness reflect it that face the
+    """(size, size, 3): the picture (BLURRED_FROM squared, 3) as surfaces of a roughness reflect it that face the
     viewer."""
     sources, angles = (part.reshape(len(seen), -1) for part in directions(BLURRED_FROM))
     targets = directions(size)[0].reshape(-1, 3)
@@ -87,7 +87,17 @@ def _blurred(seen: np.ndarray, size: int, roughness: float) -> np.ndarray:
         whole = _total(weights)
         for channel in range(3):
             level[block, channel] = _total(weights * seen[:, channel, None]) / whole
-    return level
+    return level.reshape(size, size, 3)
+
+
+def _enlarged(level: np.ndarray) -> np.ndarray:
+    """A smaller level (S, S, 3), bilinear at the texels of a map: (SIDE, SIDE, 3)."""
+    wide = _bordered(level)
+    place = (np.arange(SIDE) + 0.5) / SIDE * len(level) + 0.5
+    low = np.floor(place).astype(int)
+    share = (place - low)[:, None, None]
+    wide = wide[low] + (wide[low + 1] - wide[low]) * share
+    return wide[:, low] + (wide[:, low + 1] - wide[:, low]) * share[None, :, 0]
 
 
 def _bordered(level: np.ndarray) -> np.ndarray:
@@ -110,18 +120,15 @@ def look_up(texels: np.ndarray, direction: np.ndarray, roughness: np.ndarray) ->
     """Radiance (n, 3) of a map from around directions (n, 3) of any length, for roughnesses (n)."""
     x, y, z = (np.asarray(direction, np.float64) / np.abs(direction).sum(axis=-1, keepdims=True)).T
     u, v = (np.where(y < 0, (1 - np.abs(other)) * np.where(one < 0, -1, 1), one) for one, other in ((x, z), (z, x)))
+    column, row = ((place + 1) / 2 * SIDE + 0.5 for place in (u, v))
+    left, upper = np.floor(column).astype(int), np.floor(row).astype(int)
+    across, down = (column - left)[:, None], (row - upper)[:, None]
+    corners = [[texels[upper + i, left + j].astype(np.float64) for j in (0, 1)] for i in (0, 1)]
+    top, bottom = (first + (second - first) * across for first, second in corners)
+    levels = (top + (bottom - top) * down)[:, :15].reshape(-1, len(SIZES), 3)
     last = len(SIZES) - 1
     level = np.clip((roughness - SMOOTHEST) * last / (MATT - SMOOTHEST), 0, last)
     whole = np.minimum(np.floor(level), last - 1).astype(int)
-    smooth, rough = (_bilinear(texels, u, v, whole + step) for step in (0, 1))
+    each = np.arange(len(levels))
+    smooth, rough = levels[each, whole], levels[each, whole + 1]
     return smooth + (rough - smooth) * (level - whole)[:, None]
-
-
-def _bilinear(texels: np.ndarray, u: np.ndarray, v: np.ndarray, level: np.ndarray) -> np.ndarray:
-    size, start = np.array(SIZES)[level], np.array(STARTS)[level]
-    column, line = ((place + 1) / 2 * size + 0.5 for place in (u, v))
-    left, upper = np.floor(column).astype(int), np.floor(line).astype(int)
-    across, down = (column - left)[:, None], (line - upper)[:, None]
-    corners = [[texels[start + upper + i, left + j, :3].astype(np.float64) for j in (0, 1)] for i in (0, 1)]
-    rows = [first + (second - first) * across for first, second in corners]
-    return rows[0] + (rows[1] - rows[0]) * down
