@@ -82,7 +82,6 @@ class _Materials:
 
 def _materials(palette: Palette, seed: int) -> _Materials:
     brick, brick_normals = surfaces.brick(seed)
-    tiles, _ = surfaces.tiles(seed)  # whose joints the coat on the floor fills
     plates, plate_normals = surfaces.rivets(seed)
     white = (1.0, 1.0, 1.0, 1.0)
 
@@ -97,12 +96,13 @@ def _materials(palette: Palette, seed: int) -> _Materials:
         return {"surface_texture": palette.texture(name + " wear", texels, srgb=False), "roughness": 1.0}
 
     screen = surfaces.screen(seed)
+    # Sealed: the coat fills the joints.
     floor = {"base_colour": (0.42, 0.44, 0.45, 1.0)} | worn("floor", surfaces.tile_wear(seed))
     paint = add("paint", 1.0, surfaces.paint(seed), **worn("paint", surfaces.paint_wear(seed)))
     metal = worn("metal", surfaces.metal_wear(seed))
     return _Materials(
         brick=add("brick", 2.0, brick, brick_normals, roughness=0.9),
-        floor=add("floor", 1.2, tiles, **floor),
+        floor=add("floor", 1.2, surfaces.tiles(seed), **floor),
         tiles=add("wall panels", 2.0, surfaces.paint(seed + 1), roughness=0.7),
         concrete=add("concrete", 2.0, surfaces.concrete(seed), roughness=0.9),
         paint=paint,

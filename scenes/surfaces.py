@@ -143,8 +143,8 @@ def brick(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     return _texels(colour), normal_map(inside * 0.006 + grain * inside * 0.003, 2 / size)
 
 
-def tiles(seed: int, count: int = 4, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
-    """Square glazed tiles, some darker, and their normal map (for a tile of 1.2 m)."""
+def tiles(seed: int, count: int = 4, size: int = 512) -> np.ndarray:
+    """Square tiles, some darker, for a tile of 1.2 m."""
     rng = generator(seed, "tiles")
     stone, inside = _wall(size, count, count, 0.03, 0.0)
     grain = fractal(size, rng, 1.0)
@@ -153,7 +153,7 @@ def tiles(seed: int, count: int = 4, size: int = 512) -> tuple[np.ndarray, np.nd
     colour = _mix((0.60, 0.61, 0.60), (0.70, 0.70, 0.67), tone) * (0.82 + 0.3 * grain - 0.10 * checker)[..., None]
     speckle = (rng.random((size, size), np.float32) > 0.985) * inside
     colour = _mix((0.30, 0.30, 0.29), colour * (1 - 0.45 * speckle)[..., None], inside)
-    return _texels(colour), normal_map(inside * 0.0025, 1.2 / size)
+    return _texels(colour)
 
 
 def tile_wear(seed: int, count: int = 4, size: int = 256) -> np.ndarray:
