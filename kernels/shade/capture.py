@@ -10,6 +10,7 @@ import numpy as np
 from arithmetic.matrices import turned
 from kernels.raster.resolve import resolve
 from kernels.shade.colour import sky_radiance
+from kernels.shade.radiance import radiance
 
 if TYPE_CHECKING:
     from kernels.device import Device
@@ -56,7 +57,7 @@ def scene_around(
         faces.append(_face(device, rasteriser, ids, shader, point, view, near))
     pictures = np.clip(np.nan_to_num(np.stack(faces), nan=np.inf, posinf=brightest), -1, brightest)
 
-    def radiance(direction: np.ndarray) -> np.ndarray:
+    def arriving(direction: np.ndarray) -> np.ndarray:
         face = 2 * np.argmax(np.abs(direction), axis=1)
         face += np.take_along_axis(direction, face[:, None] // 2, axis=1)[:, 0] < 0
         x, y, z = turned(FACES[face], direction).T
@@ -64,7 +65,7 @@ def scene_around(
         seen = pictures[face, row, column].astype(np.float64)
         return np.where(seen < 0, sky(direction), seen)
 
-    return radiance
+    return arriving
 
 
 def _face(
@@ -86,5 +87,5 @@ def _face(
         samples.triangle.set(own)
     picture = np.full((SIDE * SIDE, 3), -1, np.float32)
     if samples.count:
-        picture[samples.texel.get()[: samples.count]] = shader.radiance(samples, point, "environment map")
+        picture[samples.texel.get()[: samples.count]] = radiance(shader, samples, point, "environment map")
     return picture.reshape(SIDE, SIDE, 3)

@@ -11,7 +11,8 @@ from kernels.inputs.surfaces import CASES, EYE, FULL, LIGHTS, PLAIN, TRIANGLES, 
 from kernels.samples import Samples
 from kernels.shade.colour import encode
 from kernels.shade.faces import face_rows, uv_scale_twin
-from kernels.shade.shade import radiance_twin
+from kernels.shade.radiance import radiance as shaded_radiance
+from kernels.shade.radiance import radiance_twin
 from kernels.shade.shader import Shader
 from kernels.shade.sky import paint_sky_twin
 
@@ -22,16 +23,7 @@ if TYPE_CHECKING:
 def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:
     """The twin's colours of the samples of a shader's own scene, in list order."""
     with np.errstate(invalid="ignore"):
-        return encode(radiances_twin(shader, samples) * shader.tables.environment[9])
-
-
-def radiances_twin(shader: Shader, samples: Samples) -> np.ndarray:
-    """The twin's radiances of them."""
-    n = samples.count
-    bary = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:n]
-    known = (shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get())
-    with np.errstate(invalid="ignore"):
-        return radiance_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], EYE)
+        return encode(radiance_twin(shader, samples, EYE) * shader.tables.environment[9])
 
 
 # Three lights with highlights, two shadow maps, five trilinear lookups and one in the environment map; 4 x 4 taps of a
@@ -73,9 +65,9 @@ def radiance(device: Device, kind: str, size: int) -> Trial:
     samples = make_samples(device, count=size, adversarial=hard)
 
     def results() -> list[Result]:
-        return [Result(shader.radiance(samples, EYE), radiances_twin(shader, samples))]
+        return [Result(shaded_radiance(shader, samples, EYE), radiance_twin(shader, samples, EYE))]
 
-    return Trial({"n": size}, lambda: shader.radiance(samples, EYE), results)
+    return Trial({"n": size}, lambda: shaded_radiance(shader, samples, EYE), results)
 
 
 # Colours close to the middle between two levels.

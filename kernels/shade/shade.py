@@ -53,11 +53,11 @@ def shade_twin(
 
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
     """
-    radiance = radiance_twin(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
+    radiance = radiance_of(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
     return encode(radiance * tables.environment[9])
 
 
-def radiance_twin(
+def radiance_of(
     tables: Tables,
     faces: np.ndarray,
     textures: TextureBuffers,

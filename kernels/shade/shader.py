@@ -82,15 +82,6 @@ class Shader:
         other.arguments = (*self.arguments[:-1], self.device.upload(environment_map))
         return other
 
-    def radiance(self, samples: Samples, eye: np.ndarray, stage: str = "radiance") -> np.ndarray:
-        """What the samples send towards the eye, linear and before exposure: float32 (count, 3), in their order."""
-        found = self.device.empty((samples.triangle.size, 3), np.float32)
-        kernel = self.device.build("shade/radiance.cl", **self.defines).shade_radiance
-        listed = (samples.triangle, samples.bary1, samples.bary2, samples.footprint, found)
-        steps, place = -(-samples.count // STEP), (float(x) for x in eye)
-        self.device.launch(stage, kernel, steps, samples.count, *listed, *place, *self.arguments)
-        return found.get()[: samples.count]
-
     def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:
         """Write the colour of every sample, sRGB with alpha 255, at its texel of `target`, uint8 (H, W, 4).
 
