@@ -121,8 +121,8 @@ def _materials(palette: Palette, seed: int) -> _Materials:
         cardboard=add("cardboard", 0.5, surfaces.cardboard(seed), roughness=0.95),
         rubber=palette.material("rubber", base_colour=(0.02, 0.02, 0.022, 1), roughness=0.65),
         steel=palette.material("steel", base_colour=(0.55, 0.56, 0.58, 1), roughness=0.3, metallic=1.0),
-        lamp=palette.material("lamp", base_colour=white, emissive=(6.0, 5.6, 4.8)),
-        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(0.75, 0.95, 1.2), roughness=0.1),
+        lamp=palette.material("lamp", base_colour=white, emissive=(12.0, 11.2, 9.6)),
+        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(2.2, 2.6, 3.0), roughness=0.1),
         glass=palette.material("glass", base_colour=(0.02, 0.025, 0.03, 1), roughness=0.06),
         plastic=palette.material("plastic", base_colour=white, roughness=0.25),
     )

@@ -20,7 +20,7 @@ from scenes.load import load_scene
 from scenes.model import Camera, Material, Scene
 from scenes.quaternions import looking
 
-FLOOR = 1.5  # levels of 255, mean over the picture; with the sky in place of the map it is 12 % less
+FLOOR = 1.5  # levels of 255, mean over the picture; with the sky in place of the map it is a sixth less
 CORNERS = np.array([[-5, 0, -5], [-5, 4, 5], [5, 0, 5]], np.float32)
 SCENE = Scene(
     "one triangle", CORNERS, np.array([[0, 1, 2]], np.int32), CORNERS, CORNERS[:, :2], np.ones((3, 4), np.float32),
