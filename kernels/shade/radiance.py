@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.shade.shade import radiance_of
+from kernels.shade.shade import shade8_twin
 
 if TYPE_CHECKING:
     from kernels.samples import Samples
@@ -32,4 +32,4 @@ def radiance_twin(shader: Shader, samples: Samples, eye: np.ndarray) -> np.ndarr
     bary = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:n]
     known = (shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get())
     with np.errstate(invalid="ignore"):
-        return radiance_of(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], eye)
+        return shade8_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], eye)

@@ -53,11 +53,11 @@ def shade_twin(
 
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
     """
-    radiance = radiance_of(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
+    radiance = shade8_twin(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
     return encode(radiance * tables.environment[9])
 
 
-def radiance_of(
+def shade8_twin(
     tables: Tables,
     faces: np.ndarray,
     textures: TextureBuffers,
@@ -67,7 +67,7 @@ def radiance_of(
     footprint: np.ndarray,
     eye: np.ndarray,
 ) -> np.ndarray:
-    """Radiance (n, 3) of the same."""
+    """What shade8 returns: radiance (n, 3) of the same samples."""
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
         points = _mapped(textures, points)
