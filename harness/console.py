@@ -122,6 +122,7 @@ WORK = (
     ("frame_ms_median", "frame ms", 1, "{:,.1f}".format),
     ("fill_median", "fill", 1, "{:.2f}".format),
     ("coherence_median", "cohere", 1, "{:.2f}".format),
+    ("view_dependence_median", "by view", 1, "{:.4f}".format),
     ("dssim_median", "DSSIM", 1, "{:.4f}".format),
 )
 SIZES = (

@@ -22,7 +22,8 @@ def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMa
     """What `draw` gives for a scene, from the cache where it was drawn before; without a hash it is not cached."""
     if not scene.content_hash:
         return draw()
-    file, count = cache_root() / "shadows" / _key(device, scene), len(scene.lights) * ROW_FLOATS
+    told = {name: repr(getattr(scene, name)) for name in ("lights", "cameras", "metres_per_unit")}
+    file, count = cache_root() / "shadows" / device_key(device, scene, told), len(scene.lights) * ROW_FLOATS
     if (content := read_checked(file)) is not None:
         floats = np.frombuffer(content, np.float32)
         return ShadowMaps(device.upload(floats[count:]), floats[:count].reshape(-1, ROW_FLOATS))
@@ -31,9 +32,9 @@ def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMa
     return drawn
 
 
-def _key(device: Device, scene: Scene) -> str:
-    """Of everything that the maps depend on, the source of `kernels`, `scenes` and `arithmetic` among it."""
+def device_key(device: Device, scene: Scene, told: dict[str, str]) -> str:
+    """Of everything that is drawn of a scene depends on: what is told of it, its content, the device, and the source of
+    `kernels`, `scenes` and `arithmetic`."""
     said = {"content_hash": scene.content_hash, "device": device.found.key, "variant": device.variant}
-    said |= {name: repr(getattr(scene, name)) for name in ("lights", "cameras", "metres_per_unit")}
     folder = Path(kernels.__file__).parent
-    return scene_key(said, sorted(file for kind in ("*.cl", "*.py") for file in folder.rglob(kind)))
+    return scene_key(said | told, sorted(file for kind in ("*.cl", "*.py") for file in folder.rglob(kind)))

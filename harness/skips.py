@@ -45,6 +45,14 @@ SKIPS = (
         SHADED,
         "normal_maps",
     ),
+    Skip(
+        "environment map",
+        "reflections of the scene, looked up in an environment map",
+        "all materials are of roughness 0.8 or more",
+        "materials are glossy",
+        SHADED,
+        "glossy",
+    ),
     Skip("shadows", "shadow lookups", "no light casts shadows", "lights cast shadows", SHADED, "shadows"),
     Skip(
         "alpha mask",

@@ -6,11 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from harness.environment import cached_environment_map, standpoint
 from harness.shadows import cached_shadow_maps
 from kernels.fragments.layered import LayeredRasteriser
 from kernels.fragments.layers import Layers
 from kernels.fragments.opacity import Opacity, blends
 from kernels.raster.rasteriser import Rasteriser
+from kernels.shade.capture import scene_around, sky_around
+from kernels.shade.environment import environment_map
 from kernels.shade.shader import Shader
 from kernels.shade.shadow import ShadowMaps
 from kernels.shade.tables import Lighting, Surface
@@ -25,6 +28,8 @@ if TYPE_CHECKING:
     from scenes.model import Scene
 
 
+NEAREST = 0.05  # metres; what is nearer to the point of an environment map is not in it
+
 # Defines of the shading function by the skip that leaves them out, with the feature that needs them.
 SHADING = {
     "textures": ("textures", ("TEXTURES",)),
@@ -34,7 +39,8 @@ SHADING = {
 
 
 def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> ServerScene:
-    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps; outside all timers.
+    """Copy `scene` to the device: triangles, alpha masks, textures with mip chains, shadow maps and environment map;
+    outside all timers.
 
     What the scene does not need is left out, unless `skips` says otherwise.
     """
@@ -56,6 +62,9 @@ def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> Se
     shadows = _shadow_maps(device, scene, triangles, mask)
     surface = surface_of(scene, "NORMAL_MAPS" in keep)
     shader = Shader(device, triangles, surface, lighting_of(scene), textures, shadows, keep)
+    if not skips.leaves_out("environment map", not features.glossy):
+        seen = cached_environment_map(device, scene, lambda: _drawn_environment_map(scene, triangles, mask, shader))
+        shader = shader.reflecting(seen)
     layers = None
     if keep_layers:
         opacity = Opacity.of_scene(triangles, shader, scene)
@@ -85,16 +94,34 @@ def _shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: Alpha
 
 
 def _drawn_shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None) -> ShadowMaps:
-    opaque = np.array([not blends(m) for m in scene.materials], bool)
-    casting = np.flatnonzero(opaque[scene.material_ids])
-    casters = triangles
-    if len(casting) < triangles.count:
-        flags = triangles.host_flags[casting]
-        casters = Triangles.upload(device, scene.positions, scene.indices[casting], flags)
-        mask = mask.of_triangles(device, casting) if mask else None
+    casters, mask, _ = _not_see_through(device, scene, triangles, mask)
     cameras = [camera.position for camera in scene.cameras]
     focus = np.mean(cameras, axis=0) if cameras else np.median(scene.positions, axis=0)
     return ShadowMaps.render(device, casters, mask, scene.lights, focus, scene.metres_per_unit)
+
+
+def _not_see_through(
+    device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None
+) -> tuple[Triangles, AlphaMask | None, np.ndarray | None]:
+    """The triangles that are not see-through, with their mask and their numbers in the scene; None where all are."""
+    opaque = np.array([not blends(m) for m in scene.materials], bool)
+    ids = np.flatnonzero(opaque[scene.material_ids]).astype(np.int32)
+    if len(ids) == triangles.count:
+        return triangles, mask, None
+    part = Triangles.upload(device, scene.positions, scene.indices[ids], triangles.host_flags[ids])
+    return part, mask.of_triangles(device, ids) if mask else None, ids
+
+
+def _drawn_environment_map(scene: Scene, triangles: Triangles, mask: AlphaMask | None, shader: Shader) -> np.ndarray:
+    """What a place's surfaces reflect is the place, without what is see-through; what an object's do, the sky."""
+    point = standpoint(scene)
+    if point is None:
+        return environment_map(sky_around(shader))
+    device = shader.device
+    part, mask, ids = _not_see_through(device, scene, triangles, mask)
+    rasteriser = Rasteriser(device, part, mask)
+    near = NEAREST / scene.metres_per_unit
+    return environment_map(scene_around(device, rasteriser, ids, shader, point, near))
 
 
 def upload_triangles(device: Device, scene: Scene) -> Triangles:

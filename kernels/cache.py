@@ -1,4 +1,5 @@
-"""The platform's cache folder: compiled kernels, scenes, shadow maps, walks, visible sets, patches, the pace of runs.
+"""The platform's cache folder: compiled kernels, scenes, shadow and environment maps, walks, visible sets, patches, the
+pace of runs.
 
 What is cached may be damaged at any time: a full disk, a power cut, another program. Files are therefore sealed with a
 checksum, and what does not hold is as good as missing: its reader makes it again and writes it anew.

@@ -127,8 +127,8 @@ FRAME_COLUMNS: tuple[Column, ...] = (
         "view_dependence",
         "0..1",
         "lower",
-        "mean FLIP between the reference shaded for the server's eye and for the client's: what every method loses by "
-        "shading for the server's; empty without the metric flip",
+        "mean FLIP between the reference shaded for the server's eye and for the client's: how much the picture "
+        "depends on the view, which every method loses by shading for the server's; empty without the metric flip",
     ),
     _quality("dssim", "0..1", "lower", "(1 - SSIM) / 2 against the reference"),
     _quality("iwssim", "0..1", "higher", "information-weighted SSIM against the reference"),

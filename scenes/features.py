@@ -10,6 +10,7 @@ import numpy as np
 from scenes.model import Features, Material, Scene
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
+MATT = 0.8  # roughness from which on a surface shows the sky's light only, see kernels/shade/environment.py
 _SLANTED = 3.0  # longest edge over height, as in the atlas papers' notion of slanted triangles
 
 
@@ -29,6 +30,7 @@ def find_features(scene: Scene) -> Features:
         varying_opacity=any(_opacity_varies(scene, index) for index in np.unique(scene.material_ids)),
         shadows=any(light.shadows and light.kind != "point" for light in scene.lights),
         specular=any(m.roughness < 1 or m.metallic > 0 or m.surface_texture >= 0 for m in used),
+        glossy=any(not m.unlit and _smoothest(scene, m) < MATT for m in used),
         emissive=any(max(m.emissive) > 0 for m in used),
         surface_maps=any(m.surface_texture >= 0 for m in used),
         occlusion=any(m.occlusion_texture >= 0 for m in used),
@@ -38,6 +40,13 @@ def find_features(scene: Scene) -> Features:
         slanted=float(slanted),
         largest=float(np.partition(area, -count)[-count:].sum() / area.sum()),
     )
+
+
+def _smoothest(scene: Scene, material: Material) -> float:
+    """The least roughness that a material has anywhere."""
+    if material.roughness < MATT or material.surface_texture < 0:
+        return material.roughness
+    return material.roughness * int(scene.textures[material.surface_texture].texels[..., 1].min()) / 255
 
 
 def _opacity_varies(scene: Scene, index: int) -> bool:

@@ -56,13 +56,14 @@ BLUE, GREEN, RED, CREAM = (0.05, 0.14, 0.38), (0.08, 0.28, 0.16), (0.55, 0.05, 0
 
 @dataclass
 class _Materials:
-    """Material indices."""
+    """Material indices. paint: sprayed on, with scratches and grime; coat: of the steelwork, rolled on."""
 
     brick: int
     floor: int
     tiles: int
     concrete: int
     paint: int
+    coat: int
     plates: int
     tread: int
     stripes: int
@@ -75,40 +76,55 @@ class _Materials:
     steel: int
     lamp: int
     window: int
+    glass: int
+    plastic: int
 
 
 def _materials(palette: Palette, seed: int) -> _Materials:
     brick, brick_normals = surfaces.brick(seed)
-    tiles, tile_normals = surfaces.tiles(seed)
     plates, plate_normals = surfaces.rivets(seed)
     white = (1.0, 1.0, 1.0, 1.0)
 
     def add(name: str, tile: float, texels: np.ndarray, normals: np.ndarray | None = None, **properties) -> int:
         base = palette.texture(name, texels)
         bumps = -1 if normals is None else palette.texture(name + " normals", normals, srgb=False)
-        return palette.material(name, tile, base_colour=white, base_texture=base, normal_texture=bumps, **properties)
+        return palette.material(
+            name, tile, **{"base_colour": white, "base_texture": base, "normal_texture": bumps} | properties
+        )
+
+    def worn(name: str, texels: np.ndarray) -> dict:
+        return {"surface_texture": palette.texture(name + " wear", texels, srgb=False), "roughness": 1.0}
 
     screen = surfaces.screen(seed)
+    # Sealed: the coat fills the joints.
+    floor = {"base_colour": (0.42, 0.44, 0.45, 1.0)} | worn("floor", surfaces.tile_wear(seed))
+    paint = add("paint", 1.0, surfaces.paint(seed), **worn("paint", surfaces.paint_wear(seed)))
+    metal = worn("metal", surfaces.metal_wear(seed))
     return _Materials(
         brick=add("brick", 2.0, brick, brick_normals, roughness=0.9),
-        floor=add("floor", 1.2, tiles, tile_normals, roughness=0.35),
+        floor=add("floor", 1.2, surfaces.tiles(seed), **floor),
         tiles=add("wall panels", 2.0, surfaces.paint(seed + 1), roughness=0.7),
         concrete=add("concrete", 2.0, surfaces.concrete(seed), roughness=0.9),
-        paint=add("paint", 1.0, surfaces.paint(seed), roughness=0.45),
-        plates=add("plates", 2.0, plates, plate_normals, roughness=0.5, metallic=0.5),
-        tread=add("tread", 1.0, surfaces.tread(seed), roughness=0.5, metallic=0.4),
-        stripes=add("stripes", 0.5, surfaces.stripes(seed), roughness=0.6),
-        signs=add("signs", 1.0, surfaces.signs(), roughness=0.5),
-        screen=add(
-            "screen", 1.0, screen, roughness=0.3, emissive=(0.8, 0.8, 0.8), emissive_texture=len(palette.textures)
+        paint=paint,
+        coat=palette.material(
+            "coat", base_colour=white, base_texture=palette.materials[paint].base_texture, roughness=0.4
         ),
-        board=add("board", 1.0, surfaces.ruler(), roughness=0.6),
+        plates=add("plates", 2.0, plates, plate_normals, metallic=0.5, **metal),
+        tread=add("tread", 1.0, surfaces.tread(seed), metallic=0.7, **metal),
+        stripes=add("stripes", 0.5, surfaces.stripes(seed), roughness=0.45),
+        signs=add("signs", 1.0, surfaces.signs(), roughness=0.3),
+        screen=add(
+            "screen", 1.0, screen, roughness=0.12, emissive=(0.8, 0.8, 0.8), emissive_texture=len(palette.textures)
+        ),
+        board=add("board", 1.0, surfaces.ruler(), roughness=0.4),
         wood=add("wood", 1.0, surfaces.planks(seed), roughness=0.8),
         cardboard=add("cardboard", 0.5, surfaces.cardboard(seed), roughness=0.95),
-        rubber=palette.material("rubber", base_colour=(0.02, 0.02, 0.022, 1), roughness=0.8),
-        steel=palette.material("steel", base_colour=(0.55, 0.56, 0.58, 1), roughness=0.35, metallic=0.7),
-        lamp=palette.material("lamp", base_colour=white, emissive=(6.0, 5.6, 4.8)),
-        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(0.75, 0.95, 1.2), roughness=0.2),
+        rubber=palette.material("rubber", base_colour=(0.02, 0.02, 0.022, 1), roughness=0.65),
+        steel=palette.material("steel", base_colour=(0.55, 0.56, 0.58, 1), roughness=0.3, metallic=1.0),
+        lamp=palette.material("lamp", base_colour=white, emissive=(12.0, 11.2, 9.6)),
+        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(2.2, 2.6, 3.0), roughness=0.1),
+        glass=palette.material("glass", base_colour=(0.02, 0.025, 0.03, 1), roughness=0.06),
+        plastic=palette.material("plastic", base_colour=white, roughness=0.25),
     )
 
 
@@ -155,8 +171,8 @@ class _Hall:
     def columns(self) -> Mesh:
         """I-beam columns along both long walls, with base plates and bolts."""
         m = self.m
-        flanges = boxes([(0, 3.4, 0.13), (0, 3.4, -0.13)], (0.26, 6.8, 0.02), m.paint, tints=GREEN, faces=UPRIGHT)
-        web = box((0, 3.4, 0), (0.02, 6.8, 0.24), m.paint, GREEN, faces="-x+x")
+        flanges = boxes([(0, 3.4, 0.13), (0, 3.4, -0.13)], (0.26, 6.8, 0.02), m.coat, tints=GREEN, faces=UPRIGHT)
+        web = box((0, 3.4, 0), (0.02, 6.8, 0.24), m.coat, GREEN, faces="-x+x")
         plate = box((0, 0.015, 0), (0.46, 0.03, 0.46), m.steel, faces=WITHOUT_BOTTOM)
         bolt = repeat(
             lathe([(0.02, 0), (0.02, 0.05), (0, 0.05)], 6, m.steel),
@@ -181,9 +197,9 @@ class _Hall:
         steel = (0.30, 0.34, 0.36)
         truss = merge(
             [
-                chain(bottom[::2], 0.12, m.paint, steel),
-                chain(top[::2], 0.12, m.paint, steel),
-                struts(diagonal, across, 0.06, m.paint, steel),
+                chain(bottom[::2], 0.12, m.coat, steel),
+                chain(top[::2], 0.12, m.coat, steel),
+                struts(diagonal, across, 0.06, m.coat, steel),
                 boxes(bottom[1:-1], (0.14, 0.22, 0.22), m.steel, faces="-x+x-y"),
             ]
         )
@@ -191,7 +207,7 @@ class _Hall:
         trusses = repeat(truss, placement([(x, 0, 0) for x in xs]))
         rows = np.linspace(-12, 12, 13)
         ends = [(side * HALF_LENGTH, 7.87, row) for side in (-1, 1) for row in rows]
-        purlins = struts(ends[:13], ends[13:], 0.08, m.paint, steel, height=0.16)
+        purlins = struts(ends[:13], ends[13:], 0.08, m.coat, steel, height=0.16)
         starts = [(a, 7.7, row) for a in xs[:-1] for row in rows[:-1:3]] + [
             (a, 7.7, row) for a in xs[:-1] for row in rows[3::3]
         ]
@@ -207,8 +223,8 @@ class _Hall:
         xs, ys = np.linspace(-2.1, 2.1, 6), np.linspace(4.9, 6.5, 3)
         frame = merge(
             [
-                boxes([(x, 5.7, 0.05) for x in xs], (0.05, 1.65, 0.07), m.paint, tints=DARK, faces="-x+x+z"),
-                boxes([(0, y, 0.05) for y in ys], (4.25, 0.05, 0.07), m.paint, tints=DARK, faces="-y+y+z"),
+                boxes([(x, 5.7, 0.05) for x in xs], (0.05, 1.65, 0.07), m.coat, tints=DARK, faces="-x+x+z"),
+                boxes([(0, y, 0.05) for y in ys], (4.25, 0.05, 0.07), m.coat, tints=DARK, faces="-y+y+z"),
             ]
         )
         window = merge([pane, frame])
@@ -252,14 +268,14 @@ class _Hall:
         m, front, y, left, right = self.m, -9.6, 3.2, -19.9, 14.0
         deck = [
             sheet((left, y, front), (right - left, 0, 0), (0, 0, -2.85), m.tread, (8, 1)),
-            sheet((left, y - 0.06, -12.45), (right - left, 0, 0), (0, 0, 2.85), m.paint, tint=GREY),
-            box(((left + right) / 2, y - 0.1, front), (right - left, 0.24, 0.08), m.paint, YELLOW),
+            sheet((left, y - 0.06, -12.45), (right - left, 0, 0), (0, 0, 2.85), m.coat, tint=GREY),
+            box(((left + right) / 2, y - 0.1, front), (right - left, 0.24, 0.08), m.coat, YELLOW),
         ]
         xs = np.linspace(left + 0.8, right - 0.1, 15)
         foot, head = np.array([(x, 0, front) for x in xs]), np.array([(x, y - 0.2, front) for x in xs])
-        deck.append(struts(foot, head, 0.12, m.paint, GREY))
+        deck.append(struts(foot, head, 0.12, m.coat, GREY))
         for side in (-0.7, 0.7):
-            deck.append(struts(head - 0.7 * UP, head + np.array([side, 0, 0]), 0.05, m.paint, GREY))
+            deck.append(struts(head - 0.7 * UP, head + np.array([side, 0, 0]), 0.05, m.coat, GREY))
         deck.append(self._railing(np.array([(left, y, front), (right, y, front)])))
         deck.append(self._railing(np.array([(right, y, -10.9), (right, y, -12.4)])))
         return merge([*deck, self._stairs(right, y, front - 0.7)])
@@ -271,11 +287,11 @@ class _Hall:
         bays = max(1, round(np.linalg.norm(along, axis=-1) / 1.3))
         t = np.linspace(0, 1, bays + 1)[:, None]
         feet = ends[0] + along * t
-        parts = [struts(feet, feet + 1.05 * UP, 0.05, m.paint, YELLOW)]
+        parts = [struts(feet, feet + 1.05 * UP, 0.05, m.coat, YELLOW)]
         for height, radius in ((1.05, 0.025), (0.7, 0.015), (0.4, 0.015)):
             line = ends[0] + along * np.linspace(0, 1, bays + 1)[:, None] + (0, height, 0)
-            parts.append(tube(line, radius, self.count(5), m.paint, YELLOW))
-        parts.append(struts(ends[:1] + 0.08 * UP, ends[1:] + 0.08 * UP, 0.01, m.paint, YELLOW, height=0.16))
+            parts.append(tube(line, radius, self.count(5), m.coat, YELLOW))
+        parts.append(struts(ends[:1] + 0.08 * UP, ends[1:] + 0.08 * UP, 0.01, m.coat, YELLOW, height=0.16))
         fine = np.linspace(0, 1, bays * self.count(3, 2) + 1)[:, None]
         lower, upper = ends[0] + along * fine + (0, 0.16, 0), ends[0] + along * fine + (0, 0.7, 0)
         parts.append(struts(lower[:-1], upper[1:], 0.012, m.steel, faces=RIBBON))
@@ -290,28 +306,28 @@ class _Hall:
         parts = [boxes(centres, (run / steps + 0.04, 0.04, 1.2), m.tread)]
         for side in (-0.62, 0.62):
             top, foot = np.array([[x, y, z + side]]), np.array([[x + run, 0.05, z + side]])
-            parts.append(struts(top, foot, 0.05, m.paint, YELLOW, height=0.25))
-            parts.append(tube(np.linspace(top[0] + 1 * UP, foot[0] + 1 * UP, 8), 0.025, self.count(6), m.paint, YELLOW))
+            parts.append(struts(top, foot, 0.05, m.coat, YELLOW, height=0.25))
+            parts.append(tube(np.linspace(top[0] + 1 * UP, foot[0] + 1 * UP, 8), 0.025, self.count(6), m.coat, YELLOW))
             feet = np.linspace(top[0], foot[0], 6)
-            parts.append(struts(feet, feet + 1 * UP, 0.04, m.paint, YELLOW))
+            parts.append(struts(feet, feet + 1 * UP, 0.04, m.coat, YELLOW))
         return merge(parts)
 
     def crane(self) -> Mesh:
         """A bridge crane: rails along the walls, a lattice girder across, a trolley with cables and a hook."""
         m, x, y = self.m, 7.5, 5.75
-        rails = boxes([(0, y - 0.2, z) for z in (-11.9, 11.9)], (39.6, 0.25, 0.2), m.paint, tints=YELLOW)
+        rails = boxes([(0, y - 0.2, z) for z in (-11.9, 11.9)], (39.6, 0.25, 0.2), m.coat, tints=YELLOW)
         parts = [rails]
         z = np.linspace(-11.9, 11.9, 23)
         for side in (-0.55, 0.55):
             low = np.stack([0 * z + x + side, 0 * z + y, z], axis=1)
             high = low + 0.75 * UP
             odd = np.arange(22)[:, None] % 2 == 0
-            parts += [chain(low, 0.1, m.paint, YELLOW), chain(high, 0.1, m.paint, YELLOW)]
+            parts += [chain(low, 0.1, m.coat, YELLOW), chain(high, 0.1, m.coat, YELLOW)]
             parts.append(
-                struts(np.where(odd, low[:-1], high[:-1]), np.where(odd, high[1:], low[1:]), 0.05, m.paint, YELLOW)
+                struts(np.where(odd, low[:-1], high[:-1]), np.where(odd, high[1:], low[1:]), 0.05, m.coat, YELLOW)
             )
         parts.append(
-            boxes([(x, y + 0.9, -2.5), (x, y + 1.05, -2.9)], [(1.5, 0.2, 1.3), (0.7, 0.35, 0.4)], m.paint, tints=ORANGE)
+            boxes([(x, y + 0.9, -2.5), (x, y + 1.05, -2.9)], [(1.5, 0.2, 1.3), (0.7, 0.35, 0.4)], m.coat, tints=ORANGE)
         )
         drum = moved(cylinder(0.2, 0.9, self.count(14), m.steel), (x - 0.45, y + 1.1, -2.3), 0)
         wires = [(x + a, y + 0.8, -2.5 + b) for a in (-0.15, 0.15) for b in (-0.08, 0.08)]
@@ -515,7 +531,7 @@ class _Hall:
         """A fence panel in the xy plane about x = 0: frame, posts and crossing diagonal wires."""
         m, w = self.m, width / 2
         frame = [(-w, 0.15, 0), (w, 0.15, 0), (w, height, 0), (-w, height, 0), (-w, 0.15, 0)]
-        post = struts([(-w - 0.04, 0, 0)], [(-w - 0.04, height + 0.05, 0)], 0.06, m.paint, YELLOW)
+        post = struts([(-w - 0.04, 0, 0)], [(-w - 0.04, height + 0.05, 0)], 0.06, m.coat, YELLOW)
         step = 0.26 / self.finer
         reach = np.arange(-w - height, w, step)
         tall = height - 0.15
@@ -528,7 +544,7 @@ class _Hall:
             struts(np.stack([s * low, y0, zero], 1), np.stack([s * high, y1, zero], 1), 0.009, m.steel, faces=RIBBON)
             for s in (1, -1)
         ]
-        return merge([post, chain(frame, 0.03, m.paint, DARK), *wires])
+        return merge([post, chain(frame, 0.03, m.coat, DARK), *wires])
 
     def conveyor(self) -> Mesh:
         """A roller conveyor behind the robots with boxes on it."""
@@ -536,10 +552,10 @@ class _Hall:
         xs = np.arange(-17, 15.5, 0.5)
         roller = _forward(lathe([(0, -0.4), (0.05, -0.4), (0.05, 0.4), (0, 0.4)], n, m.steel))
         rollers = repeat(roller, placement([(x, 0.72, -8.3) for x in xs]))
-        rails = boxes([(-0.75, 0.72, z) for z in (-8.73, -7.87)], (33, 0.14, 0.05), m.paint, tints=BLUE)
+        rails = boxes([(-0.75, 0.72, z) for z in (-8.73, -7.87)], (33, 0.14, 0.05), m.coat, tints=BLUE)
         feet = np.array([(x, 0, z) for x in np.arange(-17, 16, 2.0) for z in (-8.73, -7.87)])
-        legs = struts(feet, feet + 0.68 * UP, 0.06, m.paint, BLUE)
-        braces = struts(feet[:-2] + 0.1 * UP, feet[2:] + 0.62 * UP, 0.025, m.paint, BLUE)
+        legs = struts(feet, feet + 0.68 * UP, 0.06, m.coat, BLUE)
+        braces = struts(feet[:-2] + 0.1 * UP, feet[2:] + 0.62 * UP, 0.025, m.coat, BLUE)
         places = [(x, 0.77, -8.3 + rng.uniform(-0.1, 0.1)) for x in np.arange(-16, 15, 1.6)]
         cartons = repeat(
             self._carton(),
@@ -581,7 +597,7 @@ class _Hall:
             tints=CREAM,
         )
         door = boxes([(-0.75, 1.35, 0.79), (0.35, 1.35, 0.79)], (1.0, 1.3, 0.05), m.paint, tints=BLUE)
-        glass = boxes([(-0.75, 1.5, 0.82), (0.35, 1.5, 0.82)], (0.7, 0.7, 0.02), m.paint, tints=DARK)
+        glass = boxes([(-0.75, 1.5, 0.82), (0.35, 1.5, 0.82)], (0.7, 0.7, 0.02), m.glass)
         vents = boxes([(x, 0.35 + 0.07 * k, 1.155) for x in (-1.0, 0.9) for k in range(5)], (0.7, 0.03, 0.03), m.steel)
         handles = [
             tube(
@@ -708,11 +724,11 @@ class _Hall:
         m, n = self.m, self.count(12)
         picture = [(-0.46, 1.02, -0.133), (0.06, 1.02, -0.133), (0.06, 1.34, -0.133), (-0.46, 1.34, -0.133)]
         keys = [(-0.42 + 0.033 * i, 0.922, 0.09 + 0.055 * j) for i in range(14) for j in range(3)]
-        mug = lathe([(0.0, 0.0), (0.042, 0.0), (0.04, 0.1), (0.035, 0.1), (0.032, 0.01)], n, m.paint, RED)
+        mug = lathe([(0.0, 0.0), (0.042, 0.0), (0.04, 0.1), (0.035, 0.1), (0.032, 0.01)], n, m.plastic, RED)
         mugs = placement([(0.25, 0.9, 0.2), (0.42, 0.9, -0.2), (-0.9, 0.9, 0.1)])
         return merge(
             [
-                box((-0.2, 1.18, -0.15), (0.56, 0.36, 0.03), m.paint, DARK),
+                box((-0.2, 1.18, -0.15), (0.56, 0.36, 0.03), m.plastic, DARK),
                 card(picture, m.screen),
                 cylinder_at((-0.2, 0.9, -0.18), 0.02, 0.15, n, m.paint, DARK),
                 box((-0.2, 0.905, -0.15), (0.25, 0.01, 0.18), m.paint, DARK),
@@ -735,18 +751,18 @@ class _Hall:
         """A rack bay of 2.8 x 1.0 x 5 m about the origin."""
         m = self.m
         feet = np.array([(x, 0, z) for x in (-1.4, 1.4) for z in (-0.45, 0.45)])
-        posts = struts(feet, feet + 5.0 * UP, 0.09, m.paint, BLUE)
+        posts = struts(feet, feet + 5.0 * UP, 0.09, m.coat, BLUE)
         steps = np.linspace(0.15, 4.9, 7)
         side = np.where(np.arange(6) % 2 == 0, -0.45, 0.45)
         bracing = []
         for x in (-1.4, 1.4):
             a = np.stack([np.full(6, x), steps[:-1], side], axis=1)
             b = np.stack([np.full(6, x), steps[1:], -side], axis=1)
-            bracing.append(struts(a, b, 0.035, m.paint, BLUE, faces=RIBBON))
+            bracing.append(struts(a, b, 0.035, m.coat, BLUE, faces=RIBBON))
         beams = boxes(
             [(0, y, z) for y in SHELVES for z in (-0.45, 0.45)],
             (2.72, 0.12, 0.05),
-            m.paint,
+            m.coat,
             tints=ORANGE,
             faces="-y-z+z",
         )
@@ -758,7 +774,7 @@ class _Hall:
         """What stands in the upper levels of a rack; the lowest level is kept for small parts."""
         m, n = self.m, self.count(11)
         drum = lathe(
-            [(0.28, 0), (0.28, 0.25), (0.305, 0.36), (0.28, 0.47), (0.305, 0.58), (0.28, 0.88), (0, 0.87)], n, m.paint
+            [(0.28, 0), (0.28, 0.25), (0.305, 0.36), (0.28, 0.47), (0.305, 0.58), (0.28, 0.88), (0, 0.87)], n, m.plastic
         )
         drums, cartons, crates = [], [], []
         for level, y in enumerate(SHELVES[1:], 1):
@@ -794,9 +810,9 @@ class _Hall:
     def yard(self) -> Mesh:
         """On the floor: pallets, cones, gas bottles, fire extinguishers, a ladder, cables and cable reels."""
         m, n = self.m, self.count(10)
-        rim = lathe([(0.15, 0.03), (0.10, 0.18)], n, m.paint, ORANGE)
-        band = lathe([(0.10, 0.18), (0.065, 0.36)], n, m.paint, CREAM)
-        tip = lathe([(0.065, 0.36), (0.02, 0.55), (0, 0.55)], n, m.paint, ORANGE)
+        rim = lathe([(0.15, 0.03), (0.10, 0.18)], n, m.plastic, ORANGE)
+        band = lathe([(0.10, 0.18), (0.065, 0.36)], n, m.plastic, CREAM)
+        tip = lathe([(0.065, 0.36), (0.02, 0.55), (0, 0.55)], n, m.plastic, ORANGE)
         cone = merge([rim, band, tip, box((0, 0.015, 0), (0.36, 0.03, 0.36), m.rubber)])
         spots = ((-9.5, -1.6), (6.2, -1.55), (8.4, -1.6), (16.4, 1.7), (-18.2, 2.9), (-18.6, -2.6))
         drum = [(0, -0.2), (0.4, -0.2), (0.4, -0.17), (0.2, -0.17), (0.2, 0.17), (0.4, 0.17), (0.4, 0.2), (0, 0.2)]

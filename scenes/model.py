@@ -135,7 +135,8 @@ class CameraAnimation:
 class Features:
     """What a scene has, found once; it decides which kernels are built and which stages run.
 
-    surface_maps: textures of roughness and metalness. further_uvs: textures with UVs other than their base texture's.
+    glossy: materials that are somewhere smoother than features.MATT. surface_maps: textures of roughness and metalness.
+    further_uvs: textures with UVs other than their base texture's.
     blend: blended or transmissive materials. varying_opacity: some of these do not cover the same everywhere.
     slanted: share of triangles whose longest edge is over 3 heights; largest: share of all area in the largest 1%.
     """
@@ -148,6 +149,7 @@ class Features:
     varying_opacity: bool = False
     shadows: bool = False
     specular: bool = False
+    glossy: bool = False
     emissive: bool = False
     surface_maps: bool = False
     occlusion: bool = False

@@ -84,6 +84,11 @@ def _mix(a, b, t) -> np.ndarray:
     return out
 
 
+def _blend(a: np.ndarray | float, b: np.ndarray | float, share: np.ndarray) -> np.ndarray:
+    """a where the share is 0, b where it is 1."""
+    return a + (b - a) * share
+
+
 def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     """uint8 (H, W, 4) of colours (H, W, 3) and alpha (H, W) in 0..1."""
     out = np.full((*colour.shape[:2], 4), 255, np.uint8)
@@ -94,6 +99,13 @@ def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     if alpha is not None:
         out[..., 3] = np.clip(alpha, 0, 1) * 255 + 0.5
     return out
+
+
+def _wear(roughness: np.ndarray, metal: np.ndarray | float = 1.0) -> np.ndarray:
+    """A texture of roughness (H, W) in green and metalness in blue, as glTF has them; red is not read."""
+    out = np.ones((*roughness.shape, 3), np.float32)
+    out[..., 1], out[..., 2] = roughness, metal
+    return _texels(out)
 
 
 def normal_map(height: np.ndarray, metres_per_texel: float) -> np.ndarray:
@@ -131,8 +143,8 @@ def brick(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     return _texels(colour), normal_map(inside * 0.006 + grain * inside * 0.003, 2 / size)
 
 
-def tiles(seed: int, count: int = 4, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
-    """Square glazed tiles, some darker, and their normal map (for a tile of 1.2 m)."""
+def tiles(seed: int, count: int = 4, size: int = 512) -> np.ndarray:
+    """Square tiles, some darker, for a tile of 1.2 m."""
     rng = generator(seed, "tiles")
     stone, inside = _wall(size, count, count, 0.03, 0.0)
     grain = fractal(size, rng, 1.0)
@@ -141,7 +153,17 @@ def tiles(seed: int, count: int = 4, size: int = 512) -> tuple[np.ndarray, np.nd
     colour = _mix((0.60, 0.61, 0.60), (0.70, 0.70, 0.67), tone) * (0.82 + 0.3 * grain - 0.10 * checker)[..., None]
     speckle = (rng.random((size, size), np.float32) > 0.985) * inside
     colour = _mix((0.30, 0.30, 0.29), colour * (1 - 0.45 * speckle)[..., None], inside)
-    return _texels(colour), normal_map(inside * 0.0025, 1.2 / size)
+    return _texels(colour)
+
+
+def tile_wear(seed: int, count: int = 4, size: int = 256) -> np.ndarray:
+    """Roughness of `tiles` under a sealing coat: smears, scuffs, some tiles worn more than others, matt joints."""
+    rng = generator(seed, "tile wear")
+    stone, inside = _wall(size, count, count, 0.03, 0.0)
+    smear, scuff = fractal(size, rng, 1.3), fractal(size, rng, 0.6, (0.05, 1))
+    worn = rng.random(count * count, np.float32)[stone]
+    rough = 0.08 + 0.08 * worn + 0.5 * np.clip(smear - 0.5, 0, 1) + 0.5 * np.clip(scuff * 3 - 2.1, 0, 1)
+    return _wear(_blend(0.8, np.minimum(rough, 0.6), inside))
 
 
 def concrete(seed: int, size: int = 512) -> np.ndarray:
@@ -160,6 +182,24 @@ def paint(seed: int, size: int = 512) -> np.ndarray:
     scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
     fine = rng.random((size, size), np.float32)
     return _texels((0.83 + 0.14 * grain - 0.35 * scratch - 0.06 * fine)[..., None].repeat(3, -1))
+
+
+def paint_wear(seed: int, size: int = 512) -> np.ndarray:
+    """Roughness of `paint` of a size, at half of it: gloss where it is sound, dull scratches and grime."""
+    rng = generator(seed, "paint")
+    grain = fractal(size, rng, 0.9)
+    scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
+    grime = np.clip(fractal(size // 2, generator(seed, "grime"), 1.3) - 0.5, 0, 1)
+    grain, scratch = grain[::2, ::2], scratch[::2, ::2]
+    return _wear(np.clip(0.24 + 0.9 * grime + 0.2 * (0.5 - grain) + 0.4 * scratch, 0.16, 0.8))
+
+
+def metal_wear(seed: int, size: int = 256) -> np.ndarray:
+    """Roughness and metalness of brushed metal plates: fine lines, and dull oxide in patches."""
+    rng = generator(seed, "metal wear")
+    brushed, patches = fractal(size, rng, 0.5, (0.05, 1)), fractal(size, rng, 1.4)
+    oxide = np.clip(patches * 3 - 2, 0, 1)
+    return _wear(0.32 + 0.35 * (brushed - 0.3) + 0.35 * oxide, 1 - 0.6 * oxide)
 
 
 def rivets(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
@@ -350,6 +390,32 @@ def cobbles(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     grain = fractal(size, rng, 0.7)
     stone = _mix((0.40, 0.39, 0.37), (0.60, 0.57, 0.52), tone) * (0.72 + 0.5 * grain)[..., None]
     return _texels(_mix((0.30, 0.27, 0.22), stone, dome)), normal_map(np.sqrt(dome) * 0.03 + grain * 0.008, 2 / size)
+
+
+def paving(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Trodden cobbles after rain: colours, normal map and roughness. Stones are polished; in wet patches they are dark
+    and water stands in the joints, level."""
+    colour, _ = cobbles(seed, size)
+    rng = generator(seed, "cobbles")
+    near, second, index = _cells(size, 9, rng)
+    dome = np.clip((second - near) / 0.35, 0, 1)
+    tone = rng.random(81, np.float32)[index]
+    wet = np.clip(fractal(size, generator(seed, "rain"), 1.5) * 4 - 1.7, 0, 1)
+    water = np.clip((wet * 0.75 - np.sqrt(dome)) * 6 + 1, 0, 1)
+    height = np.maximum(np.sqrt(dome), wet * 0.75) * 0.03
+    dark = 1 - 0.45 * wet - 0.25 * water
+    rough = _blend(0.85 - 0.30 * dome + 0.2 * (tone - 0.5), 0.35, wet)
+    shade = colour[..., :3].astype(np.float32) / 255 * dark[..., None]
+    return _texels(shade), normal_map(height, 2 / size), _wear(_blend(rough, 0.06, water))
+
+
+def mud(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+    """Trodden earth after rain: colours and roughness. Where it is damp it is dark, and in the middle stands water."""
+    earth = dirt(seed, size)[..., :3].astype(np.float32) / 255
+    depth = fractal(size, generator(seed, "rain on earth"), 1.6)
+    damp, water = np.clip(depth * 5 - 2.6, 0, 1), np.clip(depth * 12 - 8.4, 0, 1)
+    rough = _blend(_blend(0.95, 0.5, damp), 0.06, water)
+    return _texels(earth * (1 - 0.35 * damp - 0.2 * water)[..., None]), _wear(rough)
 
 
 def grass(seed: int, size: int = 512) -> np.ndarray:

@@ -73,6 +73,7 @@ class _Materials:
     meadow: int
     dirt: int
     stone: int
+    paving: int
     planks: int
     timber: int
     bark: int
@@ -84,6 +85,7 @@ class _Materials:
     paint: int
     signs: int
     dark: int
+    glass: int
     leaves: int
     needles: int
     blades: int
@@ -99,11 +101,16 @@ SIGNS = (
 def _materials(palette: Palette, seed: int) -> _Materials:
     white = (1.0, 1.0, 1.0, 1.0)
     stones, stone_normals = surfaces.cobbles(seed)
+    mud, mud_wear = surfaces.mud(seed)
+    paved, paved_normals, paved_wear = surfaces.paving(seed)
 
     def add(name: str, tile: float, texels: np.ndarray, normals: np.ndarray | None = None, **properties) -> int:
         base = palette.texture(name, texels)
         bumps = -1 if normals is None else palette.texture(name + " normals", normals, srgb=False)
         return palette.material(name, tile, base_colour=white, base_texture=base, normal_texture=bumps, **properties)
+
+    def worn(name: str, texels: np.ndarray) -> dict:
+        return {"surface_texture": palette.texture(name + " wear", texels, srgb=False), "roughness": 1.0}
 
     def alike(name: str, tile: float, other: int) -> int:
         return palette.material(name, tile, base_colour=white, base_texture=palette.materials[other].base_texture)
@@ -114,22 +121,24 @@ def _materials(palette: Palette, seed: int) -> _Materials:
     return _Materials(
         grass=grass,
         meadow=alike("meadow", 17.0, grass),
-        dirt=add("dirt", 2.5, surfaces.dirt(seed)),
+        dirt=add("dirt", 2.5, mud, **worn("dirt", mud_wear)),
         stone=add("stone", 2.0, stones, stone_normals, roughness=0.9),
+        paving=add("paving", 2.0, paved, paved_normals, **worn("paving", paved_wear)),
         planks=add("planks", 1.6, surfaces.planks(seed), roughness=0.9),
         timber=alike("timber", 0.7, bark),
         bark=bark,
         shingle=shingle,
         plaster=add("plaster", 2.0, surfaces.plaster(seed)),
         cloth=add("cloth", 1.5, surfaces.cloth()),
-        iron=palette.material("iron", base_colour=(0.10, 0.10, 0.11, 1), roughness=0.5, metallic=0.6),
+        iron=palette.material("iron", base_colour=(0.10, 0.10, 0.11, 1), roughness=0.4, metallic=0.9),
         straw=alike("straw", 0.8, shingle),
-        paint=palette.material("paint", base_colour=white, roughness=0.7),
-        signs=add("signs", 1.0, surfaces.signs(SIGNS)),
-        dark=palette.material("dark", base_colour=(0.012, 0.012, 0.015, 1), roughness=0.25),
-        leaves=add("leaves", 1.0, surfaces.leaves(seed), **cut_out),
-        needles=add("needles", 1.0, surfaces.needles(seed), **cut_out),
-        blades=add("blades", 1.0, surfaces.blades(seed), **cut_out),
+        paint=palette.material("paint", base_colour=white, roughness=0.35),
+        signs=add("signs", 1.0, surfaces.signs(SIGNS), roughness=0.5),
+        dark=palette.material("dark", base_colour=(0.012, 0.012, 0.015, 1), roughness=0.9),
+        glass=palette.material("glass", base_colour=(0.012, 0.012, 0.015, 1), roughness=0.08),
+        leaves=add("leaves", 1.0, surfaces.leaves(seed), roughness=0.5, **cut_out),
+        needles=add("needles", 1.0, surfaces.needles(seed), roughness=0.6, **cut_out),
+        blades=add("blades", 1.0, surfaces.blades(seed), roughness=0.65, **cut_out),
     )
 
 
@@ -254,7 +263,7 @@ class _Village:
         if outer > 6:
             positions[-1, :, 1] -= 0.35
         indices = lattice_indices(len(radii), len(angle))[:, ::-1]
-        part = mesh(positions, np.broadcast_to(UP, positions.shape), np.stack([x, z], -1), indices, self.m.stone)
+        part = mesh(positions, np.broadcast_to(UP, positions.shape), np.stack([x, z], -1), indices, self.m.paving)
         return without_slivers(part)
 
     # --- houses --------------------------------------------------------------------------------------------------
@@ -344,7 +353,7 @@ class _Village:
         ]
         window = merge(
             [
-                box((0, 0, 0), (0.6, 0.7, 0.06), m.dark, faces="+z"),
+                box((0, 0, 0), (0.6, 0.7, 0.06), m.glass, faces="+z"),
                 boxes(
                     [(0, 0.38, 0.02), (0, -0.38, 0.02), (-0.33, 0, 0.02), (0.33, 0, 0.02), (0, 0, 0.02)],
                     [(0.8, 0.08, 0.12), (0.8, 0.08, 0.12), (0.08, 0.7, 0.12), (0.08, 0.7, 0.12), (0.04, 0.7, 0.06)],
@@ -492,7 +501,7 @@ class _Village:
             turns = placement(np.zeros((14, 3)), angle)[:, :3, :3]
             sizes = np.array([0.44, 0.185, 0.3]) * rng.uniform(0.93, 1.03, (14, 3))
             rings.append(boxes(places, sizes, m.stone, turns, rng.uniform(0.75, 1.1, (14, 1)) * np.ones(3)))
-        water = lathe([(0.85, 0.55), (0, 0.55)], self.count(14), m.dark)
+        water = lathe([(0.85, 0.55), (0, 0.55)], self.count(14), m.glass)
         posts = struts([(-1.0, 0, 0), (1.0, 0, 0)], [(-1.0, 2.5, 0), (1.0, 2.5, 0)], 0.16, m.timber)
         windlass = repeat(
             cylinder(0.11, 1.9, self.count(12), m.planks), product(placement([(-0.95, 1.5, 0)]), _lay("x"))

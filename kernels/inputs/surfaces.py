@@ -5,6 +5,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from kernels.samples import Samples
+from kernels.shade.environment import SHAPE
 from kernels.shade.shader import Shader
 from kernels.shade.shadow import ShadowCamera, ShadowMaps
 from kernels.shade.tables import Lighting, Surface
@@ -56,6 +57,8 @@ FULL = [
     material(base_texture=1, unlit=True),
 ]
 MAPPED = [material(base_texture=0, surface_texture=3, metallic=1.0), material(occlusion_texture=3)]
+# Smooth enough for the map alone, half and half, and too rough for it.
+GLOSSY = [material(roughness=roughness, metallic=0.5) for roughness in (0.0, 0.2, 0.5, 0.7, 0.79, 0.8, 1.0)]
 UNLIT = [material(base_texture=0, unlit=True), material()]
 FURTHER = [
     material(base_texture=0, emissive=(0.5, 0.6, 0.7), emissive_texture=1, emissive_uv=1),
@@ -107,7 +110,10 @@ def further_uvs(materials, count):
     return np.random.default_rng(9).uniform(-2, 2, (sets, count, 2)).astype(np.float32) if sets else None
 
 
-def make_shader(device, materials, lights, *, seed=0, shadows=False, colours=False, wraps=False, degenerate=False):
+def make_shader(
+    device, materials, lights, *, seed=0, shadows=False, colours=False, wraps=False, mirrors=False, degenerate=False
+):
+    """A shader of random triangles. mirrors: with an environment map, of random texels."""
     rng = np.random.default_rng(seed)
     count = 3 * TRIANGLES
     positions = rng.uniform(-3, 3, (count, 3)).astype(np.float32)
@@ -139,7 +145,9 @@ def make_shader(device, materials, lights, *, seed=0, shadows=False, colours=Fal
     )
     maps = random_maps(rng, device, lights) if shadows else None
     lighting = Lighting(lights, SKY, exposure=0.7, metres_per_unit=1.3)
-    return Shader(device, triangles, surface, lighting, textures_of(rng, device, wraps), maps)
+    shader = Shader(device, triangles, surface, lighting, textures_of(rng, device, wraps), maps)
+    around = np.random.default_rng(7).uniform(0.2, 0.8, SHAPE).astype(np.float32)
+    return shader.reflecting(around) if mirrors else shader
 
 
 def make_samples(device, count=4000, seed=1, adversarial=False):
@@ -170,5 +178,6 @@ CASES = {
     "surface maps": (MAPPED, LIGHTS, {}),
     "unlit": (UNLIT, LIGHTS[:1], {"colours": True}),
     "further UVs": (FURTHER, LIGHTS[:1], {}),
-    "everything": (FULL, LIGHTS, {"shadows": True, "colours": True, "wraps": True}),
+    "environment map": (GLOSSY, LIGHTS[:1], {"mirrors": True}),
+    "everything": (FULL, LIGHTS, {"shadows": True, "colours": True, "wraps": True, "mirrors": True}),
 }

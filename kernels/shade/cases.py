@@ -9,8 +9,10 @@ import numpy as np
 from kernels.case import Bound, Cost, Result, Trial, case, seeded
 from kernels.inputs.surfaces import CASES, EYE, FULL, LIGHTS, PLAIN, TRIANGLES, make_samples, make_shader
 from kernels.samples import Samples
+from kernels.shade.colour import encode
 from kernels.shade.faces import face_rows, uv_scale_twin
-from kernels.shade.shade import shade_twin
+from kernels.shade.radiance import radiance as shaded_radiance
+from kernels.shade.radiance import radiance_twin
 from kernels.shade.shader import Shader
 from kernels.shade.sky import paint_sky_twin
 
@@ -20,16 +22,14 @@ if TYPE_CHECKING:
 
 def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:
     """The twin's colours of the samples of a shader's own scene, in list order."""
-    n = samples.count
-    bary = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:n]
-    known = (shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get())
     with np.errstate(invalid="ignore"):
-        return shade_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], EYE)
+        return encode(radiance_twin(shader, samples, EYE) * shader.tables.environment[9])
 
 
-# Three lights with highlights, two shadow maps, five trilinear lookups; 4 x 4 taps of a shadow's penumbra.
+# Three lights with highlights, two shadow maps, five trilinear lookups and one in the environment map; 4 x 4 taps of a
+# shadow's penumbra.
 @case(
-    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*96 + 5*8*4 + 2*16*4)*n", "1100*n")},
+    {"shade.shade_samples": Cost("n", "(16 + 4 + 3*96 + 5*8*4 + 2*16*4 + 4*32)*n", "1200*n")},
     1 << 18,
     1 << 14,
     typical=Bound(wrong=2e-3),  # colours close to the middle between two levels
@@ -47,6 +47,27 @@ def shading(device: Device, kind: str, size: int) -> Trial:
         return [Result(found, colours_twin(shader, samples))]
 
     return Trial({"n": size}, lambda: shader.shade(samples, EYE, target), results)
+
+
+# One light, and the environment map. Directions are good to 5e-6, and neighbouring texels of the map are not alike.
+@case(
+    {"radiance.shade_radiance": Cost("n", "(16 + 12 + 3*32 + 4*32)*n", "300*n")},
+    1 << 18,
+    1 << 14,
+    typical=Bound(1500),
+    adversarial=Bound(1300),
+)
+def radiance(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: triangles without area, normals without length, samples beyond their triangles."""
+    materials, lights, features = CASES["environment map"]
+    hard = kind == "adversarial"
+    shader = make_shader(device, materials, lights, degenerate=hard, **features)
+    samples = make_samples(device, count=size, adversarial=hard)
+
+    def results() -> list[Result]:
+        return [Result(shaded_radiance(shader, samples, EYE), radiance_twin(shader, samples, EYE))]
+
+    return Trial({"n": size}, lambda: shaded_radiance(shader, samples, EYE), results)
 
 
 # Colours close to the middle between two levels.

@@ -71,12 +71,11 @@ INLINE float8 environment_brdf8(float8 roughness, float8 nv, float8 *rest)
 
 // One channel of what a surface shows: metals reflect in their base colour and have no matt part, everything else
 // reflects 4% (glTF 2.0, appendix B).
-INLINE float8 reflected8(float8 matt, float8 albedo, float8 metallic, float8 glossy, float8 rim, float8 mirror,
-                         float8 blurred, float8 rough, float8 weight, float8 rest)
+INLINE float8 reflected8(float8 matt, float8 albedo, float8 metallic, float8 glossy, float8 rim, float8 around,
+                         float8 weight, float8 rest)
 {
     const float8 f0 = 0.04f * (1.0f - metallic) + metallic * albedo;
-    const float8 environment = mirror + (blurred - mirror) * rough;
-    return matt * (1.0f - metallic) + f0 * (glossy - rim) + rim + environment * (f0 * weight + rest);
+    return matt * (1.0f - metallic) + f0 * (glossy - rim) + rim + around * (f0 * weight + rest);
 }
 #endif
 

@@ -1,8 +1,9 @@
 // The one shading function: `shade8` shades 8 samples, for the reference and for every gather. What a scene lacks is
-// compiled out: TEXTURES, WRAP_MODES, NORMAL_MAPS, VERTEX_COLOURS, SPECULAR, SURFACE_MAPS, OCCLUSION, UNLIT, EMISSIVE,
-// DOUBLE_SIDED, LOCAL_LIGHTS and SHADOWS are 0 or 1, LIGHTS and FURTHER_UVS are how many there are.
+// compiled out: TEXTURES, WRAP_MODES, NORMAL_MAPS, VERTEX_COLOURS, SPECULAR, ENVIRONMENT_MAP, SURFACE_MAPS, OCCLUSION,
+// UNLIT, EMISSIVE, DOUBLE_SIDED, LOCAL_LIGHTS and SHADOWS are 0 or 1, LIGHTS and FURTHER_UVS are how many there are.
 #include "shade/surface.cl"
 #include "shade/light.cl"
+#include "shade/environment.cl"
 
 // A normal this near to its triangle's plane has no side to turn: foliage that is lit like the ground it grows on.
 #define SIDELESS 0.25f
@@ -57,9 +58,21 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #if OCCLUSION
     mirror = scaled8(mirror, open);
 #endif
-    out.x = reflected8(out.x, albedo.x, s.metallic, sum.glossy.x, sum.rim.x, mirror.x, blurred.x, rough, weight, rest);
-    out.y = reflected8(out.y, albedo.y, s.metallic, sum.glossy.y, sum.rim.y, mirror.y, blurred.y, rough, weight, rest);
-    out.z = reflected8(out.z, albedo.z, s.metallic, sum.glossy.z, sum.rim.z, mirror.z, blurred.z, rough, weight, rest);
+    vector8 around = mixed8(mirror, blurred, rough);
+#if ENVIRONMENT_MAP
+    const float8 share = map_share8(rough);
+    if (any_of8(share > 0.0f)) {
+        const vector8 direction = {2.0f * nv * n.x - v.x, mirrored, 2.0f * nv * n.z - v.z};
+        vector8 seen = environment8(environment_map, direction, rough);
+#if OCCLUSION
+        seen = scaled8(seen, open);
+#endif
+        around = mixed8(around, seen, share);
+    }
+#endif
+    out.x = reflected8(out.x, albedo.x, s.metallic, sum.glossy.x, sum.rim.x, around.x, weight, rest);
+    out.y = reflected8(out.y, albedo.y, s.metallic, sum.glossy.y, sum.rim.y, around.y, weight, rest);
+    out.z = reflected8(out.z, albedo.z, s.metallic, sum.glossy.z, sum.rim.z, around.z, weight, rest);
 #endif
 #if EMISSIVE
     vector8 glow = s.emissive;

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
+from kernels.shade.environment import look_up, map_share
 from kernels.shade.faces import uv_scale_twin
 from kernels.shade.shadow_lookup import lit_share
 from kernels.shade.tables import KINDS, Tables
@@ -52,6 +53,21 @@ def shade_twin(
 
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
     """
+    radiance = shade8_twin(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
+    return encode(radiance * tables.environment[9])
+
+
+def shade8_twin(
+    tables: Tables,
+    faces: np.ndarray,
+    textures: TextureBuffers,
+    shadow_maps: np.ndarray,
+    triangle: np.ndarray,
+    bary: np.ndarray,
+    footprint: np.ndarray,
+    eye: np.ndarray,
+) -> np.ndarray:
+    """What shade8 returns: radiance (n, 3) of the same samples."""
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
         points = _mapped(textures, points)
@@ -63,7 +79,7 @@ def shade_twin(
     albedo *= _texture(textures, points, points.material[:, 3])
     specular = tables.defines["SPECULAR"]
     diffuse = sky_irradiance(tables.environment, n[:, 1]) * points.open
-    out = _sky_reflection(tables, points, albedo, n, towards) if specular else 0.0
+    out = _reflection(tables, points, albedo, n, towards) if specular else 0.0
     for light in tables.lights.astype(np.float64):
         to_light, arriving = _incident(light, points.position)
         arriving = arriving * np.maximum(_dot(n, to_light), 0)
@@ -81,7 +97,7 @@ def shade_twin(
     if tables.defines["UNLIT"]:
         shown = shown_as(albedo, float(tables.environment[9]))
         out = np.where(points.material[:, 19:20] > 0, shown, out)
-    return encode(out * tables.environment[9])
+    return out
 
 
 def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray):
@@ -195,16 +211,18 @@ def _ggx(points: Points, albedo: np.ndarray, n: np.ndarray, v: np.ndarray, to_li
     return (d * masking)[:, None] * fresnel
 
 
-def _sky_reflection(
-    tables: Tables, points: Points, albedo: np.ndarray, n: np.ndarray, towards: np.ndarray
-) -> np.ndarray:
-    """The sky seen in the surface (n, 3), blurred by roughness, with Karis' environment BRDF."""
+def _reflection(tables: Tables, points: Points, albedo: np.ndarray, n: np.ndarray, towards: np.ndarray) -> np.ndarray:
+    """What the surface reflects from all around (n, 3), blurred by roughness, with Karis' environment BRDF."""
     rough, metallic = np.maximum(points.surface[:, :1], 0.05), points.surface[:, 1:]
     v = _unit(towards, n)
     nv = np.maximum(_dot(n, v), 1e-3)
     a = np.minimum((1 - rough) ** 2, 2.0 ** (-9.28 * nv[:, None])) * (1 - rough) + 0.0425 - 0.0275 * rough
     weight, rest = 1.04 - 1.04 * a - 0.572 * rough, 1.04 * a + 0.022 * rough - 0.04
     f0 = 0.04 * (1 - metallic) + metallic * albedo
-    mirror = sky_radiance(tables.environment, 2 * nv * n[:, 1] - v[:, 1])
+    direction = 2 * nv[:, None] * n - v
     blurred = sky_irradiance(tables.environment, n[:, 1])
-    return (mirror * (1 - rough) + blurred * rough) * points.open * (f0 * weight + rest)
+    around = sky_radiance(tables.environment, direction[:, 1]) * (1 - rough) + blurred * rough
+    if tables.defines["ENVIRONMENT_MAP"]:
+        share = map_share(rough)
+        around = around * (1 - share) + look_up(tables.environment_map, direction, rough[:, 0]) * share
+    return around * points.open * (f0 * weight + rest)

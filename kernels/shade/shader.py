@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Collection
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -68,7 +70,17 @@ class Shader:
             device.upload(self.tables.lights),
             shadows.maps,
             self.sky.environment,
+            device.upload(self.tables.environment_map),
         )
+
+    def reflecting(self, environment_map: np.ndarray) -> Shader:
+        """The same, whose glossy surfaces reflect an environment map, float32, see environment.py."""
+        other = copy.copy(self)
+        other.defines = self.defines | {"ENVIRONMENT_MAP": 1}
+        told = self.tables.defines | {"ENVIRONMENT_MAP": 1}
+        other.tables = replace(self.tables, defines=told, environment_map=environment_map)
+        other.arguments = (*self.arguments[:-1], self.device.upload(environment_map))
+        return other
 
     def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:
         """Write the colour of every sample, sRGB with alpha 255, at its texel of `target`, uint8 (H, W, 4).

@@ -92,7 +92,8 @@ class Tables:
 
     vertices (V, 8): position, normal, uv. extras (V, 8 or 16): tangent, colour, further UVs. indices int32 (T, 3).
     materials (M, 24).
-    lights (L, 48). environment (10). defines: what is compiled in (see shade.cl).
+    lights (L, 48). environment (10). defines: what is compiled in (see shade.cl). environment_map: see environment.py,
+    of any shape where there is none.
     """
 
     vertices: np.ndarray
@@ -102,6 +103,7 @@ class Tables:
     lights: np.ndarray
     environment: np.ndarray
     defines: dict[str, int] = field(default_factory=dict)
+    environment_map: np.ndarray = field(default_factory=lambda: np.zeros(1, np.float32))
 
 
 def vertex_rows(positions: np.ndarray, surface: Surface) -> np.ndarray:
@@ -179,6 +181,7 @@ def needed(surface: Surface, lighting: Lighting, wraps: bool, shadows: bool) -> 
         "NORMAL_MAPS": int(surface.tangents is not None and any(m.normal_texture >= 0 for m in materials)),
         "VERTEX_COLOURS": int(surface.colours is not None),
         "SPECULAR": int(any(m.metallic > 0 or m.roughness < 1 or m.surface_texture >= 0 for m in materials)),
+        "ENVIRONMENT_MAP": 0,  # Shader.reflecting
         "SURFACE_MAPS": int(any(m.surface_texture >= 0 for m in materials)),
         "OCCLUSION": int(any(m.occlusion_texture >= 0 for m in materials)),
         "UNLIT": int(any(m.unlit for m in materials)),

@@ -20,6 +20,12 @@ INLINE vector8 scaled8(vector8 a, float8 by)
     return (vector8){a.x * by, a.y * by, a.z * by};
 }
 
+// a where share is 0, b where it is 1.
+INLINE vector8 mixed8(vector8 a, vector8 b, float8 share)
+{
+    return (vector8){a.x + (b.x - a.x) * share, a.y + (b.y - a.y) * share, a.z + (b.z - a.z) * share};
+}
+
 INLINE float8 positive8(float8 a)
 {
     return (a > 0.0f) ? a : (float8)0.0f;

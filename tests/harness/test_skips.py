@@ -20,6 +20,7 @@ from harness.skips import ALWAYS, SKIPS, check_names, known_skips, skipped_stage
 from harness.upload import upload_scene
 from packers.skips import Skips
 from scenes.features import find_features
+from scenes.model import SLOTS
 
 SMALL = Settings(detail=40_000, width=160, height=90, atlas_width=512, atlas_height=512, frames=3, codec="none")
 FRAMES = 3
@@ -31,8 +32,8 @@ def hall():
 
 
 def plain(scene):
-    """The scene without textures, normal maps and shadows, which then do not need to be looked up."""
-    materials = [replace(m, base_texture=-1, normal_texture=-1, emissive_texture=-1) for m in scene.materials]
+    """The scene without textures, normal maps, shadows and gloss, which then do not need to be looked up."""
+    materials = [replace(m.without(SLOTS), emissive=m.emissive, roughness=0.8) for m in scene.materials]
     stripped = replace(scene, materials=materials, lights=[replace(light, shadows=False) for light in scene.lights])
     stripped.features = find_features(stripped)
     return stripped
@@ -80,6 +81,7 @@ APPLYING = [
     ("textures", "plain", ()),
     ("normal maps", "plain", ()),
     ("shadows", "plain", ()),
+    ("environment map", "plain", ()),
     ("alpha mask", "hall", ()),
     ("blending", "hall", ("fragments/layers.renumber",)),
     ("clusters", "hall", ()),
@@ -102,10 +104,12 @@ def test_forcing_a_skip_off_changes_no_byte(hall, as_they_are, name, where, kern
 
 def test_what_is_forced_is_there(hall):
     scene = plain(hall.scene.host)
-    left, forced = (upload_scene(hall.device, scene, Skips(off)) for off in ((), ("normal maps", "shadows")))
-    names = ("TEXTURES", "NORMAL_MAPS", "SHADOWS")
-    assert [left.shader.defines[name] for name in names] == [0, 0, 0]
-    assert [forced.shader.defines[name] for name in names] == [1, 1, 1]
+    left, forced = (
+        upload_scene(hall.device, scene, Skips(off)) for off in ((), ("normal maps", "shadows", "environment map"))
+    )
+    names = ("TEXTURES", "NORMAL_MAPS", "SHADOWS", "ENVIRONMENT_MAP")
+    assert [left.shader.defines[name] for name in names] == [0, 0, 0, 0]
+    assert [forced.shader.defines[name] for name in names] == [1, 1, 1, 1]
     left, forced = (
         upload_scene(hall.device, scene, Skips(off)) for off in ((), ("alpha mask", "blending", "clusters"))
     )
@@ -116,7 +120,7 @@ def test_what_is_forced_is_there(hall):
 
 
 def test_what_applies_where(as_they_are):
-    assert {"textures", "normal maps", "shadows"} <= as_they_are.plain.skipped
+    assert {"textures", "normal maps", "shadows", "environment map"} <= as_they_are.plain.skipped
     assert not {"textures", "normal maps", "shadows"} & as_they_are.hall.skipped
     assert {"alpha mask", "blending", "clusters", "re-binning"} <= as_they_are.hall.skipped
     assert "packing" not in as_they_are.hall.skipped

@@ -108,7 +108,7 @@ def test_a_sample_does_not_depend_on_its_neighbours(device):
 def test_what_a_scene_lacks_is_compiled_out(device):
     plain = make_shader(device, PLAIN, []).defines
     assert not any(plain.values())
-    full = make_shader(device, FULL, LIGHTS, shadows=True, colours=True, wraps=True).defines
+    full = make_shader(device, FULL, LIGHTS, shadows=True, colours=True, wraps=True, mirrors=True).defines
     assert all(full.values())
 
 

@@ -21,6 +21,7 @@ from kernels.metrics.iwssim import decorrelation
 from kernels.metrics.mse import psnr
 from kernels.metrics.ssim import window
 from kernels.raster.camera import Camera
+from kernels.shade.environment import environment_map
 from kernels.shade.shadow import shadow_camera
 from kernels.shade.tables import light_rows
 from kernels.snakebinning.bins import HeightBins, edge_table
@@ -101,6 +102,7 @@ def table_hashes() -> Iterator[tuple[str, str]]:
     spread = np.outer(np.arange(1, 12), np.arange(3, 14)) % 7 / 3
     yield "IW-SSIM", digest(*decorrelation((spread[:, None] * spread).sum(axis=2)))
     yield "SSIM and PSNR", digest(window(), *(psnr(error) for error in np.linspace(0.1, 900, 50)))
+    yield "environment map", digest(environment_map(lambda direction: 1.0 * (direction[:, ::-1] > 0.3)))
     heights = HeightBins(777.0)
     yield "SnakeBinning", digest(edge_table(), heights.scale, heights.tops())
     yield "TSS", digest([scale_at(step) for step in range(64)])
