@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
+from copy import copy
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,6 +70,13 @@ class Shader:
             shadows.maps,
             self.sky.environment,
         )
+
+    def finest(self) -> Shader:
+        """The same function, which looks up textures at their finest level, whatever the samples' footprints."""
+        other, table = copy(self), self.textures.textures
+        other.textures = self.textures.finest(self.device)
+        other.arguments = tuple(other.textures.textures if one is table else one for one in self.arguments)
+        return other
 
     def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:
         """Write the colour of every sample, sRGB with alpha 255, at its texel of `target`, uint8 (H, W, 4).

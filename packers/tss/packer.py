@@ -69,13 +69,6 @@ class TessellatedShadingStreaming(Packer):
             "arrival: TSS, section 4; primitive: ours",
             published="arrival",
         ),
-        "mipmaps": Parameter(
-            True,
-            (True, False),
-            "whether textures are looked up at the mip level of the samples' spacing, or at the finest",
-            "",
-            "TSS, section 6",
-        ),
         "picture": Parameter(
             "density",
             PICTURES,
@@ -132,7 +125,7 @@ class TessellatedShadingStreaming(Packer):
         placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
         slanted = bool((placement.forms[:, 0] == OVERSAMPLED).any())
         oversampled = not frame.scene.skips.leaves_out("oversampling", not slanted)
-        samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps, oversampled=oversampled)
+        samples = emit_samples(device, *placed, frame.atlas_width, oversampled=oversampled)
         blobs = encode(placement, self.bins)
         statistics = describe(placement)
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}

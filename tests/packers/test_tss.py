@@ -132,13 +132,6 @@ def test_arrival_shuffles_every_frame_and_changes_no_sample(scene):
     assert (first.samples.texel.get() != plain.samples.texel.get()).mean() > 0.5
 
 
-def test_mipmaps_are_a_parameter(scene):
-    frame = frame_of(scene, 512, 512)
-    with_levels, without = (Stream(scene, mipmaps=on).send(frame).samples for on in (True, False))
-    assert (with_levels.footprint.get()[: with_levels.count] > 0).all()
-    assert not without.footprint.get()[: without.count].any()
-
-
 def test_a_picture_shows_every_sample_in_its_strategy(scene):
     stream = Stream(scene)
     payload = stream.send(frame_of(scene, 512, 256))
