@@ -52,8 +52,9 @@ class BudgetedRate:
         `keeps` the budget. Returns whether there is one that the atlas has room for.
 
         count: the samples at a rate, about as many as its square and never fewer with a higher one; None where the
-        atlas has no room for them. Its last call is of the rate that is kept. found: the samples at the present rate,
-        if they are known. highest: the rate that none may exceed.
+        atlas has no room for them. Where the budget is ALL, anything else that grows like them. Its last call is of the
+        rate that is kept. found: the samples at the present rate, if they are known. highest: the rate that none
+        may exceed.
         """
         if self.rate > highest:
             found = None

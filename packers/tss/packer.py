@@ -51,11 +51,11 @@ class TessellatedShadingStreaming(Packer):
             "TSS, sections 3.2 and 3.3, figure 15",
         ),
         "slanted": Parameter(
-            3.0,
-            (2.0, 3.0, 5.0),
+            10.0,
+            (3.0, 5.0, 10.0),
             "longest edge over height on screen above which a triangle goes to Oversampling",
             "1",
-            "meaning: TSS, section 3.3; value: ours",
+            "meaning: TSS, section 3.3; value: ours, by the shares in TSS, table 1",
         ),
         "order": Parameter(
             "primitive",
@@ -159,15 +159,18 @@ class TessellatedShadingStreaming(Packer):
         widest = 1.0 if self.picture == "density" else client.width / frame.server.width
         last: Arranged
 
-        def samples(rate: float) -> int | None:
+        def rows(rate: float) -> int | None:
             nonlocal last
             last = self._arrange_at(frame, self._list(frame, camera, rate * widest), rate * widest)
-            if not 0 <= last.used <= frame.atlas_height:
+            return last.used if 0 <= last.used <= frame.atlas_height else None
+
+        def samples(rate: float) -> int | None:
+            if rows(rate) is None:
                 return None
             return count_samples(frame.scene.device, last.primitives.count, last.forms, self.cells)
 
         if frame.sample_budget is None:
-            self.budgeted.meet(ALL, samples, highest=1.0)
+            self.budgeted.meet(ALL, rows, highest=1.0)
         else:
             self.budgeted.meet(frame.sample_budget, samples)
         return last

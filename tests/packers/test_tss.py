@@ -35,7 +35,7 @@ def test_strategies_use_what_they_say(scene):
     assert found["lpacking"]["oversampling_primitives"] == found["oversampling"]["lpacking_primitives"] == 0
     both = Stream(scene).send(frame).statistics
     assert min(both["lpacking_primitives"], both["oversampling_primitives"]) > 50
-    fewer = Stream(scene, slanted=8.0).send(frame).statistics
+    fewer = Stream(scene, slanted=30.0).send(frame).statistics
     assert fewer["oversampling_primitives"] < both["oversampling_primitives"]
 
 
