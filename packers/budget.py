@@ -77,15 +77,17 @@ class BudgetedRate:
     ) -> tuple[float | None, int | None, float | None]:
         """The best rate with its samples, None if none has room, and the rate that was tried last."""
         few, many, degree = None, None, 2.0  # rates with too few and too many samples; with which power of it they grow
-        rate, last, narrow, shrink = self.rate, None, NARROW, NARROW_ROOM
+        rate, last, narrow, stride = self.rate, None, NARROW, NARROW_ROOM
         best, nearest = (None, None) if found is None else (rate, found)
         for trial in range(TRIALS):
             narrow = NARROW_ROOM if found is None else narrow
             few, many = (rate, many) if found is not None and found < budget else (few, rate)
             before = rate, found
-            if found is None:  # mostly the set has grown by a little: then a little is enough
-                shrink = min(shrink * shrink, FURTHEST)
-                rate /= shrink
+            stride = min(stride * stride, FURTHEST)  # mostly the set has changed by a little: then a little is enough
+            if found is None:
+                rate /= stride
+            elif budget == ALL:
+                rate *= stride
             else:
                 wanted = float(power(budget / max(found, 1), 1 / degree))
                 rate *= min(max(wanted, 1 / FURTHEST), FURTHEST)
