@@ -17,6 +17,7 @@ TRIALS = 32
 FURTHEST = 2.0  # by which the rate of a trial may differ from that of the one before
 NARROW = 1.001  # ratio of the rates around the budget at which a search ends
 NARROW_ROOM = 1.01  # likewise where the upper one is too high for the atlas
+FIRST = 1.009  # change of the rate where the samples do not tell it: mostly so little does, and the search ends with it
 
 
 @dataclass
@@ -77,13 +78,15 @@ class BudgetedRate:
     ) -> tuple[float | None, int | None, float | None]:
         """The best rate with its samples, None if none has room, and the rate that was tried last."""
         few, many, degree = None, None, 2.0  # rates with too few and too many samples; with which power of it they grow
-        rate, last, narrow, stride = self.rate, None, NARROW, NARROW_ROOM
+        rate, last, narrow, stride = self.rate, None, NARROW, 1.0
         best, nearest = (None, None) if found is None else (rate, found)
         for trial in range(TRIALS):
             narrow = NARROW_ROOM if found is None else narrow
             few, many = (rate, many) if found is not None and found < budget else (few, rate)
+            if few and many and many < narrow * few:
+                break
             before = rate, found
-            stride = min(stride * stride, FURTHEST)  # mostly the set has changed by a little: then a little is enough
+            stride = min(max(stride * stride, FIRST), FURTHEST)
             if found is None:
                 rate /= stride
             elif budget == ALL:
@@ -103,7 +106,7 @@ class BudgetedRate:
                 break
             at_lowest = rate == self.lowest and (found is None or found > budget)
             at_highest = rate == self.highest and found is not None and found < budget
-            if at_lowest or at_highest or (few and many and many < narrow * few):
+            if at_lowest or at_highest:
                 break
             if found is not None and before[1] is not None and rate != before[0]:
                 degree = float(log2(max(found, 1) / max(before[1], 1)) / log2(rate / before[0]))

@@ -157,7 +157,7 @@ def test_the_scale_hardly_depends_on_earlier_frames(scene):
     sets = [frame_of(scene, 200, 200).pvs[::k] for k in (1, 40, 2, 1)]
     scales = [stream.send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
     alone = [Stream(scene).send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
-    np.testing.assert_allclose(scales, alone, rtol=0.03)
+    np.testing.assert_allclose(scales, alone, rtol=0.05)
     one_less = frame_of(scene, 200, 200, 0, np.delete(sets[0], len(sets[0]) // 2))
     assert stream.send(one_less).statistics["scale"] == scales[-1]
 
