@@ -323,8 +323,8 @@ def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> Finding:
 
 def benchmark(kit: Kit) -> Finding:
     """Ten seconds of packing the hall, as a sentence: device time by halves, samples, host time."""
-    stage = kit.scene("hall")
     packer = kit.make()
+    stage = kit.scene("hall").shaded_by(packer)
     packer.prepare(stage.server)
     for frame in stage.frames:
         packer.pack(frame)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from statistics import median
 from typing import Any, TypeVar
 
@@ -186,11 +186,11 @@ class Lane:
 
     def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
         """truth: of the scene and the settings' seed, where several lanes share one."""
-        self.packer, self.scene, self.settings = packer, scene, settings
+        self.packer, self.scene, self.settings = packer, packer.scene_shaded(scene), settings
         self.method, self.variant = packer.name, variant_string(packer)
         self.dead: tuple[str, str] | None = None
         self.repeated = [self._another() for _ in range(settings.repeat - 1)]
-        self.verifier = Verifier(truth or Truth(scene, settings.seed), packer)
+        self.verifier = Verifier((truth or Truth(scene, settings.seed)).of(packer), packer)
         self.isolation: list[validity.Violation] = []
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
@@ -237,7 +237,7 @@ class Lane:
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
     def _isolation(self, work: Work) -> list[validity.Violation]:
-        return check_isolation(self.verifier.truth, self._another, work.frame, work.novel)
+        return check_isolation(self.verifier.truth, self._another, self._shaded(work.frame), work.novel)
 
     @property
     def display_key(self) -> Key:
@@ -279,9 +279,12 @@ class Lane:
         self.scene.device.finish()
         start = time.perf_counter()
         with self.scene.device.record() as record:
-            payload = packer.pack(frame)
+            payload = packer.pack(self._shaded(frame))
         wall = (time.perf_counter() - start) * 1000
         return Packed(payload, record.milliseconds, record.launches, wall, skipped=self.scene.skips.take())
+
+    def _shaded(self, frame: Frame) -> Frame:
+        return replace(frame, scene=self.scene)
 
     def fill(self, payload: Payload) -> Filled:
         """Read the planes back; for a video codec, fill them first."""

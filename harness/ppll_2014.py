@@ -146,6 +146,7 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], wan
     chosen = {"mode": mode, "layers": LAYERS if mode == "depth-limited" else 0}
     chosen |= {"merge": "paper" if mode == "bilateral" else "exact", **wanted.parameters}
     packer, other = PerPixelLinkedLists(**chosen), PerPixelLinkedLists(**chosen | {"layout": "shuffled"})
+    scene = packer.scene_shaded(scene)
     display = packer.client(scene.shipped)
     for each in (packer, other):
         each.prepare(scene)

@@ -130,6 +130,13 @@ class Stage:
         ]
         return cls(server, frames, views, case.exact)
 
+    def shaded_by(self, packer: Packer) -> Stage:
+        """The same frames of the scene as a method shades it."""
+        server = packer.scene_shaded(self.server)
+        if server is self.server:
+            return self
+        return Stage(server, [replace(frame, scene=server) for frame in self.frames], self.views, self.exact)
+
     @cached_property
     def last(self) -> ExactPicture | None:
         """The last frame's client view in float64, of the triangles in its set."""
@@ -203,9 +210,11 @@ def try_isolation(stage: Stage, make: Callable[[], Packer]) -> Finding:
     """Whether clients know and show what they receive, and nothing else."""
 
     def isolated() -> Finding:
-        if reason := make().skip(stage.server.host):
+        packer = make()
+        if reason := packer.skip(stage.server.host):
             return Finding("ok", f"skipped: {reason}")
-        found = check_isolation(stage.truth, make, stage.frames[-1], stage.views[-1])
+        shaded = stage.shaded_by(packer)
+        found = check_isolation(shaded.truth, make, shaded.frames[-1], shaded.views[-1])
         return Finding("invalid" if found else "ok", " ".join(one.sentence for one in found))
 
     return _caught(isolated)
@@ -245,6 +254,7 @@ def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> Finding:
     packer = make()
     if reason := packer.skip(stage.server.host):
         return Finding("ok", f"skipped: {reason}")
+    stage = stage.shaded_by(packer)
     packer.prepare(stage.server)
     client, verifier = packer.client(stage.server.shipped), Verifier(stage.truth, packer)
     prints = []

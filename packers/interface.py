@@ -7,7 +7,8 @@ image row 0 on top, pixel and texel centres at +0.5. All positions are relative 
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -137,6 +138,12 @@ class ServerScene:
     def shipped(self) -> ClientScene:
         """What a client gets of it."""
         return ClientScene(self.device, self.shader.sky, self.mask)
+
+    @cached_property
+    def finest(self) -> ServerScene:
+        """The same scene, with colours and opacities from the finest level of its textures."""
+        shader = self.shader.finest()
+        return replace(self, shader=shader, layers=self.layers and self.layers.textured(shader.textures))
 
 
 class NotShippedError(AttributeError):
@@ -338,6 +345,17 @@ class HeldLists:
     normals: bool = False
 
 
+# Parameters of all methods, which the harness sees to: their shading is one. A method may say more of one of them.
+COMMON = {
+    "mipmaps": Parameter(
+        True,
+        (True, False),
+        "whether samples look up textures at the mip level of their footprint, or at the finest",
+        "",
+        "true: TSS, section 6; false: SnakeBinning, section 5.2, of shading in tessellation",
+    ),
+}
+
 # What a client's lists hold of the fragments that a list view sees, see Packer.holds.
 HOLDS = ("every", "nearest", "alike", "moved", "blended")
 
@@ -346,6 +364,7 @@ class Packer(ABC):
     """A method: how shading is packed. A subclass says what it is, packs frames, and makes the matching client.
 
     Stages are launched under names that start with "structs/" or "gather/"; the device times them.
+    parameters: by name; those of COMMON come on top.
     atlas: whether it fills planes for the video encoder. A method that does not has rows of codec `none` only.
     leaves_unwritten: whether it writes only the texels within half a texel of a triangle, not all that lookups in it
         touch. Their share is then reported as the statistic `unwritten_lookups`, where validity would else object.
@@ -363,6 +382,10 @@ class Packer(ABC):
     holds: str = "every"
     parameters: ClassVar[dict[str, Parameter]] = {}
     skips: ClassVar[dict[str, tuple[str, str, str]]] = {}
+    mipmaps: bool = True
+
+    def __init_subclass__(cls) -> None:
+        cls.parameters = COMMON | cls.parameters
 
     def __init__(self, **values: Any) -> None:
         """Set the parameters; unknown names and values that cannot be used raise ValueError, naming those that can."""
@@ -375,6 +398,10 @@ class Packer(ABC):
             if objection := parameter.objection(value):
                 raise ValueError(f"{self.name}: the parameter {name} {objection}.")
             setattr(self, name, value)
+
+    def scene_shaded(self, scene: ServerScene) -> ServerScene:
+        """The scene as this method shades it, which the harness hands to `prepare` and has in its frames."""
+        return scene if self.mipmaps else scene.finest
 
     def skip(self, scene: Scene) -> str | None:
         """Why this scene has nothing for this method to do, or None."""

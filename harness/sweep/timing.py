@@ -112,7 +112,7 @@ def _one_pass(cell: Cell, session: Session, warm: bool, ended: dict[str, str]) -
     limit, name = session.settings.timeout, lane.method
     start = time.perf_counter()
     with time_limit(PREPARE * limit, f"preparing: {name}", ended):
-        lane.packer.prepare(session.scene)
+        lane.packer.prepare(lane.scene)
         session.device.finish()
     entries = [(0, "wall/prepare", (time.perf_counter() - start) * 1000)]
     if not warm:

@@ -17,7 +17,7 @@ from kernels.shade.shade import shade_twin
 from kernels.triangles import Triangles
 
 if TYPE_CHECKING:
-    from packers.interface import ServerScene
+    from packers.interface import Packer, ServerScene
 
 LEVELS = 2  # of 255, by which a colour may differ from what the shading function gives its surface point
 CHOSEN = 64  # texels, pixels or fragments examined per frame
@@ -31,6 +31,16 @@ class Truth:
     def __init__(self, scene: ServerScene, seed: int = 0) -> None:
         self.scene, self.seed = scene, seed
         self.drawing = Lock()  # the rasteriser's: methods are checked side by side
+
+    def of(self, packer: Packer) -> Truth:
+        """Of the scene as a method shades it."""
+        return self if packer.scene_shaded(self.scene) is self.scene else self._finest
+
+    @cached_property
+    def _finest(self) -> Truth:
+        finest = Truth(self.scene.finest, self.seed)
+        finest.drawing = self.drawing
+        return finest
 
     def generator(self, frame: int, name: str) -> draws.Generator:
         """Random numbers for one frame, by name."""

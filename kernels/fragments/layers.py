@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from kernels.fragments.opacity import Opacity
     from kernels.raster.rasteriser import Visibility
     from kernels.shade.shader import Shader
+    from kernels.texture.buffers import TextureBuffers
 
 
 def shade_fragments(shader: Shader, fragments: Fragments, eye: np.ndarray, stage: str) -> Array:
@@ -37,6 +39,10 @@ class Layers:
 
     def __init__(self, rasteriser: LayeredRasteriser, opacity: Opacity) -> None:
         self.rasteriser, self.opacity, self.device = rasteriser, opacity, rasteriser.device
+
+    def textured(self, textures: TextureBuffers) -> Layers:
+        """The same, with opacities from other textures."""
+        return Layers(self.rasteriser, replace(self.opacity, textures=textures))
 
     def blend(
         self, fragments: Fragments, visible: Visibility, shader: Shader, eye: np.ndarray, picture: Array, stage: str

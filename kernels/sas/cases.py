@@ -159,17 +159,17 @@ def corners(device: Device, kind: str, size: int) -> Trial:
 def budget(device: Device, kind: str, size: int) -> Trial:
     """How many samples patches ask for. Adversarial: sides beyond a superblock's, and one triangle of each visible."""
     rng, hard = seeded(kind), kind == "adversarial"
-    soup, top = random_patches(rng, size), 4
+    soup, top, bias = random_patches(rng, size), 4, 3
     w, h = rng.integers(0, SIZES if hard else 40, (2, size))
     sizes, patches = (w | h << 8).astype(np.int32), np.arange(size, dtype=np.int32)
     masks = np.ones(size, np.uint8) if hard else random_masks(rng, soup)
     uploaded = [device.upload(array) for array in (patches, masks, sizes, soup.members)]
 
     def run() -> int:
-        return count_asked(device, *uploaded[:2], size, uploaded[2], top, size, uploaded[3], False)
+        return count_asked(device, *uploaded[:2], size, uploaded[2], bias, top, size, uploaded[3], False)
 
     def results() -> list[Result]:
-        return [Result(np.array([run()]), np.array([count_asked_twin(masks, sizes, top, soup)]))]
+        return [Result(np.array([run()]), np.array([count_asked_twin(masks, sizes, bias, top, soup)]))]
 
     return Trial({"n": size}, run, results)
 

@@ -129,11 +129,11 @@ INLINE int without_texel(Shape shape, int mask) {
 }
 
 // words: of patches, locations of blocks as large as they ask for, all in the atlas' corner. top: the largest level.
-__kernel void ask_in_corner(int count, __global const int *patches, __global const int *sizes, int top,
-                            __global uint *words) {
+__kernel void ask_in_corner(int count, __global const int *patches, __global const int *sizes, int bias,
+                            int top, __global uint *words) {
     const int i = get_global_id(0);
     if (i >= count) return;
-    const Block block = {0, 0, level_at(sizes[i] & 0xFF, 0, top), level_at(sizes[i] >> 8, 0, top)};
+    const Block block = {0, 0, level_at(sizes[i] & 0xFF, bias, top), level_at(sizes[i] >> 8, bias, top)};
     words[patches[i]] = pack_location(block);
 }
 

@@ -109,6 +109,7 @@ def count_asked(
     masks: Array,
     count: int,
     sizes: Array,
+    bias: int,
     top: int,
     patch_count: int,
     members: Array,
@@ -116,19 +117,19 @@ def count_asked(
 ) -> int:
     """The samples that `count` patches of the scene's `patch_count` have in blocks as large as they ask for.
 
-    sizes: as from `measure_sides`. top: log2 of a superblock's side. The rest as in `emit_samples`.
+    sizes: as from `measure_sides`. bias: in eighths. top: log2 of a superblock's side. The rest as in `emit_samples`.
     """
     words = device.recycled(patch_count, np.uint32)
-    device.launch(BUDGET, device.build("sas/emit.cl").ask_in_corner, count, count, patches, sizes, top, words)
+    device.launch(BUDGET, device.build("sas/emit.cl").ask_in_corner, count, count, patches, sizes, bias, top, words)
     run, runs = _runs(device, count)
     counts, _ = _counted(device, (count, run, runs, int(complete), patches, masks, members, words), BUDGET)
     return exclusive_scan(device, counts, runs, BUDGET)[1]
 
 
-def count_asked_twin(masks: np.ndarray, sizes: np.ndarray, top: int, soup: Soup) -> int:
+def count_asked_twin(masks: np.ndarray, sizes: np.ndarray, bias: int, top: int, soup: Soup) -> int:
     """The same for patches 0, 1, ... of which `masks` and `sizes` are."""
     zeros, patches = np.zeros(len(sizes), np.int64), np.arange(len(sizes))
-    words = pack_location(zeros, zeros, levels_at(sizes & 0xFF, 0, top), levels_at(sizes >> 8, 0, top))
+    words = pack_location(zeros, zeros, levels_at(sizes & 0xFF, bias, top), levels_at(sizes >> 8, bias, top))
     arrays = (soup.members, soup.codes, soup.indices, soup.positions)
     return len(emit_samples_twin(patches, masks, words, *arrays, 1, False)["texel"])
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Collection
+from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
@@ -75,11 +75,18 @@ class Shader:
 
     def reflecting(self, environment_map: np.ndarray) -> Shader:
         """The same, whose glossy surfaces reflect an environment map, float32, see environment.py."""
-        other = copy.copy(self)
+        other = copy(self)
         other.defines = self.defines | {"ENVIRONMENT_MAP": 1}
         told = self.tables.defines | {"ENVIRONMENT_MAP": 1}
         other.tables = replace(self.tables, defines=told, environment_map=environment_map)
         other.arguments = (*self.arguments[:-1], self.device.upload(environment_map))
+        return other
+
+    def finest(self) -> Shader:
+        """The same function, which looks up textures at their finest level, whatever the samples' footprints."""
+        other, table = copy(self), self.textures.textures
+        other.textures = self.textures.finest(self.device)
+        other.arguments = tuple(other.textures.textures if one is table else one for one in self.arguments)
         return other
 
     def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
@@ -52,6 +52,11 @@ class TextureBuffers:
     def host_texels(self) -> np.ndarray:
         """Fetched when asked for: a second copy of all texels is not kept otherwise."""
         return self.texels.get()
+
+    def finest(self, device: Device) -> TextureBuffers:
+        """The same textures as if they had no further level, so that every lookup is at the finest one."""
+        table = self.host_textures * np.array([1, 0, 1, 1], np.int32)
+        return replace(self, textures=device.upload(table), host_textures=table)
 
     @classmethod
     def upload(

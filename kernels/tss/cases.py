@@ -205,7 +205,7 @@ def emission(device: Device, kind: str, size: int) -> Trial:
 
     def run() -> Samples:
         placed = (packed.forms, packed.places, packed.inverse)
-        return emit_samples(device, primitives, *placed, scene.triangles, table, 4096, True)
+        return emit_samples(device, primitives, *placed, scene.triangles, table, 4096)
 
     def results() -> list[Result]:
         samples, expected = run(), samples_twin(scene, packed)

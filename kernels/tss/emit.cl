@@ -90,7 +90,6 @@ typedef struct {
     __global float *bary1, *bary2, *footprint;
     __global int *texel;
     int at, last;
-    float mipmaps;
 } Sink;
 
 INLINE void store_lanes(int8 value, __global int *array, int count) {
@@ -105,7 +104,7 @@ INLINE void emit8(Sink *sink, Surface *s, float8 m1, float8 m2, int8 texel, int 
     const float8 t1 = s->share * l1, t2 = s->share * l2;
     const float8 x = s->step.x - t1 * s->e1.x - t2 * s->e2.x, y = s->step.y - t1 * s->e1.y - t2 * s->e2.y;
     const float8 z = s->step.z - t1 * s->e1.z - t2 * s->e2.z;
-    const float8 footprint = sink->mipmaps * sqrt(x * x + y * y + z * z) * d;
+    const float8 footprint = sqrt(x * x + y * y + z * z) * d;
     const int at = sink->at;
     if (at + 8 <= sink->last) {  // lanes beyond `number` are written again by the next samples of this run
         *(__global loose_int8 *)(sink->triangle + at) = (int8)(s->id);
@@ -182,13 +181,13 @@ __kernel void emit_samples(int count, int run, int runs, __global const int *for
                            __global const int *piece_starts, __global const int *pieces,
                            __global const float *inverse, __global const int *ids, __global const int *indices,
                            __global const float *positions, __global const float *cell_1,
-                           __global const float *cell_2, __global const int *cell_at, int width, float mipmaps,
+                           __global const float *cell_2, __global const int *cell_at, int width,
                            __global const int *counts, __global const int *offsets, __global int *triangle,
                            __global float *bary1, __global float *bary2, __global float *footprint,
                            __global int *texel) {
     const int r = get_global_id(0);
     if (r >= runs) return;
-    Sink sink = {triangle, bary1, bary2, footprint, texel, offsets[r], offsets[r] + counts[r], mipmaps};
+    Sink sink = {triangle, bary1, bary2, footprint, texel, offsets[r], offsets[r] + counts[r]};
     const int end = LESSER(count, (r + 1) * run);
     for (int i = r * run; i < end; i++) {
         const int4 form = vload4(i, forms);

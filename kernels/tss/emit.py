@@ -65,7 +65,6 @@ def emit_samples(
     triangles: Triangles,
     table: CellTable,
     atlas_width: int,
-    mipmaps: bool,
     runs: int | None = None,
     oversampled: bool = True,
 ) -> Samples:
@@ -73,7 +72,7 @@ def emit_samples(
 
     forms, places: int32 (n, 4) and (n, 2). inverse: as from `invert_depths`. A primitive's samples are spaced evenly on
     screen. The footprint is the longest way on the surface from a sample to the next along an edge of an L, or along
-    base or height of a right triangle; with `mipmaps` false it is 0.
+    base or height of a right triangle.
     oversampled: whether any form is OVERSAMPLED; without, their code is not there.
     """
     kernels = device.build("tss/emit.cl", OVERSAMPLING=int(oversampled))
@@ -83,7 +82,7 @@ def emit_samples(
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
     known = (primitives.firsts, primitives.parents, primitives.starts, primitives.pieces, inverse, primitives.ids)
-    scene = (triangles.indices, triangles.positions, table.near, table.far, table.at, atlas_width, float(mipmaps))
+    scene = (triangles.indices, triangles.positions, table.near, table.far, table.at, atlas_width)
     arrays = (counts, offsets, s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *scene, *arrays, local=local)
     return s

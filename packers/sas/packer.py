@@ -9,14 +9,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import log2
+from arithmetic.functions import log2, power
 from kernels.sas.allocate import Allocator, Grid
 from kernels.sas.bias import needed_superblocks
 from kernels.sas.emit import Unfolded, count_asked, emit_samples
-from kernels.sas.footprint import STEPS, measure_sides
+from kernels.sas.footprint import SIZES, STEPS, measure_sides
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
-from packers.budget import BudgetedRate
+from packers.budget import ALL, BudgetedRate
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
 from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from kernels.samples import Samples
 
 FEWEST_SUPERBLOCKS = 128  # of an atlas, when their side is chosen for it: the paper's settings give 128 to 256
+LARGEST_BIAS = (SIZES - 1) / STEPS  # every block is a single texel
 UNPLACED = "the atlas is full with every block at one texel"
 
 
@@ -44,6 +45,15 @@ class ShadingAtlasStreaming(Packer):
             "texels",
             "128 and 256: SAS as quoted in FastAtlas, appendix B; smaller atlases: ours",
             choices=(0, 1, 2, 4, 8, 16, 32, 64, 128, 256),
+        ),
+        "bias": Parameter(
+            "atlas",
+            ("atlas", "picture"),
+            "what the allocation bias holds the samples down to: what the atlas has room for, or the pixels of the "
+            "server's view as well, which is the picture that they replace",
+            "",
+            "picture: SnakeBinning, section 5.2; atlas: ours",
+            choices=("atlas", "picture"),
         ),
         "fit": Parameter(
             0.75,
@@ -78,7 +88,7 @@ class ShadingAtlasStreaming(Packer):
         self.members = upload(self.patches.members)
         self.unfolded = Unfolded.measure(scene.device, self.members, upload(self.patches.codes), scene.triangles)
         self.marks = scene.device.zeros(max(1, scene.triangles.count), np.int32)
-        self.mark, self.budgeted = 0, BudgetedRate()
+        self.mark, self.budgeted = 0, BudgetedRate(lowest=float(power(2.0, -LARGEST_BIAS)))
         attributes = dict(zip(ATTRIBUTES, (self.patches.of_triangle, self.patches.codes), strict=True))
         self.geometry = geometry_encoder(scene, attributes)
         self.sent, self.changed = np.zeros(self.patches.count, np.uint32), True
@@ -109,35 +119,45 @@ class ShadingAtlasStreaming(Packer):
         self.changed = self.allocator.resets > resets or not np.array_equal(words, self.sent[shown])
         listed = (patches, masks, count, self.allocator.words)
         samples, without = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        found = {"bias": bias / STEPS - float(log2(self.budgeted.rate)), "triangles_without_texel": without}
+        found = {"bias": 0.0 - float(log2(self.budgeted.rate)), "triangles_without_texel": without}
         return self._payload(frame, shown, words, samples, found)
 
     def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, int]:
-        """Sizes of the patches' sides, at the rate that the frame's sample budget asks for: a bias that is any number;
-        and the bias, in eighths, at which they fit."""
-        device, server, grid = frame.scene.device, frame.server, self.allocator.grid
+        """Sizes of the patches' sides and the bias, in eighths, that holds the request down to what `fit` allows and to
+        the samples that are asked for; the largest bias if none does.
 
-        def measured(rate: float) -> tuple[Array, int]:
-            seen = (frame.scene.triangles.positions, server.eye, rate * server.pixels_per_tangent)
+        The rate of the search is the bias as a factor. Whole eighths of it are the bias that is returned, and the rest,
+        which makes it any number, is in the sizes.
+        """
+        device, server, grid = frame.scene.device, frame.server, self.allocator.grid
+        room = int(self.fit * grid.total)
+        last: tuple[Array, int]
+
+        def needed(rate: float) -> int | None:
+            nonlocal last
+            bias = int(np.clip(np.ceil(-STEPS * float(log2(rate))), 0, SIZES - 1))
+            pixels = rate * float(power(2.0, bias / STEPS)) * server.pixels_per_tangent
+            seen = (frame.scene.triangles.positions, server.eye, pixels)
             sizes, histogram = measure_sides(device, patches, count, self.points, *seen)
-            return sizes, self._search_bias(needed_superblocks(device, histogram, grid.top))
+            last = sizes, bias
+            superblocks = int(needed_superblocks(device, histogram, grid.top)[bias])
+            return superblocks if superblocks <= room else None
 
         def samples(rate: float) -> int | None:
-            nonlocal last
-            last = sizes, bias = measured(rate)
-            asked = (sizes, grid.top, self.patches.count, self.unfolded.members, self.complete)
-            return None if bias else count_asked(device, patches, masks, count, *asked)
+            if needed(rate) is None:
+                return None
+            return count_asked(
+                device, patches, masks, count, *last, grid.top, self.patches.count, self.unfolded.members, self.complete
+            )
 
-        if frame.sample_budget is None:
-            return measured(self.budgeted.rate)
-        last: tuple[Array, int]
-        self.budgeted.meet(frame.sample_budget, samples)
+        if frame.sample_budget is not None:
+            self.budgeted.meet(frame.sample_budget, samples)
+        elif self.bias == "picture":
+            pixels = sum(view.width * view.height for view in frame.cell_views)
+            self.budgeted.meet(pixels, samples, highest=1.0)
+        else:
+            self.budgeted.meet(ALL, needed, highest=1.0)
         return last
-
-    def _search_bias(self, needed: np.ndarray) -> int:
-        """The smallest bias, in eighths, whose request fits; the largest if none does."""
-        fits = np.flatnonzero(needed <= int(self.fit * self.allocator.grid.total))
-        return int(fits[0]) if len(fits) else len(needed) - 1
 
     def _payload(
         self, frame: Frame, patches: np.ndarray, words: np.ndarray, samples: Samples, found: dict[str, float]

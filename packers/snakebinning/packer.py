@@ -119,8 +119,9 @@ class SnakeBinning(Packer):
         samples, budget = self._emit(frame), frame.sample_budget
         if budget is None:
             return samples
-        lowered = self.step > 1 and self.budgeted.reached is None  # so that they are not those of the rate asked for
-        if not lowered and self.budgeted.keeps(budget, samples.count):
+        lowered = self.step > 1  # so that they are not those of the rate asked for
+        known = not lowered or self.budgeted.reached is not None
+        if known and self.budgeted.keeps(budget, samples.count):
             return samples
 
         def at(rate: float) -> int | None:

@@ -5,14 +5,12 @@ See README.md in this folder for what is as published and what is ours.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from arithmetic import draws
-from arithmetic.functions import log2, power
 from kernels.common.rank import rank_by_class
 from kernels.tss.bins import Bins
 from kernels.tss.emit import CellTable, build_kernels, count_samples, emit_samples
@@ -22,7 +20,7 @@ from kernels.tss.layout import lay_out, place_items
 from kernels.tss.perspective import invert_depths
 from kernels.tss.primitives import Primitives, list_primitives
 from packers.atlas_client import geometry_encoder
-from packers.budget import BudgetedRate
+from packers.budget import ALL, BudgetedRate
 from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
 from packers.tss.client import TessellatedClient
 from packers.tss.message import Placement, encode
@@ -35,8 +33,7 @@ if TYPE_CHECKING:
 STRATEGIES = {"lpacking": float("inf"), "oversampling": 0.0}  # threshold of slantedness that they amount to
 ORDERS = ("primitive", "arrival")
 PICTURES = ("density", "size")
-STEPS = 16  # of the scale per doubling
-LAST = 16 * STEPS  # the smallest scale: every primitive is a single texel
+LOWEST = 2.0**-16  # the smallest scale: every primitive is a single texel
 UNPLACED = "the atlas is full with every primitive at one texel"
 
 
@@ -54,11 +51,11 @@ class TessellatedShadingStreaming(Packer):
             "TSS, sections 3.2 and 3.3, figure 15",
         ),
         "slanted": Parameter(
-            3.0,
-            (2.0, 3.0, 5.0),
+            10.0,
+            (3.0, 5.0, 10.0),
             "longest edge over height on screen above which a triangle goes to Oversampling",
             "1",
-            "meaning: TSS, section 3.3; value: ours",
+            "meaning: TSS, section 3.3; value: ours, by the shares in TSS, table 1",
         ),
         "order": Parameter(
             "primitive",
@@ -68,13 +65,6 @@ class TessellatedShadingStreaming(Packer):
             "",
             "arrival: TSS, section 4; primitive: ours",
             published="arrival",
-        ),
-        "mipmaps": Parameter(
-            True,
-            (True, False),
-            "whether textures are looked up at the mip level of the samples' spacing, or at the finest",
-            "",
-            "TSS, section 6",
         ),
         "picture": Parameter(
             "density",
@@ -107,12 +97,12 @@ class TessellatedShadingStreaming(Packer):
         self.cells = CellTable.upload(scene.device)
         self.geometry = geometry_encoder(scene, {})
         build_kernels(scene.device)
-        self.step, self.guess = 0, -1  # of the last frame's scale, and where the search for it began
-        self.budgeted = BudgetedRate()
+        self.budgeted = BudgetedRate(lowest=LOWEST)
 
     def settled(self) -> bool:
-        """Only the scale is kept from frame to frame, to begin with; the order of arrival is another in each."""
-        return self.order == "primitive" and self.step == self.guess
+        """Only the scale is kept from frame to frame, where it was found to do; the order of arrival is another in
+        each."""
+        return self.order == "primitive"
 
     def pack(self, frame: Frame) -> TessellatedPayload:
         """Places for the triangles of the frame's set, and their shading."""
@@ -132,7 +122,7 @@ class TessellatedShadingStreaming(Packer):
         placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
         slanted = bool((placement.forms[:, 0] == OVERSAMPLED).any())
         oversampled = not frame.scene.skips.leaves_out("oversampling", not slanted)
-        samples = emit_samples(device, *placed, frame.atlas_width, self.mipmaps, oversampled=oversampled)
+        samples = emit_samples(device, *placed, frame.atlas_width, oversampled=oversampled)
         blobs = encode(placement, self.bins)
         statistics = describe(placement)
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
@@ -160,52 +150,30 @@ class TessellatedShadingStreaming(Packer):
         return {"strategies": drawn}
 
     def _arrange(self, frame: Frame, camera: Array) -> Arranged:
-        """Primitives, bins and their positions: those within the frame's sample budget, if any fit; without one those
-        at the largest scale that fits, at the smallest if none does.
+        """Primitives, bins and their positions: as many samples as the frame's budget has, without one those of the
+        largest scale that fits; at the smallest if none does.
 
-        The search begins at the last frame's scale, which is mostly the same: then two layouts are enough.
+        The search begins at the last frame's scale, which mostly stays: then one layout is enough.
         """
         client = frame.predicted[0] if frame.predicted else frame.server
         widest = 1.0 if self.picture == "density" else client.width / frame.server.width
-        if frame.sample_budget is not None and (within := self._within_budget(frame, camera, widest)):
-            return within
-        fitting: Arranged | None = None
-        uncut: tuple[int, Primitives] | None = None  # a step without cut triangles, as are all larger ones
+        last: Arranged
 
-        def excess(step: int) -> float:
-            nonlocal fitting, uncut
-            scale = widest * scale_at(step)
-            primitives = uncut[1] if uncut and step >= uncut[0] else self._list(frame, camera, scale)
-            if primitives.count == primitives.rows and not (uncut and step >= uncut[0]):
-                uncut = (step, primitives)
-            arranged = self._arrange_at(frame, primitives, scale)
-            over = float(log2(max(arranged.used, 0.5) / frame.atlas_height)) if arranged.used >= 0 else np.inf
-            if over <= 0 or step == LAST:
-                fitting = arranged
-            return over
-
-        self.guess = self.step
-        self.step = smallest_that_fits(excess, LAST, self.guess)
-        if fitting is None:
-            excess(LAST)
-        return fitting
-
-    def _within_budget(self, frame: Frame, camera: Array, widest: float) -> Arranged | None:
-        """The layout that has as many samples as the frame's budget; None if the atlas has no room for any."""
+        def rows(rate: float) -> int | None:
+            nonlocal last
+            last = self._arrange_at(frame, self._list(frame, camera, rate * widest), rate * widest)
+            return last.used if 0 <= last.used <= frame.atlas_height else None
 
         def samples(rate: float) -> int | None:
-            nonlocal last
-            primitives = self._list(frame, camera, rate * widest)
-            last = self._arrange_at(frame, primitives, rate * widest)
-            if not 0 <= last.used <= frame.atlas_height:
+            if rows(rate) is None:
                 return None
-            return count_samples(frame.scene.device, primitives.count, last.forms, self.cells)
+            return count_samples(frame.scene.device, last.primitives.count, last.forms, self.cells)
 
-        last: Arranged
-        rate = self.budgeted.rate
-        met = self.budgeted.meet(frame.sample_budget, samples)
-        self.guess = self.step if self.budgeted.rate == rate else -1
-        return last if met else None
+        if frame.sample_budget is None:
+            self.budgeted.meet(ALL, rows, highest=1.0)
+        else:
+            self.budgeted.meet(frame.sample_budget, samples)
+        return last
 
     def _list(self, frame: Frame, camera: Array, scale: float) -> Primitives:
         listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale, self.threshold)
@@ -262,39 +230,6 @@ class Arranged:
     listed: tuple[Array, Array, Array]
     regions: Array
     used: int
-
-
-def scale_at(step: int) -> float:
-    """Share of the texels per pixel that there would be in a large enough atlas."""
-    return float(power(2.0, -step / STEPS))
-
-
-def smallest_that_fits(excess: Callable[[int], float], last: int, guess: int = 0) -> int:
-    """The smallest step from 0 to `last` whose excess is not above 0, or `last`; larger steps have less excess.
-
-    Excess is the logarithm of needed over given area, which falls by about 2 per doubling of the scale: from the guess
-    on this says where to look, then a secant finds where it is 0 in few trials, with a bisection every third time, so
-    that it always does. The last step tried that fits is the one returned, but for `last`, which may be untried.
-    """
-    low, over, high, under = -1, np.inf, last, -np.inf
-    step, trials = min(guess, last - 1), 0
-    while high - low > 1:
-        found = excess(step)
-        if found > 0:
-            low, over = step, found
-        else:
-            high, under = step, found
-        trials += 1
-        if np.isfinite(over) and np.isfinite(under):
-            step = low + int(np.ceil(over / (over - under) * (high - low)))
-        elif np.isfinite(over):
-            step = low + 1 + int(over * STEPS / 2)
-        elif np.isfinite(under):
-            step = high - 1 - int(-under * STEPS / 2)
-        if trials % 3 == 0 or not (np.isfinite(over) or np.isfinite(under)):
-            step = (low + high) // 2
-        step = min(max(step, low + 1), high - 1)
-    return high
 
 
 def find_lost(placement: Placement, parents: np.ndarray) -> np.ndarray:

@@ -209,7 +209,7 @@ SLANTED = Source(
     "tss-slanted",
     _commands(
         "bench run --scene {scene} --frames 2 --size 480x270 --atlas 4096x2048 --crf 25 --metrics flip "
-        "--method tss --method 'tss[slanted=5.0]' --method 'tss[slanted=10.0]'",
+        "--method 'tss[slanted=3.0]' --method 'tss[slanted=5.0]' --method tss",
         ("hall", "village", SPONZA, VIKING),
     ),
     digests.strategy_parts,

@@ -42,7 +42,7 @@ SOURCE = """
     number = 3
 """
 ROOT = Path(__file__).parents[2]
-DEFAULTS = "cell=8,order=id,reuse=false,scale=1.0"
+DEFAULTS = "cell=8,mipmaps=true,order=id,reuse=false,scale=1.0"
 
 
 @pytest.fixture
@@ -71,7 +71,7 @@ def test_the_suite_offers_its_own_packers():
 def test_by_installed_name():
     (packer,) = load_packer("grid[cell=4,reuse=true]")
     assert packer.name == "grid"
-    assert variant_string(packer) == "cell=4,order=id,reuse=true,scale=1.0"
+    assert variant_string(packer) == "cell=4,mipmaps=true,order=id,reuse=true,scale=1.0"
 
 
 @pytest.mark.usefixtures("installed")
@@ -103,7 +103,7 @@ def test_by_file_and_by_module(file: Path, monkeypatch: pytest.MonkeyPatch):
     by_relative_file = load_packer("my_packer.py:Grid[scale=2.0]")
     by_module = load_packer("my_packer:Grid[ scale = 2e0 ]")
     variants = [variant_string(packer) for (packer,) in (by_file, by_relative_file, by_module)]
-    assert variants == ["cell=8,order=id,reuse=false,scale=2.0"] * 3
+    assert variants == ["cell=8,mipmaps=true,order=id,reuse=false,scale=2.0"] * 3
 
 
 def test_as_published(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
@@ -145,7 +145,7 @@ def test_empty_brackets_mean_the_defaults(file: Path):
     [
         ("gird", "no packer 'gird'. Did you mean 'grid'?"),
         ("zzz", "no packer 'zzz'. Known: broken, grid, all."),
-        ("grid[cel=4]", "no parameter 'cel'. Did you mean 'cell'? Known: cell, order, reuse, scale."),
+        ("grid[cel=4]", "no parameter 'cel'. Did you mean 'cell'? Known: cell, mipmaps, order, reuse, scale."),
         ("grid[cell=4.5]", "cell must be a whole number, not '4.5'"),
         ("grid[cell=]", "cell must be a whole number, not ''"),
         ("grid[scale=big]", "scale must be a number, not 'big'"),

@@ -156,7 +156,7 @@ def test_places_do_not_overlap(known):
 def test_samples(device, known, runs):
     table, primitives = CellTable.upload(device), known.primitives
     found = emit_samples(
-        device, primitives, known.forms, known.places, known.inverse, known.triangles, table, 2048, True, runs
+        device, primitives, known.forms, known.places, known.inverse, known.triangles, table, 2048, runs
     )
     names = ("triangle", "bary1", "bary2", "footprint", "texel")
     arrays = {name: getattr(found, name).get()[: found.count] for name in names}

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from packers.budget import HIGHEST, LOWEST, TOLERANCE, BudgetedRate
+from packers.budget import ALL, HIGHEST, LOWEST, TOLERANCE, BudgetedRate
 from packers.interface import Packer, ServerScene
 from packers.sas import ShadingAtlasStreaming
 from packers.snakebinning import SnakeBinning
@@ -59,6 +59,25 @@ def test_an_atlas_is_filled_where_it_has_no_room_for_the_budget(
         assert len(count.asked) == trials + 1
     elif unit * LOWEST * LOWEST < budget and unit * room * room > budget:
         assert abs(found - budget) <= TOLERANCE * budget + 1
+
+
+@given(st.floats(2.0**-16, 4), st.floats(0.97, 1.03), st.floats(1e3, 1e6))
+def test_all_that_there_is_room_for_up_to_a_rate_of_one(room: float, change: float, unit: float) -> None:
+    rate = BudgetedRate(lowest=2.0**-17)
+    assert rate.meet(ALL, Counted(lambda rate: 10 + int(unit * rate * rate), room), highest=1.0)
+    assert 0.97 * min(room, 1) < rate.rate <= min(room, 1)
+    before, count = rate.rate, Counted(lambda rate: 10 + int(unit * (rate / change) ** 2), room * change)
+    assert rate.meet(ALL, count, highest=1.0)
+    assert 0.95 * min(room * change, 1) < rate.rate <= min(room * change, 1)
+    if before <= room * change and abs(change - 1) < 0.02:
+        assert count.asked == [before]
+    assert len(count.asked) <= 14
+
+
+def test_a_rate_above_the_highest_is_given_up() -> None:
+    count, rate = Counted(lambda rate: int(1000 * rate)), BudgetedRate(3.0)
+    assert rate.meet(3000, count, 3000, highest=1.0)
+    assert rate.rate == count.asked[-1] == 1.0
 
 
 def test_what_no_rate_has_room_for_is_left_at_the_lowest() -> None:

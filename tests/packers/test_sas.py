@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from harness.reference import ForwardRenderer
 from kernels.sas.layout import unpack_location
+from packers.budget import TOLERANCE
 from packers.interface import Payload
 from packers.sas import ShadingAtlasStreaming
 from packers.sas.packer import choose_grid
@@ -21,7 +22,9 @@ from tests.packers.rooms import changing_sets, frame_of, novel_view, room, serve
 Stream = partial(streams.Stream, ShadingAtlasStreaming)
 
 
-@pytest.mark.parametrize("parameters", [{}, {"reuse": True}, {"complete": True}, {"superblock": 32, "fit": 0.5}])
+@pytest.mark.parametrize(
+    "parameters", [{}, {"reuse": True}, {"complete": True}, {"superblock": 32, "fit": 0.5}, {"bias": "picture"}]
+)
 def test_a_walk_is_valid(scene, parameters):
     stream = Stream(scene, **parameters)
     for step in range(4):
@@ -217,3 +220,34 @@ def test_a_picture_shows_every_block(scene):
     picture = draw_allocation(allocator.grid, words)
     assert picture.shape == (512, 512, 3)
     assert picture.any(axis=2).sum() == (1 << w + h).sum()
+
+
+def test_a_bias_can_hold_the_samples_to_the_pixels_of_the_servers_view(scene):
+    """As far as a bias does it: of fewer samples, and of an atlas with less room, nothing changes."""
+    for complete in (False, True):
+        near, usual = Stream(scene, bias="picture", complete=complete), Stream(scene, complete=complete)
+        for step in range(3):
+            frame = frame_of(scene, 1024, 1024, 4 * step)
+            pixels = frame.server.width * frame.server.height
+            payload, more = near.send(frame), usual.send(frame).sample_count
+            assert near.violations(frame, payload) == []
+            assert abs(payload.sample_count - min(pixels, more)) <= TOLERANCE * pixels
+            assert (payload.statistics["bias"] > 0) == (more > (1 + TOLERANCE) * pixels)
+    few = frame_of(scene, 1024, 1024, 0, frame.pvs[::20])
+    small = frame_of(scene, 128, 128)
+    for frame in (few, small):
+        counts = [Stream(scene, bias=bias).send(frame).sample_count for bias in ("picture", "atlas")]
+        assert abs(counts[0] - counts[1]) <= TOLERANCE * counts[1]
+        assert counts[0] < frame.server.width * frame.server.height
+
+
+def test_a_bias_fills_what_the_atlas_allows_and_stays(scene):
+    """A bias that is a hundredth of a doubling smaller has no room; a set that hardly changes keeps it."""
+    stream = Stream(scene)
+    frame = frame_of(scene, 256, 256)
+    bias = stream.send(frame).statistics["bias"]
+    assert bias > 0
+    budgeted = Stream(scene).send(replace(frame, sample_budget=10**6))
+    assert abs(budgeted.statistics["bias"] - bias) <= 0.02
+    one_less = frame_of(scene, 256, 256, 0, np.delete(frame.pvs, len(frame.pvs) // 2))
+    assert stream.send(one_less).statistics["bias"] == bias

