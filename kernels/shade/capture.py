@@ -55,7 +55,7 @@ def scene_around(
         view = np.eye(4)
         view[:3, :3], view[:3, 3] = face, -turned(face, point)
         faces.append(_face(device, rasteriser, ids, shader, point, view, near))
-    pictures = np.clip(np.nan_to_num(np.stack(faces), nan=np.inf, posinf=brightest), -1, brightest)
+    pictures = np.clip(np.nan_to_num(np.stack(faces), nan=0.0, posinf=brightest), -1, brightest)
 
     def arriving(direction: np.ndarray) -> np.ndarray:
         face = 2 * np.argmax(np.abs(direction), axis=1)

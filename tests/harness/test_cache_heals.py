@@ -14,9 +14,11 @@ import numpy as np
 import pytest
 
 from harness import plan, pvs, upload, walks
+from harness.environment import cached_environment_map
 from harness.settings import Settings
 from harness.views import Cell, CellFrustum, Pose
 from kernels.device import Device
+from kernels.shade.environment import SHAPE
 from packers.sas import patches
 from scenes import load
 from scenes.model import Light, Scene
@@ -72,7 +74,7 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[
     monkeypatch.setattr(module, name, counting)
 
 
-@pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk", "shadows"])
+@pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk", "shadows", "environment map"])
 def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device) -> Kind:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     file, made, root = str(grid_file(tmp_path)), [], plan.cache_root()
@@ -96,6 +98,13 @@ def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: 
             return {"maps": found.maps.get(), "rows": found.rows}
 
         return Kind(root / "shadows", maps, made)
+    if request.param == "environment map":
+
+        def draw() -> np.ndarray:
+            made.append("map")
+            return np.random.default_rng(4).random(SHAPE, np.float32)
+
+        return Kind(root / "environments", lambda: cached_environment_map(device, scene, draw), made)
     if request.param == "visible set":
         counted(monkeypatch, pvs, "_draw", made)
         server, pose = upload.upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))

@@ -14,10 +14,11 @@ from harness.settings import Settings
 from harness.upload import upload_scene
 from harness.views import Pose, client_view
 from kernels.device import Device
-from kernels.shade.environment import SHAPE, look_up
+from kernels.shade.environment import MATT, SHAPE, look_up
+from scenes import features
 from scenes.features import find_features
 from scenes.load import load_scene
-from scenes.model import Camera, Material, Scene
+from scenes.model import Camera, Material, Scene, Texture
 from scenes.quaternions import looking
 
 FLOOR = 1.5  # levels of 255, mean over the picture; with the sky in place of the map it is a sixth less
@@ -73,12 +74,14 @@ def test_maps_are_drawn_once_for_each_scene(device: Device, tmp_path: Path, monk
 )
 def test_materials_decide(material: Material, glossy: bool) -> None:
     """Of textures the smoothest texel counts: 200 of 255 is 0.784, 210 is 0.824."""
-    from scenes.model import Texture
-
     textures = [Texture("", np.full((2, 2, 4), 255, np.uint8), srgb=False) for _ in range(2)]
     for texture, smoothest in zip(textures, (200, 210), strict=True):
         texture.texels[1, 0, 1] = smoothest
     assert find_features(replace(SCENE, materials=[material], textures=textures)).glossy == glossy
+
+
+def test_scenes_and_kernels_agree_on_what_is_matt() -> None:
+    assert features.MATT == MATT
 
 
 def test_a_scene_without_gloss_has_no_map(device: Device) -> None:

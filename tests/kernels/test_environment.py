@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from kernels.device import Device
-from kernels.inputs.surfaces import EYE, LIGHTS, make_samples, make_shader, material
+from kernels.inputs.surfaces import EYE, LIGHTS, SKY, make_samples, make_shader, material
 from kernels.raster.rasteriser import Rasteriser
 from kernels.samples import Samples
 from kernels.shade.capture import BRIGHTEST, scene_around, sky_around
@@ -24,6 +24,8 @@ from kernels.shade.environment import (
 )
 from kernels.shade.radiance import radiance
 from kernels.shade.shader import Shader
+from kernels.shade.tables import Lighting, Surface
+from kernels.texture.buffers import TextureBuffers
 from kernels.triangles import Triangles
 
 SMOOTHEST = ROUGHNESSES[0]
@@ -148,10 +150,6 @@ def test_a_mirror_shows_the_map(device: Device) -> None:
 
 def on_corners(device: Device, corners: np.ndarray, materials: list) -> Shader:
     """A shader of one triangle that faces up."""
-    from kernels.inputs.surfaces import SKY
-    from kernels.shade.tables import Lighting, Surface
-    from kernels.texture.buffers import TextureBuffers
-
     triangles = Triangles.upload(device, corners, np.array([[0, 1, 2]]), np.zeros(1, np.uint8))
     surface = Surface(np.tile([0, 1, 0], (3, 1)), np.zeros((3, 2)), np.zeros(1, np.int32), materials)
     return Shader(device, triangles, surface, Lighting([], SKY), TextureBuffers.upload(device, []))
