@@ -205,12 +205,17 @@ STRATEGIES = Source(
     },
     quick=True,
 )
+THRESHOLDS = " ".join(f"--method 'tss[slanted={value}]'" for value in (3.0, 5.0, 8.0, 10.0, 12.0))
 SLANTED = Source(
     "tss-slanted",
-    _commands(
-        "bench run --scene {scene} --frames 2 --size 480x270 --atlas 4096x2048 --crf 25 --metrics flip "
-        "--method 'tss[slanted=3.0]' --method 'tss[slanted=5.0]' --method tss",
-        ("hall", "village", SPONZA, VIKING),
+    (
+        *_commands(
+            "bench run --scene {scene} --frames 2 --size 960x540 --atlas 4096x4096 --crf 25 --metrics flip "
+            f"{THRESHOLDS}",
+            ("hall", "village", SPONZA, CLASSROOM, BISTRO),
+        ),
+        f"bench run --scene {VIKING} {STREET} --frames 2 --size 1920x1080 --atlas 8192x4096 --crf 25 --metrics flip "
+        f"{THRESHOLDS}",
     ),
     digests.strategy_parts,
     {
@@ -218,8 +223,9 @@ SLANTED = Source(
             ("scene", "slanted"),
             (
                 _words("scene", "{scene}"),
+                _words("client", "{size}"),
                 _words("`slanted`", "{slanted}"),
-                *_numbers(scale="scale: .2f", oversampling_share="slanted: .0%"),
+                *_numbers(oversampling_share="slanted: .0%", slanted_of_larger="above a texel: .0%"),
                 *_numbers(lpacking_samples="L-packing samples: ,.0f", oversampling_inside="Oversampling inside: ,.0f"),
                 *_numbers(oversampling_outside="outside: ,.0f", flip_lossless="FLIP, lossless: .4f"),
                 *_numbers(bytes_total="bytes at CRF 25: ,.0f"),

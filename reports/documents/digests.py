@@ -261,15 +261,21 @@ def _changes(off: Row, on: Row, end: str) -> Row:
 
 
 def strategy_parts(folders: Sequence[Path]) -> Parts:
-    """Runs of Tessellated Shading Streaming in several variants: samples, shares, the price of a sample, errors."""
+    """Runs of Tessellated Shading Streaming in several variants: samples, shares, the price of a sample, errors.
+
+    slanted_of_larger: the share of slanted ones among primitives that take more than a texel."""
     rows = []
     for lanes in map(Lanes, folders):
         variants = [(key, dict(part.split("=", 1) for part in key[1].split(","))) for key in lanes.keys]
         for key, chosen in sorted(variants, key=lambda variant: float(variant[1]["slanted"])):
             row: Row = {"scene": lanes.scene, "strategy": chosen["strategy"], "slanted": chosen["slanted"]}
+            row["size"] = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
             names = ("scale", "oversampling_share", "oversampling_outside_share", "gather_over_shading")
             names += ("lpacking_samples", "oversampling_inside", "oversampling_outside")
             row |= {name: lanes.statistic(key, name) for name in names}
+            of = {name: lanes.statistic(key, name) for name in ("primitives", "single_texels")}
+            larger = None if None in of.values() else of["primitives"] - of["single_texels"]
+            row["slanted_of_larger"] = _ratio(lanes.statistic(key, "oversampling_primitives"), larger)
             row |= {name: lanes.median(key, name, True) for name in ("samples", "dssim", "flip", "bytes_total")}
             rows.append(row | {"flip_lossless": lanes.median(key, "flip")})
     return {ROWS: rows}
