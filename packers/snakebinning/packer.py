@@ -73,6 +73,7 @@ class SnakeBinning(Packer):
         self.mapper = Mapping(scene.device, self.mapping, self.sink)
         self.geometry = geometry_encoder(scene, {})
         self.sent = np.zeros((count, FIELDS), np.uint32)
+        self.shown = np.empty(0, np.int32)  # the last frame's set
         self.frame = self.rebuilt = self.frozen_frames = 0
         self.rebuilt_area = self.added_area = 0.0  # texels, at the last rebuild and since then
         self.rebuilds = self.remappings = self.resets = 0
@@ -380,7 +381,9 @@ class SnakeBinning(Packer):
         before = self.sent[frame.pvs]
         places = encode_records(records, before)
         self.sent[frame.pvs] = records
-        moved = int(np.count_nonzero((before[:, 0] != records[:, 0]) & (before[:, 0] > 0) & (records[:, 0] > 0)))
+        stayed = np.isin(frame.pvs, self.shown) & (before[:, 0] > 0) & (records[:, 0] > 0)
+        self.shown = frame.pvs
+        moved = int(np.count_nonzero(stayed & (before[:, 0] != records[:, 0])))
         mapped = cuts[cuts >= 0]
         statistics = self._statistics(samples.count) | {
             "triangles_moved": moved,
