@@ -104,13 +104,14 @@ static inline int new_entry(Manager m) {
     return strip;
 }
 
-// Slots for so many triangles, with room to grow.
-static inline int room_for(int count, float capacity) {
-    return max(count, (int)(capacity * count));
+// Slots for so many triangles, with room to grow: at least for one more, but in a tight atlas.
+static inline int room_for(Manager m, int count) {
+    const float room = m.capacity * count;
+    return max(count, (int)(m.fit == TIGHT ? room : ceil(room)));
 }
 
-static inline int rows_for(const Strip *s, int per_row, float capacity) {
-    return (room_for(s->count, capacity) + per_row - 1) / per_row;
+static inline int rows_for(Manager m, const Strip *s, int per_row) {
+    return (room_for(m, s->count) + per_row - 1) / per_row;
 }
 
 // Free lines of a superblock, below a strip; above: -1 for the top. block: -1 for no gap.
@@ -148,7 +149,7 @@ static inline bool attach(Manager m, int strip, int block) {
     Superblock b = m.blocks[block];
     const int per_row = slots_in(&s, b.width);
     if (per_row == 0) return false;
-    const int rows = rows_for(&s, per_row, m.capacity), needed = rows * s.lines;
+    const int rows = rows_for(m, &s, per_row), needed = rows * s.lines;
     if (needed > b.room) return false;
     int above = -1, below = b.first, end = 0, largest = 0;
     while (below >= 0 && m.strips[below].y - end < needed) {
@@ -172,7 +173,7 @@ static inline float wanted_area(Manager m, const Strip *s) {
 static inline float area_in(Manager m, const Strip *s, int block) {
     const int per_row = slots_in(s, m.blocks[block].width);
     if (per_row == 0) return -1.0f;
-    const int lines = rows_for(s, per_row, m.capacity) * s->lines;
+    const int lines = rows_for(m, s, per_row) * s->lines;
     return lines > m.blocks[block].room ? -1.0f : (float)lines * m.blocks[block].width;
 }
 
@@ -211,10 +212,10 @@ static inline int square(Manager m, const Strip *s) {
 // be too high, narrower if the atlas ends. 0 if it cannot be, or not for the whole strip.
 static inline int superblock_width(Manager m, const Strip *s, int left, int height, bool whole) {
     int blocks = square(m, s);
-    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > height)
+    while (row_width(s, 2 * blocks) < left && rows_for(m, s, 2 * blocks) * s->lines > height)
         blocks += 1 + blocks / 8;
-    const int per_row = min(s->count == 1 ? 1 : 2 * blocks, slots_in(s, left));
-    if (per_row == 0 || height < s->lines || (whole && rows_for(s, per_row, m.capacity) * s->lines > height)) return 0;
+    const int per_row = min(room_for(m, s->count) == 1 ? 1 : 2 * blocks, slots_in(s, left));
+    if (per_row == 0 || height < s->lines || (whole && rows_for(m, s, per_row) * s->lines > height)) return 0;
     return row_width(s, per_row);
 }
 
@@ -222,7 +223,7 @@ static inline int superblock_width(Manager m, const Strip *s, int left, int heig
 // the strip as a square: strips come in the order of their lines then, so that those after it are no higher.
 static inline int band_height(Manager m, const Strip *s, int left) {
     if (m.fit != TIGHT) return m.height <= left ? m.height : 0;
-    const int lines = rows_for(s, 2 * square(m, s), m.capacity) * s->lines;
+    const int lines = rows_for(m, s, 2 * square(m, s)) * s->lines;
     return min(left, min(m.height, lines));
 }
 
@@ -269,7 +270,7 @@ static inline Gap roomiest_gap(Manager m, const Strip *s) {
 // Returns the number of triangles that have no slot then.
 static inline int place_in_parts(Manager m, int strip) {
     Strip s = rest_of(m, strip);
-    s.count = room_for(s.count, m.capacity);
+    s.count = room_for(m, s.count);
     m.capacity = 1.0f;
     while (s.count > 0) {
         const int block = create_superblock(m, &s, false);
@@ -335,7 +336,7 @@ static inline void update(Manager m, int strip) {
         push_orphan(m, strip);
         m.state[OUTGROWN]++;
     } else if (sparse) {
-        const int rows = rows_for(&s, s.per_row, m.capacity);
+        const int rows = rows_for(m, &s, s.per_row);
         if (rows >= s.rows) return;
         m.blocks[s.superblock].used -= (s.rows - rows) * s.lines;
         m.blocks[s.superblock].room = m.blocks[s.superblock].height;

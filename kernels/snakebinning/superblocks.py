@@ -233,7 +233,8 @@ class SuperblocksTwin:
         strip.update(slot_shape(*map(int, need), int(tops[number % COLUMN]), self.atlas.enlarge))
 
     def _room(self, strip: dict) -> int:
-        return max(strip["count"], int(np.float32(self.atlas.capacity) * np.float32(strip["count"])))
+        room = np.float32(self.atlas.capacity) * np.float32(strip["count"])
+        return max(strip["count"], int(room if self.atlas.fit == "tight" else np.ceil(room)))
 
     def _rows(self, strip: dict, per_row: int) -> int:
         return -(-self._room(strip) // per_row)
@@ -329,7 +330,7 @@ class SuperblocksTwin:
         blocks = self._square(strip)
         while row_width(strip, 2 * blocks) < left and self._rows(strip, 2 * blocks) * strip["lines"] > height:
             blocks += 1 + blocks // 8
-        per_row = min(1 if strip["count"] == 1 else 2 * blocks, slots_in(strip, left))
+        per_row = min(1 if self._room(strip) == 1 else 2 * blocks, slots_in(strip, left))
         too_high = whole and self._rows(strip, max(per_row, 1)) * strip["lines"] > height
         return 0 if not per_row or height < strip["lines"] or too_high else row_width(strip, per_row)
 

@@ -155,7 +155,8 @@ def test_frozen_frames_move_nothing_and_add_what_is_new(scene):
     assert payload.statistics["triangles_moved"] == 0
     later = payload.owners()
     for t in np.intersect1d(before, after):
-        np.testing.assert_array_equal(np.sort(owners.texel[owners.triangle == t]), np.sort(later.texel[later.triangle == t]))
+        texels = (np.sort(found.texel[found.triangle == t]) for found in (owners, later))
+        np.testing.assert_array_equal(*texels)
     assert set(after) == set(later.triangle)
 
 
@@ -165,7 +166,7 @@ def test_on_a_walk_nothing_moves_while_frozen(device, name):
     settings = Settings(methods=("sas",), scene=name, frames=12, width=320, height=180)
     session = open_session(settings, device)
     stream, placed, seen = Stream(session.scene), {}, np.empty(0, np.int32)
-    outgrown, frozen, returned = 0, 0, 0
+    before = outgrown = frozen = returned = 0
     for step in range(session.frames):
         frame = session.source.work(step).frame
         payload = stream.send(frame)
