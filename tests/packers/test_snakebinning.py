@@ -35,7 +35,7 @@ SWITCHES = [
     {"full_footprint": False},
     {"perspective": False},
     {"mapping": "hierarchical", "average_clear": True},
-    {"mapping": "off", "capacity": 0.0},
+    {"mapping": "exact", "capacity": 0.0},
     {"logarithmic": False, "prediction_frames": 0},
     {"hysteresis": False, "freeze": 0.0},
     {"freeze": 0.5, "freeze_frames": 2, "remap_interval": 2},
@@ -120,7 +120,7 @@ def test_what_does_not_change_stays(scene):
 
 @pytest.mark.parametrize("width", [512, 1024])
 def test_rare_costs_come_within_the_frames_they_are_promised_for(scene, width):
-    stream = Stream(scene, freeze=0.9, freeze_frames=1, remap_interval=4)
+    stream = Stream(scene, freeze=0.9, freeze_frames=1, remap_interval=4, mapping="exact")
     promised = {cost.counter: cost.frames for cost in stream.packer.rare_costs()}
     assert promised == {"resets": None, "remappings": 5, "rebuilds": 3}
     found = [stream.send(frame_of(scene, width, 512)).statistics for _ in range(5)]
