@@ -27,7 +27,7 @@ from kernels.snakebinning.footprint import (
 )
 from kernels.snakebinning.mapping import Mapping
 from kernels.snakebinning.place import Places, find_new, list_records, place_triangles
-from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
+from kernels.snakebinning.slices import MOST, Slices, screen_shares, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
 from packers.budget import BudgetedRate
@@ -174,7 +174,7 @@ class SnakeBinning(Packer):
         if self.frozen_frames >= self.freeze_frames or self.freeze <= 0 or self._remap_is_due():
             return False
         coarse = self.slices.corners[~self.slices.inside]
-        if any(screen_share(corners, frame.server.matrix) > 0 for corners in coarse):
+        if (screen_shares(coarse, frame.server.matrix) > 0).any():
             return False
         ids = self._list_items(frame)
         is_new = find_new(frame.scene.device, *self.items, self.rebuilt, self.places, self.blocks.strips)
