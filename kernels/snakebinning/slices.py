@@ -118,8 +118,8 @@ def texel_steps(bary: np.ndarray, lengths: np.ndarray, words: np.ndarray) -> np.
 
 
 def screen_shares(corners: np.ndarray, matrix: np.ndarray) -> np.ndarray:
-    """Shares of a view's picture, `matrix` = projection @ view, that triangles cover, corners (n, 3, 3), if nothing hides
-    them: float64 (n)."""
+    """Shares of a view's picture, `matrix` = projection @ view, that triangles, corners (n, 3, 3), cover if nothing
+    hides them: float64 (n)."""
     points, count = transform(matrix, corners)[..., [0, 1, 3]], np.full(len(corners), 3)
     for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
         points, count = _clip(points, count, points[..., 2] + sign * points[..., axis])
