@@ -278,7 +278,12 @@ def placing(device: Device, kind: str, size: int) -> Trial:
 
 
 @case(
-    {"emit.count_samples": Cost("p", "100*p"), "emit.emit_samples": Cost("n", "20*n", "60*n")},
+    {
+        "emit.size_slots": Cost("s", "(88 + 4)*s"),
+        "emit.list_slots": Cost("s", "(88 + 16)*s + 4*t"),
+        "emit.count_samples": Cost("p", "(4 + 8 + 4 + 16)*p"),
+        "emit.emit_samples": Cost("n", "20*n", "60*n"),
+    },
     1 << 13,
     1 << 9,
     typical=Bound(14),
@@ -291,7 +296,9 @@ def emission(device: Device, kind: str, size: int) -> Trial:
         samples, expected = packed.samples(), samples_twin(packed)
         return [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
 
-    return Trial({"p": size, "n": packed.samples().count}, packed.samples, results)
+    strips = packed.blocks.live_strips()
+    sizes = {"p": size, "n": packed.samples().count, "s": len(packed.blocks.strips), "t": int(strips["texels"].sum())}
+    return Trial(sizes, packed.samples, results)
 
 
 def samples_twin(packed: Packed) -> dict[str, np.ndarray]:

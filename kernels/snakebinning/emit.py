@@ -48,6 +48,7 @@ def emit_samples(
     sample, in its middle, with steps as if it were one texel high and long.
     """
     kernels = device.build("snakebinning/emit.cl")
+    lists, texels = _list_slots(device, strips, enlarge)
     run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
     runs = -(-count // run)
     listed = (
@@ -62,16 +63,29 @@ def emit_samples(
         places.places,
         places.drawn,
         strips,
+        lists,
     )
     local = 1 if device.is_cpu else None
     counts = device.recycled(runs, np.int32)
     device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
-    known = (footprints.words, scene.positions, scene.indices, pieces[1], atlas_width, counts, offsets)
+    known = (texels, footprints.words, scene.positions, scene.indices, pieces[1], atlas_width, counts, offsets)
     arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
     device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
     return s
+
+
+def _list_slots(device: Device, strips: Array, enlarge: str) -> tuple[Array, Array]:
+    """What the triangles of each strip share, int32 (strips, 4), and the texels of its slots, int32: see emit.cl."""
+    kernels, count = device.build("snakebinning/emit.cl"), len(strips)
+    sizes = device.recycled(count, np.int32)
+    device.launch(STAGE, kernels.size_slots, count, count, strips, sizes)
+    offsets, total = exclusive_scan(device, sizes, count, STAGE)
+    texels, lists, run = device.recycled(total + 8, np.int32), device.recycled((count, 4), np.int32), -(-count // RUNS)
+    known = (ENLARGE[enlarge], strips, sizes, offsets, texels, lists)
+    device.launch(STAGE, kernels.list_slots, -(-count // run), count, run, *known, local=1)
+    return lists, texels
 
 
 def emit_twin(

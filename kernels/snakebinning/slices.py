@@ -117,18 +117,34 @@ def texel_steps(bary: np.ndarray, lengths: np.ndarray, words: np.ndarray) -> np.
     return np.abs(steps).sum(axis=3).max(axis=(1, 2), initial=0)
 
 
-def screen_share(corners: np.ndarray, matrix: np.ndarray) -> float:
-    """Share of a view's picture, `matrix` = projection @ view, that a triangle covers, if nothing hides it."""
-    polygon = np.eye(3)
-    for plane in side_planes(matrix, 0.0):
-        polygon, _ = split_polygon(polygon, _distances(polygon, corners, plane))
-        if len(polygon) < 3:
-            return 0.0
-    clip = transform(matrix, product(polygon, corners))
-    if (clip[:, 3] <= 0).any():
-        return 0.0 if (clip[:, 3] <= 0).all() else 1.0
-    x, y = clip[:, 0] / clip[:, 3], clip[:, 1] / clip[:, 3]
-    return float(abs(dot(x, np.roll(y, -1)) - dot(y, np.roll(x, -1))) / 8)
+def screen_shares(corners: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+    """Shares of a view's picture, `matrix` = projection @ view, that triangles, corners (n, 3, 3), cover if nothing
+    hides them: float64 (n)."""
+    points, count = transform(matrix, corners)[..., [0, 1, 3]], np.full(len(corners), 3)
+    for axis, sign in ((0, 1), (0, -1), (1, 1), (1, -1)):
+        points, count = _clip(points, count, points[..., 2] + sign * points[..., axis])
+    w = np.where(np.arange(points.shape[1]) < count[:, None], points[..., 2], np.inf)
+    at = points[..., :2] / np.where((w > 0) & (w < np.inf), w, 1)[..., None]
+    at = np.where(np.isinf(w)[..., None], at[:, :1], at)  # beyond the last corner the first again, which adds nothing
+    x, y = at[..., 0], at[..., 1]
+    area = np.abs((x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1)).sum(axis=1)) / 8
+    return np.where(count < 3, 0.0, np.where((w > 0).all(axis=1), area, 1.0))  # or it reaches the eye
+
+
+def _clip(points: np.ndarray, count: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The parts of convex polygons, of `count` (n) corners each, points (n, m, 3), where linear `distances` (n, m) are
+    positive: points (n, m + 1, 3), and how many count."""
+    most = points.shape[1]
+    corner = np.arange(most)
+    used, after = corner < count[:, None], np.where(corner + 1 < count[:, None], corner + 1, 0)
+    further = np.take_along_axis(distances, after, axis=1)
+    crosses = used & ((distances > 0) != (further > 0))
+    part = distances / np.where(crosses, distances - further, 1)
+    between = points + part[..., None] * (np.take_along_axis(points, after[..., None], axis=1) - points)
+    valid = np.stack([used & (distances > 0), crosses], axis=2).reshape(-1, 2 * most)
+    found = np.stack([points, between], axis=2).reshape(-1, 2 * most, 3)
+    first = np.argsort(~valid, axis=1, kind="stable")[:, : most + 1]
+    return np.take_along_axis(found, first[..., None], axis=1), valid.sum(axis=1)
 
 
 def slice_dominating(
@@ -142,9 +158,8 @@ def slice_dominating(
     """
     server = server * np.array([1 / WIDER, 1 / WIDER, 1, 1])[:, None]
     parents, places, bary, inside = [], [], [], []
-    for triangle, triangle_corners in zip(ids, corners, strict=True):
-        if max(screen_share(triangle_corners, client) for client in clients) < share:
-            continue
+    dominating = np.flatnonzero(np.max([screen_shares(corners, client) for client in clients], axis=0) >= share)
+    for triangle, triangle_corners in zip(ids[dominating], corners[dominating], strict=True):
         within, beyond = cut(triangle_corners, server, margin)
         if len(parents) + len(within) + len(beyond) > MOST:
             break

@@ -86,9 +86,32 @@ static inline int room_of(Manager m, int strip) {
     return room;
 }
 
-static inline int rows_for(const Strip *s, int per_row, float capacity) {
-    const int room = max(s->count, (int)(capacity * s->count));
-    return (room + per_row - 1) / per_row;
+// A strip as it is to be placed: with those of its triangles that have no slot yet.
+static inline Strip rest_of(Manager m, int strip) {
+    Strip s = m.strips[strip];
+    s.count -= room_of(m, strip);
+    return s;
+}
+
+static inline bool has_entry(Manager m) { return m.state[FREE] >= 0 || m.state[STRIPS] < m.entries; }
+
+// An entry of the list of strips, -1 if there is none.
+static inline int new_entry(Manager m) {
+    if (!has_entry(m)) return -1;
+    const int strip = m.state[FREE];
+    if (strip < 0) return m.state[STRIPS]++;
+    m.state[FREE] = m.strips[strip].next;
+    return strip;
+}
+
+// Slots for so many triangles, with room to grow: at least for one more, but in a tight atlas.
+static inline int room_for(Manager m, int count) {
+    const float room = m.capacity * count;
+    return max(count, (int)(m.fit == TIGHT ? room : ceil(room)));
+}
+
+static inline int rows_for(Manager m, const Strip *s, int per_row) {
+    return (room_for(m, s->count) + per_row - 1) / per_row;
 }
 
 // Free lines of a superblock, below a strip; above: -1 for the top. block: -1 for no gap.
@@ -96,27 +119,37 @@ typedef struct {
     int block, above, y, lines;
 } Gap;
 
-// Puts so many rows of a strip into a gap that holds them; s: its shape.
-static inline void insert(Manager m, int strip, Strip s, Gap gap, int rows) {
+// Puts so many rows of a strip, or of a further part of one that is placed, into a gap that holds them; s: its shape.
+// Whether there is an entry for them.
+static inline bool insert(Manager m, int strip, Strip s, Gap gap, int rows) {
     __global Superblock *b = m.blocks + gap.block;
+    int last = m.strips[strip].superblock < 0 ? -1 : strip;
+    while (last >= 0 && m.strips[last].more >= 0) last = m.strips[last].more;
+    const int part = last < 0 ? strip : new_entry(m);
+    if (part < 0) return false;
     s.superblock = gap.block, s.y = gap.y, s.rows = rows, s.per_row = slots_in(&s, b->width);
     s.next = gap.above < 0 ? b->first : m.strips[gap.above].next;
-    m.strips[strip] = s;
-    if (gap.above < 0) b->first = strip;
-    else m.strips[gap.above].next = strip;
+    s.count = last < 0 ? m.strips[strip].count : 0;
+    s.more = -1;
+    s.moved_at = m.frame;
+    m.strips[part] = s;
+    if (last >= 0) m.strips[last].more = part;
+    if (gap.above < 0) b->first = part;
+    else m.strips[gap.above].next = part;
     b->used += rows * s.lines;
     b->strips++;
     b->peak = max(b->peak, b->used);
+    return true;
 }
 
-// Puts a strip into the first gap of a superblock that holds it; whether there is one.
+// Puts a strip, or what has no slot of one that is placed, into the first gap of a superblock that holds it; whether there
+// is one.
 static inline bool attach(Manager m, int strip, int block) {
-    Strip s = m.strips[strip];
+    const Strip s = rest_of(m, strip);
     Superblock b = m.blocks[block];
     const int per_row = slots_in(&s, b.width);
     if (per_row == 0) return false;
-    s.rows = rows_for(&s, per_row, m.capacity);
-    const int needed = s.rows * s.lines;
+    const int rows = rows_for(m, &s, per_row), needed = rows * s.lines;
     if (needed > b.room) return false;
     int above = -1, below = b.first, end = 0, largest = 0;
     while (below >= 0 && m.strips[below].y - end < needed) {
@@ -129,8 +162,7 @@ static inline bool attach(Manager m, int strip, int block) {
         m.blocks[block].room = max(largest, b.height - end);
         return false;
     }
-    insert(m, strip, s, (Gap){block, above, end, needed}, s.rows);
-    return true;
+    return insert(m, strip, s, (Gap){block, above, end, needed}, rows);
 }
 
 // Texels of atlas that a strip should take, and that it would take in a superblock; -1 if it has no room for sure.
@@ -141,7 +173,7 @@ static inline float wanted_area(Manager m, const Strip *s) {
 static inline float area_in(Manager m, const Strip *s, int block) {
     const int per_row = slots_in(s, m.blocks[block].width);
     if (per_row == 0) return -1.0f;
-    const int lines = rows_for(s, per_row, m.capacity) * s->lines;
+    const int lines = rows_for(m, s, per_row) * s->lines;
     return lines > m.blocks[block].room ? -1.0f : (float)lines * m.blocks[block].width;
 }
 
@@ -163,7 +195,8 @@ static inline int find_superblock(Manager m, const Strip *s, float most) {
 
 // snug: whether only where it wastes little, if the atlas is tight.
 static inline bool attach_anywhere(Manager m, int strip, bool snug) {
-    const Strip s = m.strips[strip];
+    const Strip s = rest_of(m, strip);
+    if (s.superblock >= 0 && !has_entry(m)) return false;
     const float most = snug && m.fit == TIGHT ? SNUG * wanted_area(m, &s) : INFINITY;
     for (int block = find_superblock(m, &s, most); block >= 0; block = find_superblock(m, &s, most))
         if (attach(m, strip, block)) return true;  // else its `room` is smaller now
@@ -179,10 +212,10 @@ static inline int square(Manager m, const Strip *s) {
 // be too high, narrower if the atlas ends. 0 if it cannot be, or not for the whole strip.
 static inline int superblock_width(Manager m, const Strip *s, int left, int height, bool whole) {
     int blocks = square(m, s);
-    while (row_width(s, 2 * blocks) < left && rows_for(s, 2 * blocks, m.capacity) * s->lines > height)
+    while (row_width(s, 2 * blocks) < left && rows_for(m, s, 2 * blocks) * s->lines > height)
         blocks += 1 + blocks / 8;
-    const int per_row = min(s->count == 1 ? 1 : 2 * blocks, slots_in(s, left));
-    if (per_row == 0 || height < s->lines || (whole && rows_for(s, per_row, m.capacity) * s->lines > height)) return 0;
+    const int per_row = min(room_for(m, s->count) == 1 ? 1 : 2 * blocks, slots_in(s, left));
+    if (per_row == 0 || height < s->lines || (whole && rows_for(m, s, per_row) * s->lines > height)) return 0;
     return row_width(s, per_row);
 }
 
@@ -190,7 +223,7 @@ static inline int superblock_width(Manager m, const Strip *s, int left, int heig
 // the strip as a square: strips come in the order of their lines then, so that those after it are no higher.
 static inline int band_height(Manager m, const Strip *s, int left) {
     if (m.fit != TIGHT) return m.height <= left ? m.height : 0;
-    const int lines = rows_for(s, 2 * square(m, s), m.capacity) * s->lines;
+    const int lines = rows_for(m, s, 2 * square(m, s)) * s->lines;
     return min(left, min(m.height, lines));
 }
 
@@ -233,39 +266,22 @@ static inline Gap roomiest_gap(Manager m, const Strip *s) {
     return found;
 }
 
-// An entry of the list of strips, -1 if there is none.
-static inline int new_entry(Manager m) {
-    const int strip = m.state[FREE];
-    if (strip < 0) return m.state[STRIPS] < m.entries ? m.state[STRIPS]++ : -1;
-    m.state[FREE] = m.strips[strip].next;
-    return strip;
-}
-
-// Gives a strip that has room nowhere as a whole parts, or a placed one further parts: in what the atlas has left, then
-// in gaps, the roomiest first. Returns the number of triangles that have no slot then.
+// Gives a strip that has room nowhere as a whole parts: in what the atlas has left, then in gaps, the roomiest first.
+// Returns the number of triangles that have no slot then.
 static inline int place_in_parts(Manager m, int strip) {
-    const int count = m.strips[strip].count, wanted = max(count, (int)(m.capacity * count));
-    Strip s = m.strips[strip];
-    int last = s.superblock < 0 ? -1 : strip;
-    while (last >= 0 && m.strips[last].more >= 0) last = m.strips[last].more;
+    Strip s = rest_of(m, strip);
+    s.count = room_for(m, s.count);
     m.capacity = 1.0f;
-    s.count = wanted - room_of(m, strip);
-    s.more = -1;
-    s.moved_at = m.frame;
     while (s.count > 0) {
         const int block = create_superblock(m, &s, false);
         const Gap gap = block >= 0 ? (Gap){block, -1, 0, m.blocks[block].height} : roomiest_gap(m, &s);
-        const int part = gap.block < 0 ? -1 : last < 0 ? strip : new_entry(m);
-        if (part < 0) break;
+        if (gap.block < 0) break;
         const int per_row = slots_in(&s, m.blocks[gap.block].width);
         const int rows = min((s.count + per_row - 1) / per_row, gap.lines / s.lines);
-        insert(m, part, s, gap, rows);
-        m.strips[part].count = part == strip ? count : 0;
-        if (last >= 0) m.strips[last].more = part;
+        if (!insert(m, strip, s, gap, rows)) break;
         s.count -= rows * per_row;
-        last = part;
     }
-    return max(0, count - (wanted - s.count));
+    return max(0, m.strips[strip].count - room_of(m, strip));
 }
 
 // The strip of a bin that has none.
@@ -304,29 +320,23 @@ static inline void collect(Manager m, int used_count, __global const int *used, 
     }
 }
 
-// Whether a placed strip must move: too many triangles, or, where things may move, those of its own bin are wider than
-// it by more than an eighth.
-static inline bool outgrown(const Strip *s, int room, int frozen) {
-    return s->count > room ||
-           (s->native && !frozen && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32));
+// Whether those of a strip's own bin are wider than it by more than an eighth.
+static inline bool too_narrow(const Strip *s) {
+    return s->native && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32);
 }
 
-// Shrinks a placed strip, or takes it out and makes it an orphan, as also one in parts that needs less room. In a tight
-// atlas, where it would find no other place, a frozen one gets a further part.
+// Shrinks a placed strip, or takes it out and makes it an orphan: one that is too small, or that is in parts and needs less
+// room. In a frozen frame, in which nothing moves, what has no slot in it is an orphan.
 static inline void update(Manager m, int strip) {
     const Strip s = m.strips[strip];
     const int room = room_of(m, strip);
     const bool sparse = !m.frozen && s.count < m.shrink * room;
-    if (m.frozen && m.fit == TIGHT) {
-        if (s.count > room) m.state[LEFT] += place_in_parts(m, strip);
-    } else if (outgrown(&s, room, m.frozen) || (sparse && s.more >= 0)) {
-        take_out(m, strip);
-        m.strips[strip].base = 0;
-        m.strips[strip].moved_at = m.frame;
+    if (s.count > room || (!m.frozen && too_narrow(&s)) || (sparse && s.more >= 0)) {
+        if (!m.frozen) take_out(m, strip);
         push_orphan(m, strip);
         m.state[OUTGROWN]++;
     } else if (sparse) {
-        const int rows = rows_for(&s, s.per_row, m.capacity);
+        const int rows = rows_for(m, &s, s.per_row);
         if (rows >= s.rows) return;
         m.blocks[s.superblock].used -= (s.rows - rows) * s.lines;
         m.blocks[s.superblock].room = m.blocks[s.superblock].height;
@@ -387,14 +397,14 @@ static inline void place_orphans(Manager m, __global const int *tops) {
     __global int *state = m.state;
     int highest = 0, made = -1;
     for (int i = 0; i < state[ORPHANS]; i++) {
-        reshape(m, m.orphans[i], tops);
+        if (m.strips[m.orphans[i]].superblock < 0) reshape(m, m.orphans[i], tops);
         const Strip s = m.strips[m.orphans[i]];
         highest = max(highest, place_class(m, &s));
     }
     for (int class = highest; class >= 0; class--)
         for (int i = 0; i < state[ORPHANS]; i++) {
             const int strip = m.orphans[i];
-            const Strip s = m.strips[strip];
+            const Strip s = rest_of(m, strip);
             if (place_class(m, &s) != class || attach_orphan(m, strip, made)) continue;
             const int block = create_superblock(m, &s, true);
             if (block >= 0) attach(m, strip, block), made = block;
@@ -402,7 +412,7 @@ static inline void place_orphans(Manager m, __global const int *tops) {
         }
 }
 
-// frozen: triangles join strips, of which only outgrown ones move. used: bins with triangles, ascending. map: target of each bin.
+// frozen: triangles join strips, and none that has a slot moves. used: bins with triangles, ascending. map: target of each bin.
 // tops: height of each bin of heights in 1/8 texel.
 __kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops,

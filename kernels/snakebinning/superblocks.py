@@ -82,7 +82,8 @@ class Superblocks:
         A strip that has room nowhere as a whole lies in several parts. numbers["left"] is how many triangles have none.
 
         frame: a number that grows. targets: int32 (BINS). tops: int32, height of each bin of heights in 1/8 texel.
-        frozen: the triangles counted join those that strips have, and only strips that these outgrow move.
+        frozen: the triangles counted join those that strips have, and nothing moves: a strip that they outgrow gets a
+        further part.
         """
         self._grow(self.numbers["strips"] + bins.used_count + PARTS)
         a = self.atlas
@@ -144,17 +145,16 @@ class SuperblocksTwin:
                 self._take_out(number)
                 del self.strips[number]
                 self._release(entry)
-            elif strip["parts"] and frozen and self.atlas.fit == "tight":
-                self.left += self._place_in_parts(number)
             elif strip["parts"]:
-                orphans += [number] if self._must_move(number, frozen) else []
+                orphans += [number] if self._is_orphan(number, frozen) else []
             else:
                 self._shape(number, tops)
                 orphans += [] if self._attach_anywhere(number) else [number]
         if not frozen:
             orphans += self._collapse()
         for number in orphans:
-            self._shape(number, tops)
+            if not self.strips[number]["parts"]:
+                self._shape(number, tops)
         made = None  # the superblock that an orphan got new last
         for number in sorted(orphans, key=lambda n: -self._class(self.strips[n])):
             if self._attach_orphan(number, made):
@@ -201,8 +201,13 @@ class SuperblocksTwin:
                 self._release(part["entry"])
         self.strips[number]["parts"] = []
 
-    def _must_move(self, number: int, frozen: bool) -> bool:
-        """Shrink a placed strip, or take it out."""
+    def _rest(self, number: int) -> dict:
+        """A strip with those of its triangles that have no slot."""
+        strip = self.strips[number]
+        return strip | {"count": strip["count"] - sum(part["rows"] * part["per_row"] for part in strip["parts"])}
+
+    def _is_orphan(self, number: int, frozen: bool) -> bool:
+        """Shrink a placed strip, or take it out; in a frozen frame, whether it needs a further part."""
         strip = self.strips[number]
         room = sum(part["rows"] * part["per_row"] for part in strip["parts"])
         wide = (
@@ -214,8 +219,8 @@ class SuperblocksTwin:
         )
         sparse = not frozen and strip["count"] < self.atlas.shrink * room
         if strip["count"] > room or wide or (sparse and len(strip["parts"]) > 1):
-            self._take_out(number)
-            strip["base"] = 0
+            if not frozen:
+                self._take_out(number)
             return True
         if sparse:
             part = strip["parts"][0]
@@ -228,7 +233,8 @@ class SuperblocksTwin:
         strip.update(slot_shape(*map(int, need), int(tops[number % COLUMN]), self.atlas.enlarge))
 
     def _room(self, strip: dict) -> int:
-        return max(strip["count"], int(np.float32(self.atlas.capacity) * np.float32(strip["count"])))
+        room = np.float32(self.atlas.capacity) * np.float32(strip["count"])
+        return max(strip["count"], int(room if self.atlas.fit == "tight" else np.ceil(room)))
 
     def _rows(self, strip: dict, per_row: int) -> int:
         return -(-self._room(strip) // per_row)
@@ -243,7 +249,7 @@ class SuperblocksTwin:
         return [(end, start - end, place) for place, (end, start) in enumerate(zip(ends, starts, strict=True))]
 
     def _attach_anywhere(self, number: int, snug: bool = True) -> bool:
-        strip = self.strips[number]
+        strip = self._rest(number)
         most = 1.3 * self._wanted(strip) if snug and self.atlas.fit == "tight" else np.inf
         choices = []
         for index, block in enumerate(self.blocks):
@@ -263,7 +269,7 @@ class SuperblocksTwin:
     def _attach_orphan(self, number: int, made: int | None) -> bool:
         if self.atlas.fit != "next":
             return self._attach_anywhere(number)
-        fits = made is not None and self._has_room(self.strips[number], self.blocks[made])
+        fits = made is not None and self._has_room(self._rest(number), self.blocks[made])
         if fits:
             self._attach(number, made)
         return fits
@@ -275,13 +281,13 @@ class SuperblocksTwin:
         return per_row > 0 and any(height >= lines for _, height, _ in self._gaps(block))
 
     def _attach(self, number: int, index: int) -> None:
-        strip, block = self.strips[number], self.blocks[index]
+        strip, block = self._rest(number), self.blocks[index]
         rows = self._rows(strip, slots_in(strip, block["width"]))
         gap = next(gap for gap in self._gaps(block) if gap[1] >= rows * strip["lines"])
-        self._insert(strip, index, gap, rows, None)
+        self._insert(strip, index, gap, rows)
 
-    def _insert(self, strip: dict, index: int, gap: tuple[int, int, int], rows: int, entry: int | None) -> None:
-        block = self.blocks[index]
+    def _insert(self, strip: dict, index: int, gap: tuple[int, int, int], rows: int) -> None:
+        block, entry = self.blocks[index], self._entry() if strip["parts"] else None
         part = {"block": index, "y": gap[0], "rows": rows, "per_row": slots_in(strip, block["width"]), "entry": entry}
         part["lines"] = strip["lines"]
         strip["parts"].append(part)
@@ -292,7 +298,7 @@ class SuperblocksTwin:
         return sum(part["rows"] * part["lines"] for part in block["parts"])
 
     def _create(self, number: int) -> bool:
-        index = self._open(self.strips[number], True)
+        index = self._open(self._rest(number), True)
         if index is not None:
             self._attach(number, index)
         return index is not None
@@ -324,7 +330,7 @@ class SuperblocksTwin:
         blocks = self._square(strip)
         while row_width(strip, 2 * blocks) < left and self._rows(strip, 2 * blocks) * strip["lines"] > height:
             blocks += 1 + blocks // 8
-        per_row = min(1 if strip["count"] == 1 else 2 * blocks, slots_in(strip, left))
+        per_row = min(1 if self._room(strip) == 1 else 2 * blocks, slots_in(strip, left))
         too_high = whole and self._rows(strip, max(per_row, 1)) * strip["lines"] > height
         return 0 if not per_row or height < strip["lines"] or too_high else row_width(strip, per_row)
 
@@ -334,19 +340,18 @@ class SuperblocksTwin:
         return _width_class(strip["extent"] + 1) if self.atlas.orphans == "widest" else 0
 
     def _place_in_parts(self, number: int) -> int:
-        """Give a strip parts, or a placed one that is too small further parts; how many triangles have no slot then."""
-        strip, atlas = self.strips[number], self.atlas
-        room = sum(part["rows"] * part["per_row"] for part in strip["parts"])
-        wanted, rest = self._room(strip) if strip["count"] > room else room, dict(strip)
-        self.atlas, rest["count"] = replace(atlas, capacity=1.0), wanted - room
+        """Give a strip parts; how many triangles have no slot then."""
+        rest, atlas = self._rest(number), self.atlas
+        rest["count"] = self._room(rest)
+        self.atlas = replace(atlas, capacity=1.0)
         while rest["count"] > 0 and (found := self._next_gap(rest)) is not None:
             index, gap = found
-            per_row = slots_in(strip, self.blocks[index]["width"])
-            rows = min(-(-rest["count"] // per_row), gap[1] // strip["lines"])
-            self._insert(strip, index, gap, rows, self._entry() if strip["parts"] else None)
+            per_row = slots_in(rest, self.blocks[index]["width"])
+            rows = min(-(-rest["count"] // per_row), gap[1] // rest["lines"])
+            self._insert(rest, index, gap, rows)
             rest["count"] -= rows * per_row
         self.atlas = atlas
-        return max(0, strip["count"] - (wanted - rest["count"]))
+        return max(0, self._rest(number)["count"])
 
     def _next_gap(self, rest: dict) -> tuple[int, tuple[int, int, int]] | None:
         """A superblock, and a gap in it, for a part of what is left of a strip: a new one, else the roomiest gap."""

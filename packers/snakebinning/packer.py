@@ -27,7 +27,7 @@ from kernels.snakebinning.footprint import (
 )
 from kernels.snakebinning.mapping import Mapping
 from kernels.snakebinning.place import Places, find_new, list_records, place_triangles
-from kernels.snakebinning.slices import MOST, Slices, screen_share, slice_dominating, texel_steps
+from kernels.snakebinning.slices import MOST, Slices, screen_shares, slice_dominating, texel_steps
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
 from packers.budget import BudgetedRate
@@ -73,6 +73,7 @@ class SnakeBinning(Packer):
         self.mapper = Mapping(scene.device, self.mapping, self.sink)
         self.geometry = geometry_encoder(scene, {})
         self.sent = np.zeros((count, FIELDS), np.uint32)
+        self.shown = np.empty(0, np.int32)  # the last frame's set
         self.frame = self.rebuilt = self.frozen_frames = 0
         self.rebuilt_area = self.added_area = 0.0  # texels, at the last rebuild and since then
         self.rebuilds = self.remappings = self.resets = 0
@@ -174,7 +175,7 @@ class SnakeBinning(Packer):
         if self.frozen_frames >= self.freeze_frames or self.freeze <= 0 or self._remap_is_due():
             return False
         coarse = self.slices.corners[~self.slices.inside]
-        if any(screen_share(corners, frame.server.matrix) > 0 for corners in coarse):
+        if (screen_shares(coarse, frame.server.matrix) > 0).any():
             return False
         ids = self._list_items(frame)
         is_new = find_new(frame.scene.device, *self.items, self.rebuilt, self.places, self.blocks.strips)
@@ -381,7 +382,9 @@ class SnakeBinning(Packer):
         before = self.sent[frame.pvs]
         places = encode_records(records, before)
         self.sent[frame.pvs] = records
-        moved = int(np.count_nonzero((before[:, 0] != records[:, 0]) & (before[:, 0] > 0) & (records[:, 0] > 0)))
+        stayed = np.isin(frame.pvs, self.shown) & (before[:, 0] > 0) & (records[:, 0] > 0)
+        self.shown = frame.pvs
+        moved = int(np.count_nonzero(stayed & (before[:, 0] != records[:, 0])))
         mapped = cuts[cuts >= 0]
         statistics = self._statistics(samples.count) | {
             "triangles_moved": moved,

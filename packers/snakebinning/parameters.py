@@ -27,11 +27,12 @@ PARAMETERS = {
         published="paper",
     ),
     "mapping": Parameter(
-        "exact",
+        "off",
         ("off", "hierarchical", "exact"),
         "where sparse bins go: nowhere, to the sink that a hierarchy finds, or to the nearest sink",
         "",
-        "exact: 3.4; hierarchical: 4",
+        "exact: 3.4; hierarchical: 4; off: ours",
+        published="exact",
     ),
     "sink": Parameter(16, (8, 16, 32), "a bin with more triangles attracts others: M", "triangles", "3.4"),
     "remap_interval": Parameter(

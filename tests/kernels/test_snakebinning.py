@@ -37,7 +37,7 @@ from kernels.snakebinning.place import Places, find_new, list_records, parts_twi
 from kernels.snakebinning.slices import (
     Slices,
     cut,
-    screen_share,
+    screen_shares,
     side_planes,
     slice_dominating,
     texel_steps,
@@ -559,14 +559,21 @@ def test_pieces_cover_the_triangle_once_and_lie_on_their_side(seed, margin):
 
 
 def test_the_share_of_the_screen_is_that_of_the_clipped_triangle():
+    """Of a floor, a triangle that covers the view, one behind it, a small one, and random ones around the camera."""
+    rng = np.random.default_rng(6)
+    covers = np.array([[-100, -100, -1], [300, -100, -1], [-100, 300, -1.0]])
+    small = np.array([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1]])
+    corners = np.concatenate([[FLOOR, covers, FLOOR * [1, 1, 0] + [0, 0, 5], small], 3 * rng.normal(size=(60, 3, 3))])
     points = (np.arange(200) + 0.5) / 100 - 1
     grid = np.stack([*np.meshgrid(points, points), np.ones((200, 200))]).reshape(3, -1)
-    clip = camera()[[0, 1, 3]] @ np.concatenate([FLOOR, np.ones((3, 1))], axis=1).T
-    inside = (np.linalg.inv(clip) @ grid > 0).all(axis=0)
-    assert screen_share(FLOOR, camera()) == pytest.approx(inside.mean(), abs=0.005)
-    assert screen_share(np.array([[-100, -100, -1], [300, -100, -1], [-100, 300, -1.0]]), camera()) == pytest.approx(1)
-    assert screen_share(FLOOR * [1, 1, 0] + [0, 0, 5], camera()) == 0
-    assert screen_share(np.array([[0, 0, -1], [0.1, 0, -1], [0, 0.1, -1]]), camera()) < 0.02
+    shares = screen_shares(corners, camera())
+    for triangle, share in zip(corners[np.arange(len(corners)) != 2], np.delete(shares, 2), strict=True):
+        clip = camera()[[0, 1, 3]] @ np.concatenate([triangle, np.ones((3, 1))], axis=1).T
+        assert share == pytest.approx((np.linalg.inv(clip) @ grid > 0).all(axis=0).mean(), abs=0.006)
+    assert shares[1] == pytest.approx(1)
+    assert shares[2] == 0
+    assert 0.1 < (shares[4:] > 0).mean() < 0.9
+    assert screen_shares(np.empty((0, 3, 3)), camera()).shape == (0,)
 
 
 def test_only_dominating_triangles_are_sliced():
@@ -589,7 +596,7 @@ def test_pieces_of_a_very_large_triangle_fill_the_screen():
     """As far as float32 barycentrics tell pieces apart: beyond it there are none, and their weights would be noise."""
     for screens in (1e2, 1e5):
         slices = slice_dominating(np.array([0]), large(screens)[None], [camera()], camera(), 0.1, 0.25)
-        shown = [screen_share(piece, camera()) for piece in slices.corners[slices.inside]]
+        shown = screen_shares(slices.corners[slices.inside], camera())
         assert sum(shown) == pytest.approx(1, abs=1e-6)
         assert np.linalg.norm(slices.corners[slices.inside], axis=2).max() < 10
         rounded = slices.bary.astype(np.float32).astype(np.float64)
