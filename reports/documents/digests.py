@@ -146,7 +146,6 @@ SWITCHES = {
     "no hysteresis": "hysteresis=false",
     "no spare capacity": "capacity=0",
     "no freezing": "freeze=0",
-    "no mapping": "mapping=off",
     "hierarchical mapping": "mapping=hierarchical",
     "linear bins": "logarithmic=false",
     "no perspective": "perspective=false",
@@ -155,6 +154,7 @@ SWITCHES = {
     "shading rate 1": "shading_rate=1.0",
 }  # of SnakeBinning, flipped one at a time
 OURS = {
+    "mapping": ("mapping=exact", "mapping=off"),
     "superblock": ("assignment=first", "assignment=best"),
     "enlargement": ("enlarge=paper", "enlarge=exact"),
     "order of orphans": ("orphans=found", "orphans=widest"),
