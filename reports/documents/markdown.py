@@ -144,7 +144,7 @@ class Book:
         found = [
             row[match["field"]]
             for row in rows
-            if all(key in ("*", str(row[name])) for key, name in zip(wanted, about.key, strict=True))
+            if all(key in ("*", str(row.get(name))) for key, name in zip(wanted, about.key, strict=True))
             and row.get(match["field"]) is not None
         ]
         if not found or len(keys) > len(about.key) or (len(found) > 1 and not match["fold"]):
