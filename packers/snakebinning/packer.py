@@ -221,11 +221,13 @@ class SnakeBinning(Packer):
         """Empty the atlas, and fill it at the first step at which everything has a place; without one, with what fits.
 
         Looked for from the present step on, in growing strides, because the sets of neighbouring frames need about the
-        same; on to higher rates only where a reset was due, not where the room ran out.
+        same; on to higher rates only where a reset was due, not where the room ran out. Where it did so soon after the
+        last time, the step leaves no room for what comes, and the next one is taken.
         """
         is_due = self.left_out.any() or self._remap_is_due()
-        low, high = -1 if is_due else self.step - 1, STEPS  # everything has a place at high, not at low
-        step, stride = self.step, 1
+        is_soon = 0 < self.frame - self.mapped_at <= self.freeze_frames and self.step < STEPS - 1
+        low = -1 if is_due else self.step - (not is_soon)  # not everything has a place there
+        high, step, stride = STEPS, max(self.step, low + 1), 1  # at high it has
         while low + 1 < high:
             low, high = (low, step) if self._fits(frame, step) else (step, high)
             further = high - stride if step == high else low + stride

@@ -344,6 +344,14 @@ def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
     assert numbers[1:] == [0, 0, 2]
 
 
+def test_an_atlas_that_is_full_again_soon_gets_a_step_with_more_room(scene):
+    """With the first step that holds each set by itself, there are 8 resets in this walk, which turns 4 degrees a frame."""
+    stream = Stream(scene)
+    found = [stream.send(frame_of(scene, 512, 250, 2 * step)).statistics for step in range(14)]
+    assert found[-1]["resets"] <= 4
+    assert found[-1]["shading_rate"] > 0.4
+
+
 def test_searching_a_rate_brings_no_mapping_earlier(scene):
     stream, frame = Stream(scene, freeze=0.0, remap_interval=5), frame_of(scene, 96, 96)
     found = [stream.send(frame).statistics["remappings"] for _ in range(7)]
