@@ -135,6 +135,14 @@ def test_a_walk_meets_its_budget(scene: ServerScene, method: type[Packer], budge
         assert again.send(frame).planes["atlas"].get().tobytes() == payload.planes["atlas"].get().tobytes()
 
 
+def test_a_layout_that_grew_is_not_kept_where_it_cannot_be_made_anew() -> None:
+    """The present rate is the nearest to the budget, but the atlas has room for its samples only as they lie."""
+    count, rate = Counted(lambda rate: int(100_000 * rate * rate), room=0.999), BudgetedRate()
+    assert rate.meet(120_000, count, 100_000)
+    assert count.asked[-1] == rate.rate
+    assert 0.98 < rate.rate <= count.room
+
+
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)
 def test_a_budget_that_the_atlas_does_not_hold_fills_it(scene: ServerScene, method: type[Packer]) -> None:
     counts = []
