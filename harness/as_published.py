@@ -54,15 +54,19 @@ def _of_variant(summaries: list[dict[str, Any]], method: str, variant: str) -> d
 
 
 def _sentence(method: str, usual: dict, published: dict) -> str:
-    changes = _slower(usual, published)
+    changes, compared = _slower(usual, published), False
     for coding in (each for each in usual if each in published):
         for name, meaning in MEASURES.items():
             own, other = usual[coding][name], published[coding][name]
-            if own and other is not None and abs(other / own - 1) > MATTERS:
+            if own is None or other is None:
+                continue
+            compared = True
+            if own and abs(other / own - 1) > MATTERS:
                 of = _coding_words(*coding) if name in CODED else ""
                 changes.append(f"{meaning}{of} {other / own - 1:+.0%}")
     told = ", ".join(sorted(set(changes), key=changes.index))
-    return f"{method}@published against {method}: " + (told or f"nothing differs by more than {MATTERS:.0%}") + "."
+    alike = f"nothing differs by more than {MATTERS:.0%}" if compared else "not both have a frame that counts"
+    return f"{method}@published against {method}: {told or alike}."
 
 
 def _slower(usual: dict, published: dict) -> list[str]:

@@ -54,8 +54,8 @@ class BudgetedRate:
 
         count: the samples at a rate, about as many as its square and never fewer with a higher one; None where the
         atlas has no room for them. Where the budget is ALL, anything else that grows like them. Its last call is of the
-        rate that is kept. found: the samples at the present rate, if they are known. highest: the rate that none
-        may exceed.
+        rate that is kept. found: the samples at the present rate, if they are known; of a layout that grew from
+        frame to frame, which may have room where one made at once has none. highest: the rate that none may exceed.
         """
         if self.rate > highest:
             found = None
@@ -67,8 +67,8 @@ class BudgetedRate:
         self.reached = None
         best, nearest, last = self._search(budget, count, found)
         self.rate = self.lowest if best is None else best
-        if last != self.rate:
-            count(self.rate)
+        if last != self.rate and count(self.rate) is None and best is not None:
+            return self.meet(budget, count, highest=highest)  # `found` was of a layout that cannot be made anew
         if nearest is not None and not _near(nearest, budget):
             self.reached = nearest
         return best is not None

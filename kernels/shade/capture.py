@@ -87,5 +87,7 @@ def _face(
         samples.triangle.set(own)
     picture = np.full((SIDE * SIDE, 3), -1, np.float32)
     if samples.count:
-        picture[samples.texel.get()[: samples.count]] = radiance(shader, samples, point, "environment map")
+        # Black metal sends a little less than nothing: the fit of its reflectance goes below 0.
+        seen = np.maximum(radiance(shader, samples, point, "environment map"), 0)
+        picture[samples.texel.get()[: samples.count]] = seen
     return picture.reshape(SIDE, SIDE, 3)

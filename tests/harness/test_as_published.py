@@ -63,3 +63,12 @@ def test_equal_results_are_told_as_such_and_one_variant_alone_is_not(tmp_path: P
         assert store.notes.under(NOTES)["tss"].endswith("nothing differs by more than 5%.")
         note_as_published(store, [SnakeBinning(sink=8), both[0]])
         assert not store.notes.under(NOTES)
+
+
+def test_of_a_variant_without_a_frame_that_counts_nothing_is_said(tmp_path: Path) -> None:
+    usual, published = SnakeBinning(), SnakeBinning(**published_values(SnakeBinning))
+    with Store(tmp_path) as store:
+        commit(store, usual, 25, 0, samples=1000, flip=0.05)
+        commit(store, published, 25, 0, status="invalid")
+        note_as_published(store, [usual, published])
+        assert store.notes.under(NOTES)["snakebinning"].endswith("not both have a frame that counts.")

@@ -189,6 +189,17 @@ def test_a_capture_holds_the_scene_and_the_sky(device: Device) -> None:
     assert not differs[~towards].any()
 
 
+def test_black_metal_is_not_the_sky(device: Device) -> None:
+    """Rough, it sends less than 0 by a thousandth, which is no mark of the sky."""
+    corners = np.array([[-9, 0, -9], [-9, 0, 9], [9, 0, 0]], np.float32)
+    triangles = Triangles.upload(device, corners, np.array([[0, 1, 2]]), np.zeros(1, np.uint8))
+    down, above = np.array([[0.0, -1, 0]]), np.array([0.0, 1, 0])
+    for colour in ((0.0, 0.0, 0.0, 1.0), (0.8, 0.0, 0.0, 1.0)):
+        shader = on_corners(device, corners, [material(base_colour=colour, roughness=1.0, metallic=1.0)])
+        seen = scene_around(device, Rasteriser(device, triangles), None, shader, above, 0.01)(down)[0]
+        np.testing.assert_array_equal(seen[1:], 0)
+
+
 def test_what_glows_is_brighter_than_white_but_bounded(device: Device) -> None:
     lamp, furnace = (captured(device, [material(emissive=(glow,) * 3)], np.zeros(3)) for glow in (5.0, 1e5))
     assert 5 < lamp.max() < 7

@@ -63,10 +63,11 @@ def test_an_atlas_is_filled_where_it_has_no_room_for_the_budget(
 
 @given(st.floats(2.0**-16, 4), st.floats(0.97, 1.03), st.floats(1e3, 1e6))
 def test_all_that_there_is_room_for_up_to_a_rate_of_one(room: float, change: float, unit: float) -> None:
+    """At least a thousand samples, of which one more or less is no change."""
     rate = BudgetedRate(lowest=2.0**-17)
-    assert rate.meet(ALL, Counted(lambda rate: 10 + int(unit * rate * rate), room), highest=1.0)
+    assert rate.meet(ALL, Counted(lambda rate: 1000 + int(unit * rate * rate), room), highest=1.0)
     assert 0.97 * min(room, 1) < rate.rate <= min(room, 1)
-    before, count = rate.rate, Counted(lambda rate: 10 + int(unit * (rate / change) ** 2), room * change)
+    before, count = rate.rate, Counted(lambda rate: 1000 + int(unit * (rate / change) ** 2), room * change)
     assert rate.meet(ALL, count, highest=1.0)
     assert 0.95 * min(room * change, 1) < rate.rate <= min(room * change, 1)
     if before <= room * change and abs(change - 1) < 0.02:
@@ -133,6 +134,14 @@ def test_a_walk_meets_its_budget(scene: ServerScene, method: type[Packer], budge
         assert payload.unplaced == {}
         assert abs(payload.sample_count - budget) <= TOLERANCE * budget
         assert again.send(frame).planes["atlas"].get().tobytes() == payload.planes["atlas"].get().tobytes()
+
+
+def test_a_layout_that_grew_is_not_kept_where_it_cannot_be_made_anew() -> None:
+    """The present rate is the nearest to the budget, but the atlas has room for its samples only as they lie."""
+    count, rate = Counted(lambda rate: int(100_000 * rate * rate), room=0.999), BudgetedRate()
+    assert rate.meet(120_000, count, 100_000)
+    assert count.asked[-1] == rate.rate
+    assert 0.98 < rate.rate <= count.room
 
 
 @pytest.mark.parametrize("method", METHODS, ids=lambda method: method.name)

@@ -20,7 +20,7 @@ GOLDEN = {
     "IW-SSIM": "1bebcdfe7eab408e",
     "SSIM and PSNR": "295262324a533c51",
     "SnakeBinning": "de5bed8a7a8dc3f6",
-    "TSS": "5924952bf3873711",
+    "rates": "954973860b87e660",
     "environment map": "64c27eb5f1761abf",
     "sRGB": "da1d9e6ad7c8d8cf",
     "glTF": "5c6ca04721a08488",

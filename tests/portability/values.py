@@ -29,8 +29,8 @@ from kernels.snakebinning.footprint import pack_views
 from kernels.snakebinning.slices import slice_dominating
 from kernels.texture.mipmap import srgb_to_linear
 from kernels.tss.footprint import camera_floats
+from packers.budget import BudgetedRate
 from packers.interface import View
-from packers.tss.packer import scale_at
 from scenes.head_motion import HeadMotion
 from scenes.lights import add_lights
 from scenes.load import load_scene
@@ -105,7 +105,9 @@ def table_hashes() -> Iterator[tuple[str, str]]:
     yield "environment map", digest(environment_map(lambda direction: 1.0 * (direction[:, ::-1] > 0.3)))
     heights = HeightBins(777.0)
     yield "SnakeBinning", digest(edge_table(), heights.scale, heights.tops())
-    yield "TSS", digest([scale_at(step) for step in range(64)])
+    rates: list[float] = []
+    BudgetedRate().meet(70_000, lambda rate: rates.append(rate) or int(1e6 * rate * rate + 3e4 * rate))
+    yield "rates", digest(rates)
     yield "sRGB", digest(srgb_to_linear(np.arange(256) / 255))
 
 
