@@ -104,10 +104,9 @@ static inline int new_entry(Manager m) {
     return strip;
 }
 
-// Slots for so many triangles, with room to grow: at least for one more, but in a tight atlas.
+// Slots for so many triangles, with room to grow.
 static inline int room_for(Manager m, int count) {
-    const float room = m.capacity * count;
-    return max(count, (int)(m.fit == TIGHT ? room : ceil(room)));
+    return max(count, (int)(m.capacity * count));
 }
 
 static inline int rows_for(Manager m, const Strip *s, int per_row) {

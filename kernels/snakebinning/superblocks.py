@@ -233,8 +233,7 @@ class SuperblocksTwin:
         strip.update(slot_shape(*map(int, need), int(tops[number % COLUMN]), self.atlas.enlarge))
 
     def _room(self, strip: dict) -> int:
-        room = np.float32(self.atlas.capacity) * np.float32(strip["count"])
-        return max(strip["count"], int(room if self.atlas.fit == "tight" else np.ceil(room)))
+        return max(strip["count"], int(np.float32(self.atlas.capacity) * np.float32(strip["count"])))
 
     def _rows(self, strip: dict, per_row: int) -> int:
         return -(-self._room(strip) // per_row)

@@ -225,7 +225,7 @@ class SnakeBinning(Packer):
         last time, the step leaves no room for what comes, and the next one is taken.
         """
         is_due = self.left_out.any() or self._remap_is_due()
-        is_soon = 0 < self.frame - self.mapped_at <= self.freeze_frames and self.step < STEPS - 1
+        is_soon = self.mapped_at > 0 and self.frame - self.mapped_at <= self.freeze_frames and self.step < STEPS - 1
         low = -1 if is_due else self.step - (not is_soon)  # not everything has a place there
         high, step, stride = STEPS, max(self.step, low + 1), 1  # at high it has
         while low + 1 < high:

@@ -51,8 +51,8 @@ class TessellatedShadingStreaming(Packer):
             "TSS, sections 3.2 and 3.3, figure 15",
         ),
         "slanted": Parameter(
-            10.0,
-            (3.0, 5.0, 10.0),
+            8.0,
+            (3.0, 5.0, 8.0),
             "longest edge over height on screen above which a triangle goes to Oversampling",
             "1",
             "meaning: TSS, section 3.3; value: ours, by the shares in TSS, table 1",

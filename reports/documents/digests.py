@@ -274,6 +274,8 @@ def strategy_parts(folders: Sequence[Path]) -> Parts:
             names += ("lpacking_samples", "oversampling_inside", "oversampling_outside")
             row |= {name: lanes.statistic(key, name) for name in names}
             of = {name: lanes.statistic(key, name) for name in ("primitives", "single_texels")}
+            inside = (row["lpacking_samples"], row["oversampling_inside"])
+            row["inside"] = None if None in inside else sum(inside)
             larger = None if None in of.values() else of["primitives"] - of["single_texels"]
             row["slanted_of_larger"] = _ratio(lanes.statistic(key, "oversampling_primitives"), larger)
             row |= {name: lanes.median(key, name, True) for name in ("samples", "dssim", "flip", "bytes_total")}

@@ -345,7 +345,7 @@ def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
 
 
 def test_an_atlas_that_is_full_again_soon_gets_a_step_with_more_room(scene):
-    """With the first step that holds each set by itself, there are 8 resets in this walk, which turns 4 degrees a frame."""
+    """At the first step that holds each set by itself this walk, which turns by 4 degrees a frame, has 8 resets."""
     stream = Stream(scene)
     found = [stream.send(frame_of(scene, 512, 250, 2 * step)).statistics for step in range(14)]
     assert found[-1]["resets"] <= 4
