@@ -122,7 +122,6 @@ WORK = (
     ("frame_ms_median", "frame ms", 1, "{:,.1f}".format),
     ("fill_median", "fill", 1, "{:.2f}".format),
     ("coherence_median", "cohere", 1, "{:.2f}".format),
-    ("view_dependence_median", "by view", 1, "{:.4f}".format),
     ("dssim_median", "DSSIM", 1, "{:.4f}".format),
 )
 SIZES = (
@@ -149,6 +148,11 @@ def show_summary(store: Store, folder: Path) -> None:
     published = store.notes.under("as_published").items()
     labels = method_labels(list({(row["method"], row["variant"]): None for row in rows}), published)
     _show_numbers(rows, labels, console)
+    by_view = [row["view_dependence"] for row in rows if row["view_dependence"] is not None]
+    if by_view:
+        console.print(
+            f"[dim]references for the server's and the client's eye differ by a FLIP of {median(by_view):.4f}[/]"
+        )
     speed = _speed_lines(measured_statistics(rows, store.statistics()), labels)
     if speed:
         console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))

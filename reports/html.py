@@ -106,6 +106,7 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Latency": _joined(row, "{latency:g} ms"),
         "Atlas": _joined(next((r for r in rows if r["atlas_width"]), row), "{atlas_width} x {atlas_height} texels"),
         "Samples asked for": _samples_asked(rows),
+        "View dependence": _view_dependence(rows),
         "Seed": _joined(row, "{seed}"),
         "Triangles": str(notes["environment"].get("triangles", "")).replace(",", THIN),
         "Scene hash": _joined(row, "{scene_hash:.12}"),
@@ -116,6 +117,12 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Date": notes["environment"].get("date", ""),
     }
     return f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>{facts_list(facts)}"
+
+
+def _view_dependence(rows: list[Row]) -> str:
+    """How much the picture depends on the view, and with it bytes and coherence; empty where it was not measured."""
+    values = [row["view_dependence"] for row in rows if row["view_dependence"] is not None]
+    return f"FLIP {median(values):.4f}" if values else ""
 
 
 def _frames(rows: list[Row]) -> str:

@@ -41,7 +41,6 @@ WORK = (
     Shown("decode_ms", "decode", "ms"),
     Shown("fill", "atlas fill", "%", 100),
     Shown("coherence", "coherence", "%", 100),
-    Shown("view_dependence", "view dependence", "FLIP"),
 )
 QUALITY = (
     Shown("flip", "FLIP"),
