@@ -15,7 +15,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from packers.interface import Packer, Parameter
+from packers.interface import COMMON, Packer, Parameter
 from reports.names import ALLOWED, fits_everywhere
 
 GROUP = "shading_atlas_packers"
@@ -161,6 +161,12 @@ def _checked(found: Any, what: str) -> type[Packer]:
         raise ValueError(f"{what} lacks the class attribute {' and '.join(missing)}.")
     if not fits_everywhere(found.name):
         raise ValueError(f"{what} has the name {found.name!r}, which files cannot have: take {ALLOWED}.")
+    for name, common in COMMON.items():
+        if type(found.parameters[name].default) is not type(common.default):
+            raise ValueError(
+                f"{what} has a parameter {name!r} of its own, which is one of all methods ({common.meaning}): give it "
+                "another name."
+            )
     return found
 
 

@@ -10,7 +10,7 @@ from typing import Any
 
 from reports.columns import BY_NAME
 from reports.documents.digests import Lanes
-from reports.documents.kept import Parts, Row
+from reports.documents.kept import DocumentError, Parts, Row
 from reports.store import Store
 
 FILE = Path(__file__).parents[1] / "published.toml"
@@ -80,8 +80,16 @@ def read_published(file: Path = FILE) -> list[Quantity]:
 def published_parts(folders: Sequence[Path]) -> Parts:
     """Runs in threes of cells, each cell with a run at the methods' settings and one at equal samples: a table per
     paper, and every number by cell."""
+    if len(folders) % (2 * len(CELLS)):
+        raise DocumentError(f"Published numbers take two runs for each of {len(CELLS)} cells of a scene.")
     runs = [_measured(*folders[at : at + 2]) for at in range(0, len(folders), 2)]
     scenes = [runs[at : at + len(CELLS)] for at in range(0, len(runs), len(CELLS))]
+    for cells in scenes:
+        of = dict.fromkeys(lanes.scene for cell in cells for lanes in (cell.usual, cell.equal))
+        if len(of) > 1:
+            raise DocumentError(
+                f"Runs of {' and '.join(of)} are taken for cells of one scene: give them in their order."
+            )
     parts: Parts = {"cells": []}
     for quantity in read_published():
         for methods, claims in zip(quantity.compared, quantity.claims, strict=True):

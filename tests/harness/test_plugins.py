@@ -39,6 +39,10 @@ SOURCE = """
         name = "unfinished"
         paper = Grid.paper
 
+    class Claiming(Grid):
+        name = "claiming"
+        parameters = {"mipmaps": Parameter(3, (0, 3), "how many levels are sent", "levels", "ours")}
+
     number = 3
 """
 ROOT = Path(__file__).parents[2]
@@ -162,6 +166,7 @@ def test_empty_brackets_mean_the_defaults(file: Path):
         ("my_packer:Gird", "no packer class 'Gird'. Did you mean 'Grid'?"),
         ("my_packer:Unfinished", "lacks client, pack"),
         ("my_packer:number", "is not a packer"),
+        ("my_packer:Claiming", "has a parameter 'mipmaps' of its own"),
         ("my_pakcer:Grid", "The module 'my_pakcer' cannot be imported"),
         ("nowhere/my_packer.py:Grid", "There is no file nowhere/my_packer.py"),
     ],

@@ -8,6 +8,7 @@ import pytest
 
 from reports.claims import read_claims
 from reports.documents.published import ALIKE, CELLS, is_unlike, published_parts, read_published
+from reports.documents.kept import DocumentError
 from reports.store import Store
 from tests.reports.synthetic import COMMON
 
@@ -66,6 +67,20 @@ def test_settings_are_told_apart_and_numbers_unlike_the_published_are_bold(tmp_p
     assert rows["1 - IW-SSIM: snakebinning / sas"]["default"] == "**1.00**, **1.00**, **1.00**"  # 0.47, 0.47, 0.16
     cells = [row for row in parts["cells"] if row["quantity"] == "samples: snakebinning / sas"]
     assert [(row["cell"], row["as_published"]) for row in cells] == [(cell, 0.75) for cell in CELLS]
+
+
+def test_runs_of_other_scenes_or_numbers_are_refused(tmp_path: Path) -> None:
+    folders = [tmp_path / str(n) for n in range(6)]
+    for folder in folders:
+        measured_run(folder, {("sas", "only"): 4e6})
+    with pytest.raises(DocumentError, match="two runs for each of 3 cells"):
+        published_parts(folders[:5])
+    with Store(folders[4]) as store:
+        row = COMMON | {"codec": "none", "status": "ok", "scene": "elsewhere", "samples": 1.0}
+        store.commit_frame("another", "", 0, [row])
+        assert store.rows()[0]["scene"] == "elsewhere"
+    with pytest.raises(DocumentError, match="viking_village and elsewhere"):
+        published_parts(folders)
 
 
 def test_alike_is_within_the_factor_both_ways() -> None:
