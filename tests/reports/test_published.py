@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from reports.claims import read_claims
-from reports.documents.published import ALIKE, CELLS, is_unlike, published_parts, read_published
 from reports.documents.kept import DocumentError
+from reports.documents.published import ALIKE, CELLS, is_unlike, published_parts, read_published
 from reports.store import Store
 from tests.reports.synthetic import COMMON
 
