@@ -1,6 +1,7 @@
 """The tables and figures of the documents: what each is measured by, and which columns it prints.
 
-Sizes, frames and repetitions are such that all of them together, but for the claims, take about an hour on two cores.
+Sizes, frames and repetitions are such that all of them together, but for the claims and what is set beside published
+numbers, take about an hour and a half on two cores.
 """
 
 from __future__ import annotations
