@@ -28,7 +28,7 @@ def test_only_methods_that_keep_a_layout_have_rare_costs() -> None:
 
 
 def test_parameters_decide_what_there_is_and_when() -> None:
-    assert {cost.counter: cost.frames for cost in SnakeBinning().rare_costs()} == {
+    assert {cost.counter: cost.frames for cost in SnakeBinning(mapping="exact").rare_costs()} == {
         "resets": None, "remappings": 61, "rebuilds": 10
     }  # fmt: skip
     bare = SnakeBinning(remap_interval=0, freeze=0.0)
@@ -36,7 +36,7 @@ def test_parameters_decide_what_there_is_and_when() -> None:
 
 
 def test_what_was_seen_is_not_told_and_what_was_not_is() -> None:
-    sas, snake = ShadingAtlasStreaming(), SnakeBinning()
+    sas, snake = ShadingAtlasStreaming(), SnakeBinning(mapping="exact")
     seen = rows(sas, resets=[0, 0, 1])
     assert unseen_costs([sas], seen) == {}
     found = unseen_costs([sas, snake], seen + rows(snake, resets=[0] * 12, remappings=[0] * 12, rebuilds=[0, 1] * 6))

@@ -89,7 +89,7 @@ def error(scene, client, frame):
 
 @pytest.mark.parametrize("spec", METHODS)
 def test_the_client_blends_as_the_reference_does(scenes, spec):
-    """No more error than with opaque panes, half more at most; the nearest visible triangles are the same; valid."""
+    """No more error than with opaque panes, six tenths more at most; the nearest visible triangles are the same; valid."""
     errors = []
     for scene in scenes:
         frame = frame_of(scene, SIDE, SIDE)
@@ -99,7 +99,7 @@ def test_the_client_blends_as_the_reference_does(scenes, spec):
         assert (drawn == wanted).mean() > 0.995
         assert check(frame, payload, payload.owners(), client, budget=20_000) == []
         assert (ALPHA in payload.planes) == (scene.host.content_hash == "glazed-True")
-    assert errors[0] < 1.5 * errors[1] < 4
+    assert errors[0] < 1.6 * errors[1] < 4
 
 
 def test_the_panes_matter(scenes):
