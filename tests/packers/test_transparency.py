@@ -89,7 +89,7 @@ def error(scene, client, frame):
 
 @pytest.mark.parametrize("spec", METHODS)
 def test_the_client_blends_as_the_reference_does(scenes, spec):
-    """No more error than with opaque panes, six tenths more at most; the nearest visible triangles are the same; valid."""
+    """At most six tenths more error than with opaque panes; the nearest visible triangles are the same; valid."""
     errors = []
     for scene in scenes:
         frame = frame_of(scene, SIDE, SIDE)
