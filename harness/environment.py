@@ -10,12 +10,11 @@ import numpy as np
 from harness.shadows import device_key
 from kernels.cache import cache_root, read_checked, write_checked
 from kernels.shade.environment import SHAPE
+from scenes.walking import EYE_HEIGHT
 
 if TYPE_CHECKING:
     from kernels.device import Device
     from scenes.model import Scene
-
-EYE_HEIGHT = 1.6  # metres, of a person on a scene's route
 
 
 def standpoint(scene: Scene) -> np.ndarray | None:

@@ -42,8 +42,8 @@ __kernel void list_slots(int count, int run, int enlarge, __global const Strip *
     }
 }
 
-// counts: samples of each run of triangles. lists: see list_slots. full: whether whole slots are filled; those of pieces never are, because what
-// lies beside a piece belongs to the next one.
+// counts: samples of each run of triangles. lists: see list_slots. full: whether whole slots are filled; those of pieces
+// never are, because what lies beside a piece belongs to the next one.
 __kernel void count_samples(int count, int run, int runs, int full, int enlarge, int first_piece,
                             __global const int *triangles,
                             __global const int2 *slots, __global const uint *places,

@@ -69,7 +69,8 @@ class Lanes:
     def rebuilt(self, key: tuple[str, str]) -> set[int] | None:
         """The frames after the first in which `rebuilds`, a count of layouts, grew; None without such a count."""
         counts = self._values(key, "rebuilds")
-        return {frame for frame in self.later if counts[frame] > counts[frame - 1]} if counts else None
+        grew = {frame for frame in self.later & counts.keys() if counts[frame] > counts.get(frame - 1, counts[frame])}
+        return grew if counts else None
 
     def _values(self, key: tuple[str, str], name: str) -> dict[int, float]:
         """A statistic by frame."""
@@ -179,16 +180,12 @@ def switch_parts(folders: Sequence[Path]) -> Parts:
         usual = Counter(part for variant in ours for part in variant.split(","))
         found = {}
         for key in lanes.keys:
-            changed = [part for part in key[1].split(",") if key in _own(lanes) and usual[part] <= len(ours) / 2]
+            changed = [part for part in key[1].split(",") if key[1] in ours and usual[part] <= len(ours) / 2]
             labels = [label for label, value in switches.items() if changed[:1] and changed[0].startswith(value)]
             label = (labels or ["none" if key[0] == "snakebinning" else key[0]])[0]
             found[label] = {"settings": settings, "variant": label} | _switched(lanes, key)
         rows += [found.pop(name) for name in ("none", *switches) if name in found] + list(found.values())
     return {ROWS: rows}
-
-
-def _own(lanes: Lanes) -> list[tuple[str, str]]:
-    return [key for key in lanes.keys if key[0] == "snakebinning"]
 
 
 def _switched(lanes: Lanes, key: tuple[str, str]) -> Row:

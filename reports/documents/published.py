@@ -70,8 +70,7 @@ def read_published(file: Path = FILE) -> list[Quantity]:
     """The published numbers, in the order of the file."""
     content = tomllib.loads(file.read_text(encoding="utf-8"))
     return [
-        Quantity(paper, name, *(entry.pop(key) for key in EXPECTED[:2]), compared=entry.pop("compared"),
-                 claims=entry.pop("claims"), values=entry)
+        Quantity(paper, name, **{key: entry.pop(key) for key in EXPECTED}, values=entry)
         for paper, quantities in content.items()
         for name, entry in quantities.items()
     ]  # fmt: skip
