@@ -18,6 +18,7 @@ from rich.markup import escape
 from harness.console import InputError, make_console, make_table
 from harness.plan import FREE, duration, expected_pace, source_digest
 from harness.plugins import variant_string
+from harness.presets import LINKED_LISTS
 from harness.run import RUNS, locked, run
 from harness.session import find_methods
 from harness.settings import Settings, SettingsError, read_settings, settings_of
@@ -67,9 +68,9 @@ class NamedRun:
     claims: tuple[str, ...]
 
     @property
-    def preset(self) -> str:
-        """The name of a paper's own experiment; empty for an ordinary run."""
-        return self.options.get("preset", "")
+    def of_linked_lists(self) -> bool:
+        """Whether it is the thesis' experiment, which is no ordinary run."""
+        return self.options.get("preset") == LINKED_LISTS
 
     @property
     def command(self) -> str:
@@ -79,6 +80,12 @@ class NamedRun:
             for each in value if isinstance(value, list) else [value]:
                 words += [f"--{name.replace('_', '-')}", *([] if each is True else [str(each)])]
         return shlex.join(words)
+
+    def methods(self) -> tuple[str, ...]:
+        """The methods that it makes, as --method takes them. Raises SettingsError."""
+        return (
+            tuple(self.options.get("method", ("ppll",))) if self.of_linked_lists else settings_of(self.options).methods
+        )
 
     def settings(self) -> Settings:
         """Its options as settings, the scene's file where it is found. Raises SettingsError or SceneError."""
@@ -123,19 +130,19 @@ def _beside(file: Path, options: dict[str, Any]) -> dict[str, Any]:
 
 def _check(named: NamedRun) -> None:
     """Raise InputError or SettingsError for options that no run takes; a scene may be missing."""
-    if named.preset:
+    if named.of_linked_lists:
         from harness.ppll_2014 import experiment_of
 
-        experiment_of(named.preset, named.options)
+        experiment_of(named.options)
         return
     with contextlib.suppress(SceneError):
         named.settings()
 
 
 def _shortened(options: dict[str, Any], quick: dict[str, Any], specs: set[str]) -> dict[str, Any]:
-    """The options with only the methods that are asked about, but for a preset, whose method has the parameters; quick
-    options in place of those that they name."""
-    if "method" in options and "preset" not in options:
+    """The options with only the methods that are asked about, but for linked lists' own experiment, whose method has
+    the parameters; quick options in place of those that they name."""
+    if "method" in options and options.get("preset") != LINKED_LISTS:
         options = options | {"method": [spec for spec in options["method"] if spec in specs]}
     return options | {name: value for name, value in quick.items() if name in options}
 
@@ -241,8 +248,7 @@ class Work:
 
     def _made(self, named: NamedRun) -> list[str]:
         """What the results of a run depend on, beside its scene: options, device, kernels, methods."""
-        specs = tuple(named.options.get("method", ("ppll",)))
-        digests = [source_digest(type(packer)) for packer in find_methods(Settings(methods=specs))]
+        digests = [source_digest(type(packer)) for packer in find_methods(Settings(methods=named.methods()))]
         return [named.command, self.device, kernels_digest(), VERSION, *digests]
 
     def waits(self, named: NamedRun) -> bool:
@@ -262,10 +268,10 @@ class Work:
     def _make(self, named: NamedRun) -> None:
         folder = self.folder / named.name
         with contextlib.redirect_stdout(io.StringIO()):  # of each run only its rows matter
-            if named.preset:
+            if named.of_linked_lists:
                 from harness.ppll_2014 import experiment_of, run_experiment
 
-                run_experiment(experiment_of(named.preset, named.options), folder)
+                run_experiment(experiment_of(named.options), folder)
                 return
             run(named.settings(), folder, self.folder)
 
@@ -284,7 +290,7 @@ class Work:
 
 def _misfit(named: NamedRun, folder: Path) -> str:
     """Why the results in a folder are not those of a run; empty where they are."""
-    if named.preset or not (folder / RESULTS).is_file() or not (folder / "run.json").is_file():
+    if named.of_linked_lists or not (folder / RESULTS).is_file() or not (folder / "run.json").is_file():
         return "no results of bench run"
     try:
         own, theirs = named.settings(), read_settings(folder / "run.json")
@@ -341,7 +347,7 @@ def show_needs(wanted: Wanted, out: Path | None) -> None:
     for named in runs:
         about = ""
         try:
-            if not named.preset:
+            if not named.of_linked_lists:
                 settings = named.settings()
                 seconds += settings.frames * expected_pace(settings, "") * len(settings.methods)
         except SceneError as error:

@@ -14,6 +14,7 @@ from harness.commands.claims import claims
 from harness.commands.kernels import kernels
 from harness.commands.stress import stress
 from harness.commands.tables import tables
+from harness.presets import LINKED_LISTS
 from harness.supervisor import end_with_supervisor
 
 if TYPE_CHECKING:
@@ -131,9 +132,7 @@ Workers = Annotated[int, _option(RUNNING, "Cells side by side, for quality only:
 Config = Annotated[Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")]
 Preset = Annotated[
     Text,
-    _option(
-        WORK, "A paper's own experiment: ppll-2014, with --method, --frames, --size, --device and --out", metavar="NAME"
-    ),
+    _option(WORK, "A paper's own experiment: snakebinning-2021, tss-2019, ppll-2014", metavar="NAME"),
 ]
 
 
@@ -182,11 +181,11 @@ def run(
     from harness.console import guarded
 
     with guarded():
-        if preset:
+        if preset == LINKED_LISTS:
             from harness.ppll_2014 import experiment_of, run_experiment, show_experiment
 
             (show_experiment if dry_run else run_experiment)(
-                experiment_of(preset, context.params), out or Path("runs") / preset
+                experiment_of(context.params), out or Path("runs") / preset
             )
             return
         wanted = _settings_of(context.params)
@@ -205,9 +204,11 @@ def _settings_of(options: dict[str, Any]) -> Settings:
     from harness import settings as s
 
     given = {name: value for name, value in options.items() if value not in (None, (), [])}
-    for not_a_setting in ("out", "dry_run", "explain", "config", "preset", *OF_SWEEP):
+    for not_a_setting in ("out", "dry_run", "explain", "config", *OF_SWEEP):
         given.pop(not_a_setting, None)
     config = options.get("config")
+    if config and "preset" in given:
+        raise s.SettingsError("--config and --preset both say what to run: give one of them.")
     base = s.read_settings(config).to_json() if config else {}
     return s.settings_of(given, base, str(config or "run"))
 

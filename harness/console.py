@@ -72,6 +72,7 @@ def make_table(title: str, *columns: str) -> Table:
 def show_catalogue() -> None:
     """Print packers with their parameters, scenes, paths, devices and metrics."""
     from harness.plugins import find_packers, published_values, value_text
+    from harness.presets import PRESETS
     from kernels.device import kernels_digest
     from kernels.runtime.opencl import find_devices, noted_death
     from reports.columns import MEASURES
@@ -90,7 +91,8 @@ def show_catalogue() -> None:
         published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
         console.print(f"  {name}@published: {published or 'as the defaults'}", soft_wrap=True)
         console.print()
-    for title, known in (("scenes", list_scenes()), ("paths", list_paths())):
+    presets = {name: preset.meaning for name, preset in PRESETS.items()}
+    for title, known in (("scenes", list_scenes()), ("paths", list_paths()), ("presets", presets)):
         table = make_table(title, "name", "what it is")
         for name, text in known.items():
             table.add_row(name, text)

@@ -338,10 +338,8 @@ def as_csv(rows: list[Row]) -> str:
     return text.getvalue()
 
 
-def experiment_of(name: str, options: dict[str, Any]) -> Experiment:
-    """What a preset means with the options given beside it. Raises InputError for an unknown one."""
-    if name != "ppll-2014":
-        raise InputError(f"There is no preset {name!r}. Known: ppll-2014.")
+def experiment_of(options: dict[str, Any]) -> Experiment:
+    """What the preset means with the options given beside it. Raises InputError."""
     sizes = (parse_size(options["size"], "--size"),) if options.get("size") else SIZES
     frames = options.get("frames") or FRAMES
     if frames < 1:

@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from harness.presets import LINKED_LISTS, PRESETS
 from harness.views import Cell
 from scenes.units import UNITS
 
@@ -157,9 +158,12 @@ class Settings:
 def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, source: str = "run") -> Settings:
     """The settings that options of `bench run` mean, by their names without dashes, over those of `base`.
 
-    Raises SettingsError; `source` says there where `base` is from.
+    A preset among the options takes the place of `base`. Raises SettingsError; `source` says there where `base` is
+    from.
     """
     given = dict(options)
+    if "preset" in given:
+        base, source = preset_settings(given.pop("preset")).to_json(), "preset"
     if "method" in given:
         given["methods"] = tuple(given.pop("method"))
     if "size" in given:
@@ -182,6 +186,15 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
     if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
         raise SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
     return Settings.from_json((base or {}) | given, source)
+
+
+def preset_settings(name: str) -> Settings:
+    """What a paper's own experiment asks for. Raises SettingsError for an unknown one, and for one that is no run."""
+    if name not in PRESETS:
+        raise SettingsError(f"There is no preset {name!r}. Known: {', '.join(PRESETS)}.")
+    if name == LINKED_LISTS:
+        raise SettingsError(f"The preset {name} is not a run with other options: give it to bench run alone.")
+    return settings_of(PRESETS[name].options, source="preset")
 
 
 def read_settings(path: Path) -> Settings:

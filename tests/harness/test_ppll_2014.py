@@ -75,10 +75,8 @@ def test_published_ratios_are_those_of_table_a1():
 
 
 def test_options_of_the_preset():
-    assert experiment_of("ppll-2014", {"size": "64x48", "frames": 2}) == Experiment(2, ((64, 48),))
-    assert experiment_of("ppll-2014", {}).sizes == ((1024, 768), (1280, 720), (1600, 900))
-    with pytest.raises(InputError, match="Known: ppll-2014"):
-        experiment_of("ppll-2015", {})
+    assert experiment_of({"size": "64x48", "frames": 2}) == Experiment(2, ((64, 48),))
+    assert experiment_of({}).sizes == ((1024, 768), (1280, 720), (1600, 900))
 
 
 def test_a_dry_run_says_what_would_be_measured(tmp_path):
@@ -98,7 +96,7 @@ def test_parameters_of_lists_hold_for_all_modes(tables, tmp_path, monkeypatch):
     monkeypatch.setenv("BENCH_SCENES", str(tmp_path))
     monkeypatch.setattr(ppll_2014, "MODELS", {"bunny": "bunny/bunny.ply"})
     monkeypatch.setattr(ppll_2014, "MOST_LAYERS", 1)
-    wanted = experiment_of("ppll-2014", {"size": "160x120", "frames": 3, "method": ["ppll[tolerance=64]"]})
+    wanted = experiment_of({"size": "160x120", "frames": 3, "method": ["ppll[tolerance=64]"]})
     assert wanted.parameters == {"tolerance": 64}
     run_experiment(wanted, tmp_path / "out")
     rows = [*csv.DictReader((tmp_path / "out" / "frames.csv").read_text(encoding="utf-8").splitlines())]
@@ -110,4 +108,4 @@ def test_parameters_of_lists_hold_for_all_modes(tables, tmp_path, monkeypatch):
     assert sum(sent[1:]) < sum(before[1:])
     for method in (["ppll[mode=full]", "sas"], ["ppll[layers=2]"]):
         with pytest.raises(InputError, match="takes one --method ppll"):
-            experiment_of("ppll-2014", {"method": method})
+            experiment_of({"method": method})

@@ -54,6 +54,27 @@ def test_cells_are_presets_or_pairs():
         parse_cell("pvs9")
 
 
+def test_a_preset_is_a_paper_s_experiment_and_options_override_it():
+    published = settings_of({"preset": "snakebinning-2021", "scene": "village"})
+    assert published.methods == ("snakebinning@published", "sas@published", "tss@published")
+    assert (published.width, published.height, published.atlas_width, published.atlas_height) == (
+        1920,
+        1080,
+        8192,
+        4096,
+    )
+    assert (published.cell_radius, published.cell_fov) == (0.1, 90)
+    smaller = settings_of({"preset": "snakebinning-2021", "size": "320x180", "codec": "none", "method": ["sas"]})
+    assert (smaller.methods, smaller.width, smaller.codec, smaller.atlas_width) == (("sas",), 320, "none", 8192)
+    texels = settings_of({"preset": "tss-2019"})
+    assert texels.atlas_width * texels.atlas_height == 24 * 2**20, "the paper's 24 Mpix"
+    assert texels.cell_fov == 60 + 40
+    with pytest.raises(SettingsError, match="Known: snakebinning-2021, tss-2019, ppll-2014"):
+        settings_of({"preset": "ppll-2015"})
+    with pytest.raises(SettingsError, match="bench run alone"):
+        settings_of({"preset": "ppll-2014"})
+
+
 def test_units_are_names_or_metres():
     assert [parse_unit(text) for text in ("m", "cm", "mm", "km", "in", "ft")] == [1, 0.01, 0.001, 1000, 0.0254, 0.3048]
     assert parse_unit(" 0.5 ") == 0.5
