@@ -16,14 +16,15 @@ import typer
 from rich.markup import escape
 
 from harness.console import InputError, make_console, make_table
-from harness.plan import FREE, duration, expected_pace, source_digest
+from harness.digest import method_digest, suite_digest
+from harness.plan import FREE, duration, expected_pace
 from harness.plugins import variant_string
 from harness.presets import LINKED_LISTS
 from harness.run import RUNS, locked, run
 from harness.session import find_methods
 from harness.settings import Settings, SettingsError, read_settings, settings_of
 from kernels.cache import VERSION
-from kernels.device import Device, kernels_digest
+from kernels.device import Device
 from reports.claims import (
     DEFAULT_FILE,
     NOT_CONFIRMED,
@@ -229,7 +230,7 @@ class Work:
             old = before.get(named.name, {})
             if named.name in fitting:
                 folder = fitting[named.name]
-                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": _older(folder)}
+                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": _older(named, folder)}
             elif old.get("made") == self._made(named) and not old["problem"]:
                 entry = old
             entries[named.name] = entry
@@ -248,8 +249,8 @@ class Work:
 
     def _made(self, named: NamedRun) -> list[str]:
         """What the results of a run depend on, beside its scene: options, device, kernels, methods."""
-        digests = [source_digest(type(packer)) for packer in find_methods(Settings(methods=named.methods()))]
-        return [named.command, self.device, kernels_digest(), VERSION, *digests]
+        digests = [method_digest(type(packer)) for packer in find_methods(Settings(methods=named.methods()))]
+        return [named.command, self.device, suite_digest(), VERSION, *digests]
 
     def waits(self, named: NamedRun) -> bool:
         """Whether a run is neither made nor reused yet."""
@@ -314,12 +315,14 @@ def _misfit(named: NamedRun, folder: Path) -> str:
     return f"no finished {', '.join(lacking)}" if lacking else ""
 
 
-def _older(folder: Path) -> str:
+def _older(named: NamedRun, folder: Path) -> str:
     """What a reader must know of a reused run; empty if today's program would give the same numbers."""
     with Store(folder, must_exist=True) as store:
         plan = store.plan() or {}
-    same = plan.get("kernels") == kernels_digest() and plan.get("version") == VERSION
-    return "" if same else "made by other kernels"
+    packers = find_methods(Settings(methods=named.methods()))
+    made = {(f"{packer.name}[{variant_string(packer)}]", method_digest(type(packer))) for packer in packers}
+    same = plan.get("suite") == suite_digest() and made <= set(plan.get("methods", {}).items())
+    return "" if same and plan.get("version") == VERSION else "made by another program"
 
 
 def check_folder(folder: Path) -> None:

@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 import json
 from pathlib import Path
 from typing import Any
 
 from harness.console import InputError, make_console, make_table
+from harness.digest import method_digest, suite_digest
 from harness.lane import Lane
 from harness.plugins import variant_string
 from harness.session import Session, find_methods, open_head_motion, open_path, open_scene
 from harness.settings import Settings
 from harness.skips import check_names, skipped_stages
 from kernels.cache import VERSION, cache_root, read_checked, write_checked
-from kernels.device import Device, kernels_digest
+from kernels.device import Device
 from packers.interface import Packer
 from scenes.model import Scene
 
@@ -30,23 +30,13 @@ def make_plan(session: Session, lanes: list[Lane]) -> dict[str, Any]:
     settings = {key: value for key, value in session.settings.to_json().items() if key not in FREE}
     return {
         "settings": settings,
-        "methods": {f"{lane.method}[{lane.variant}]": source_digest(type(lane.packer)) for lane in lanes},
+        "methods": {f"{lane.method}[{lane.variant}]": method_digest(type(lane.packer)) for lane in lanes},
         "scene_hash": session.scene.host.content_hash,
         "path_hash": session.path_hash,
         "device": session.device.name,
-        "kernels": kernels_digest(),
+        "suite": suite_digest(),
         "version": VERSION,
     }
-
-
-def source_digest(packer: type[Packer]) -> str:
-    """A hash of the Python files beside a packer's: results of an edited packer do not mix with older ones."""
-    file = Path(inspect.getfile(packer))
-    files = sorted(file.parent.glob("*.py")) if (file.parent / "__init__.py").is_file() else [file]
-    digest = hashlib.sha256()
-    for source in files:
-        digest.update(source.name.encode() + source.read_bytes())
-    return digest.hexdigest()[:16]
 
 
 def check_folder(out: Path | None) -> None:

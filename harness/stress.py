@@ -13,13 +13,13 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from harness.console import InputError, make_console, make_table, tell_passed_over
-from harness.plan import source_digest
+from harness.digest import method_digest, suite_digest
 from harness.plugins import folder_name, is_published, nearest, variant_string
 from harness.stress_catalogue import CATALOGUE, StressTest
 from harness.trial import Finding, Stage, try_method, try_rasteriser
 from harness.watchdog import PackTimeoutError, ended_steps, time_limit
 from kernels.cache import VERSION
-from kernels.device import Device, kernels_digest
+from kernels.device import Device
 from kernels.journal import journal
 from reports.stress import magnitude, matrix, picture_stem, write_stress
 from scenes.model import SceneError
@@ -100,9 +100,9 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
     plan = {
         "tests": [test.name for test in chosen],
         "quick": quick,
-        "methods": {row.key: source_digest(type(row.make())) for row in rows if row.make},
+        "methods": {row.key: method_digest(type(row.make())) for row in rows if row.make},
         "device": opened.name,
-        "kernels": kernels_digest(),
+        "suite": suite_digest(),
         "version": VERSION,
     }
     log = Log.open(out or _folder_for(plan), plan)

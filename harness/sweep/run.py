@@ -10,8 +10,9 @@ from typing import Any
 from rich.progress import Progress
 
 from harness.console import make_console, tell_passed_over
+from harness.digest import method_digest, suite_digest
 from harness.lane import Lane
-from harness.plan import FREE, check_folder, make_plan, source_digest
+from harness.plan import FREE, check_folder, make_plan
 from harness.run import Run, folder_for, locked, show_progress, stops_kept, write_notes
 from harness.session import Session, open_path, open_scene, open_session
 from harness.settings import Settings
@@ -19,7 +20,6 @@ from harness.sweep.grid import SETTINGS, Cell, Grid, make_grid, shuffled
 from harness.sweep.timing import Timed, note_of
 from harness.sweep.wanted import Wanted
 from kernels.cache import VERSION
-from kernels.device import kernels_digest
 from kernels.journal import journal
 from reports.csv_files import replace_file
 from reports.store import Store
@@ -169,10 +169,10 @@ def make_sweep_plan(wanted: Wanted, grid: Grid, hashes: dict[str, str], session:
         "settings": settings,
         "vary": list(wanted.vary),
         "cells": len(grid.cells),
-        "methods": {name: source_digest(packer) for packer, name in methods.items()},
+        "methods": {name: method_digest(packer) for packer, name in methods.items()},
         "scene_hash": hashes,
         "device": session.device.name,
-        "kernels": kernels_digest(),
+        "suite": suite_digest(),
         "version": VERSION,
         "timed": wanted.timed,
     }
