@@ -1,9 +1,13 @@
 """The pose predictor: exact for constant velocity, calm at rest, and never looking ahead."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 
+from harness.frames import FrameSource
 from harness.prediction import predict
+from harness.settings import Settings
 from harness.views import Pose, conjugate, from_rotation_vector, multiply, rotation_vector
 
 TIMES = np.arange(40) * 1000 / 60
@@ -40,3 +44,14 @@ def test_units_do_not_change_the_prediction():
     poses = [Pose(p.position * 100, p.orientation) for p in moving((1, 0, 0), (0, 0, 0))]
     centimetres = predict(TIMES, poses, [50.0], 0.01)[0].position
     assert centimetres == pytest.approx(metres * 100)
+
+
+def test_a_packer_hears_of_three_views_ahead_the_last_one_when_the_client_draws():
+    moved = moving((1.2, 0.0, 0.0), (0.0, 0.0, 0.0))
+    path = SimpleNamespace(
+        times_ms=TIMES, positions=[pose.position for pose in moved], orientations=[pose.orientation for pose in moved]
+    )
+    host = SimpleNamespace(bounds=np.array([[0.0] * 3, [10.0] * 3]), metres_per_unit=1.0)
+    source = FrameSource(SimpleNamespace(host=host), path, None, Settings(latency=60.0))
+    seen = [view.eye[0] for view in source._predicted(39)]
+    assert seen == pytest.approx([1.2 * (TIMES[39] + ahead) / 1000 for ahead in (20, 40, 60)], abs=1e-3)

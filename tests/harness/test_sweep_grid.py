@@ -7,8 +7,9 @@ import pytest
 
 from harness.console import InputError
 from harness.settings import Settings, SettingsError
+from harness.sweep import timing
 from harness.sweep.grid import Cell, make_grid, shuffled
-from harness.sweep.timing import Rule
+from harness.sweep.timing import Rule, Timed
 
 ALL = Settings(methods=("ppll", "sas", "snakebinning"), frames=2)
 
@@ -113,3 +114,15 @@ def test_more_passes_narrow_the_interval_until_it_is_precise():
         counts.append(next(n for n in range(1, 401) if rule.stop(list(draws[:n]), 0) == "precise"))
     assert counts == sorted(counts)
     assert counts[0] < counts[-1]
+
+
+def test_the_budget_counts_preparing_and_packing_by_the_clock(tmp_path, monkeypatch):
+    passed = [(0, "wall/prepare", 400.0), (0, "pack", 30.0), (0, "wall/pack", 100.0), (1, "wall/pack", 250.0)]
+    monkeypatch.setattr(timing, "_one_pass", lambda *_: passed)
+    (cell,) = make_grid(Settings(methods=("sas",), frames=2), ["fit=0.5"]).cells
+    timed = Timed(cell, tmp_path, [30.0], spent=0.0)
+    assert timed.again(None, warm=True)
+    assert timed.again(None, warm=True)
+    assert timed.spent == pytest.approx(2 * 0.75)
+    assert Rule(precision=0, repetitions=9, budget=1.4).stop(timed.times, timed.spent) == "budget"
+    assert timed.goes_on(Rule(precision=0, repetitions=9, budget=1.6))

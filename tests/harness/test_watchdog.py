@@ -1,12 +1,16 @@
 """Time limits: raised inside their block and nowhere else, in whatever thread."""
 
+import contextlib
 import json
 import subprocess
 import sys
 import threading
+from types import SimpleNamespace
 
 import pytest
 
+from harness.run import Run
+from harness.settings import Settings
 from harness.watchdog import ENDED, PackTimeoutError, _Alarm, ended_steps, time_limit
 
 
@@ -65,3 +69,25 @@ def test_steps_that_ended_are_found_by_their_facts(tmp_path, monkeypatch):
     monkeypatch.setenv(ENDED, str(tmp_path / "ended"))
     assert ended_steps(method="m", step=999) == [many[-1]]
     assert ended_steps(method="n") == []
+
+
+def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
+    asked = []
+
+    @contextlib.contextmanager
+    def limit(seconds, what, ended):
+        asked.append((seconds, what))
+        yield
+
+    monkeypatch.setattr("harness.run.time_limit", limit)
+    packer = SimpleNamespace(skip=lambda host: "")
+    lane = SimpleNamespace(
+        packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0, warm_up=lambda *_: None
+    )
+    runs = Run.__new__(Run)
+    runs.frames, runs.settings, runs.tried, runs.folder = 2, Settings(timeout=6.0), 1, "folder"
+    runs.session = SimpleNamespace(scene=SimpleNamespace(host=None), source=SimpleNamespace(work=None))
+    runs.store = SimpleNamespace(notes={})
+    runs._prepare(lane, finished=0)
+    assert lane.dead is None
+    assert asked == [(60.0, "preparing: m"), (18.0, "warming up: m")]

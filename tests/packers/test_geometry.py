@@ -73,3 +73,13 @@ def test_an_unchanged_set_costs_a_count():
     )
     encoder.encode(np.zeros(1, np.int32))
     assert encoder.encode(np.zeros(1, np.int32)) == b"\0\0\0\0"
+
+
+def test_how_much_a_material_covers_is_said_once():
+    corner = np.zeros((3, 3), np.float32)
+    flags, materials = np.full(3, Triangles.BLENDED, np.uint8), np.array([7, 7, 8])
+    known = (corner, np.zeros((3, 3), np.int32), flags, np.zeros((3, 2), np.float32), materials, {})
+    encoder = GeometryEncoder(*known, np.arange(9, dtype=np.uint16))
+    changed, new, materials_of_new, opacity = 4, 4 + 36 + 1 + 2, 2, 4  # bytes
+    sizes = [len(encoder.encode(np.arange(count, dtype=np.int32))) for count in (1, 2, 3)]
+    assert sizes == [changed + new + materials_of_new + count * opacity for count in (1, 0, 1)]
