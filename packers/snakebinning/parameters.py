@@ -93,7 +93,13 @@ PARAMETERS = {
         "3.7; Tessellated Shading Streaming 5",
     ),
     "full_footprint": Parameter(
-        True, (False, True), "whether triangles are enlarged to their slot's largest footprint", "", "3.8"
+        False,
+        (False, True),
+        "whether triangles are enlarged to their slot's largest footprint; without, only texels that lookups touch are "
+        "shaded",
+        "",
+        "true: 3.8; false: ours",
+        published=True,
     ),
     "points": Parameter(
         True,

@@ -150,7 +150,6 @@ SWITCHES = {
     "hierarchical mapping": "mapping=hierarchical",
     "linear bins": "logarithmic=false",
     "no perspective": "perspective=false",
-    "no full footprint": "full_footprint=false",
     "no slicing": "slicing=0",
     "shading rate 1": "shading_rate=1.0",
 }  # of SnakeBinning, flipped one at a time
@@ -160,6 +159,7 @@ OURS = {
     "enlargement": ("enlarge=paper", "enlarge=exact"),
     "order of orphans": ("orphans=found", "orphans=widest"),
     "points": ("points=false", "points=true"),
+    "footprint": ("full_footprint=true", "full_footprint=false"),
 }  # where its defaults are not as published: the published value and ours
 SETTINGS = {
     "ours": SWITCHES | {f"{label} as published": values[0] for label, values in OURS.items()},
