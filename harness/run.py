@@ -30,6 +30,7 @@ from harness.console import InputError, make_console, show_summary, tell_passed_
 from harness.dump import dump_frame, dump_scene, folder_name, write_png
 from harness.explain import explain, rows_of, show_explained
 from harness.frames import Work
+from harness.full_atlas import note_full_atlas
 from harness.lane import Drawn, Filled, Lane, Measured, Packed, stopped_rows
 from harness.machine import commit
 from harness.metrics import Metrics
@@ -163,6 +164,7 @@ class Run:
             self._one_frame(index, done, finished, progress, task)
         note_unseen(self.store, (lane.packer for lane in self.lanes))
         note_off_budget(self.store)
+        note_full_atlas(self.store)
         note_as_published(self.store, (lane.packer for lane in self.lanes))
         self.session.device.announce = lambda path: None
         progress.remove_task(task)

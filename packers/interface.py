@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 
 ALPHA = "alpha"  # the name of a plane that holds opacities
+FULL = "atlas_full"  # the statistic that is 1 in frames for whose texels the atlas has no room, else 0
 ALIKE = 8  # levels of 255, by which the blend of lists that a client keeps may differ from that of new ones
 
 
@@ -239,7 +240,8 @@ class Payload:
     samples: the shading samples, or None for a method without an atlas.
     sample_count: shading samples computed this frame: those in `samples`, or the fragments that the client then holds.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
-    statistics: what the method reports beyond the common columns, name to number.
+    statistics: what the method reports beyond the common columns, name to number. FULL among them says that the method
+        laid out fewer texels than by its own rule, or otherwise than asked for, because the atlas is too small.
     """
 
     planes: dict[str, Array]

@@ -17,7 +17,7 @@ from kernels.sas.footprint import SIZES, STEPS, measure_sides
 from kernels.sas.visible import visible_patches
 from packers.atlas_client import geometry_encoder
 from packers.budget import ALL, BudgetedRate
-from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
+from packers.interface import FULL, ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
 from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
 from packers.sas.patches import cached_patches
 
@@ -119,7 +119,8 @@ class ShadingAtlasStreaming(Packer):
         self.changed = self.allocator.resets > resets or not np.array_equal(words, self.sent[shown])
         listed = (patches, masks, count, self.allocator.words)
         samples, without = emit_samples(device, *listed, self.unfolded, frame.atlas_width, self.complete)
-        found = {"bias": 0.0 - float(log2(self.budgeted.rate)), "triangles_without_texel": without}
+        is_full = frame.sample_budget is None and self.bias == "atlas" and self.budgeted.rate < 1
+        found = {"bias": 0.0 - float(log2(self.budgeted.rate)), "triangles_without_texel": without, FULL: int(is_full)}
         return self._payload(frame, shown, words, samples, found)
 
     def _measure(self, frame: Frame, patches: Array, masks: Array, count: int) -> tuple[Array, int]:

@@ -31,7 +31,7 @@ from kernels.snakebinning.slices import MOST, Slices, screen_shares, slice_domin
 from kernels.snakebinning.superblocks import Atlas, Superblocks
 from packers.atlas_client import geometry_encoder
 from packers.budget import BudgetedRate
-from packers.interface import ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
+from packers.interface import FULL, ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
 from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
 from packers.snakebinning.parameters import PARAMETERS
 from packers.snakebinning.picture import draw_packing
@@ -430,6 +430,7 @@ class SnakeBinning(Packer):
         sinks = int(np.count_nonzero(strips["count"] > self.sink))
         return self.noted | {
             "shading_rate": self.rate,
+            FULL: int(self.step > 0),
             "bins_before_mapping": self.rebuilt_bins,
             "bins_after_mapping": int(np.count_nonzero(strips["count"])),
             "sinks": sinks,

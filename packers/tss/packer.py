@@ -21,7 +21,7 @@ from kernels.tss.perspective import invert_depths
 from kernels.tss.primitives import Primitives, list_primitives
 from packers.atlas_client import geometry_encoder
 from packers.budget import ALL, BudgetedRate
-from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
+from packers.interface import FULL, ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
 from packers.tss.client import TessellatedClient
 from packers.tss.message import Placement, encode
 from packers.tss.picture import draw_strategies
@@ -125,6 +125,7 @@ class TessellatedShadingStreaming(Packer):
         samples = emit_samples(device, *placed, frame.atlas_width, oversampled=oversampled)
         blobs = encode(placement, self.bins)
         statistics = describe(placement)
+        statistics[FULL] = int(frame.sample_budget is None and self.budgeted.rate < 1)
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
         statistics["metadata_bytes"] = sum(len(blob) for blob in blobs.values())
         return TessellatedPayload(
