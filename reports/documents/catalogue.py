@@ -118,7 +118,7 @@ def _switches(name: str, scene: str) -> Source:
         methods = [f"snakebinning{end}", *(f"snakebinning{end}[{value}]" for value in switches.values())]
         chosen = " ".join(f"--method '{method}'" for method in [*methods, f"sas{end}", f"tss{end}"])
         commands.append(
-            f"bench run --scene {scene} --frames 24 --size 480x270 --atlas 2048x1024 --crf 25 --metrics flip,dssim "
+            f"bench run --scene {scene} --frames 24 --size 480x270 --atlas 4096x2048 --crf 25 --metrics flip,dssim "
             f"{chosen}"
         )
     return Source(f"switches-{name}", tuple(commands), digests.switch_parts, SWITCHES)

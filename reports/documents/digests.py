@@ -192,7 +192,7 @@ def _switched(lanes: Lanes, key: tuple[str, str]) -> Row:
     """Means over the frames after the first, and of bytes over those of them that were rebuilt and the others."""
     row: Row = {name: lanes.mean(key, name) for name in ("samples", "fill", "coherence", "flip", "dssim")}
     row |= {name: lanes.mean(key, name, coded=True) for name in ("bytes_total", "bytes_video", "bytes_metadata")}
-    row |= {name: lanes.mean_statistic(key, name) for name in ("triangles_moved", "unwritten_lookups")}
+    row |= {name: lanes.mean_statistic(key, name) for name in ("triangles_moved", "unwritten_lookups", "atlas_full")}
     rebuilt = lanes.rebuilt(key)
     row["rebuilt"] = None if rebuilt is None else len(rebuilt)
     for end, chosen in (("rebuilt", rebuilt), ("frozen", None if rebuilt is None else lanes.later - rebuilt)):
