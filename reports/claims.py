@@ -31,6 +31,7 @@ HOLDS, REFUTED, UNTESTED = "holds", "refuted", "untested"
 OF_CAUSE = {CONFIRMED: HOLDS, NOT_CONFIRMED: REFUTED}
 HALVES = ("first", "second")
 TABLES = ("frames", "layers")
+OFF_BUDGET = 0.05  # share by which samples may differ from what a run asks for, as packers.budget.TOLERANCE
 FEWEST = 6  # values that have a 95 % interval
 OPERAND = ("value", "method", "crf", "table", "where", "from", "half")
 COMBINED = ("over", "minus", "exponent")
@@ -433,6 +434,7 @@ def values_of(operand: Operand, run: RunRows, variants: Mapping[str, Variant]) -
         rows = [row for row in rows if (row["codec"] == "none" if rate is None else row["crf"] == rate)]
         _refuse_failed(rows, operand)
         rows = [row for row in rows if row["status"] in MEASURED_STATUSES]
+        _refuse_off_budget(rows, operand)
     found: dict[Key, float] = {}
     for row in rows:
         numbers = [_number(name, row, run) for name in operand.values]
@@ -449,6 +451,14 @@ def _refuse_failed(rows: Sequence[Row], operand: Operand) -> None:
     bad = [row for row in rows if row["status"] not in MEASURED_STATUSES]
     if rows and len(bad) == len(rows):
         raise UnmeasuredError(f"{operand.method}: {bad[0]['status']}: {bad[0]['reason']}")
+
+
+def _refuse_off_budget(rows: Sequence[Row], operand: Operand) -> None:
+    """Samples that are not as many as the run asked for do not compare at equal samples."""
+    budgeted = [row for row in rows if row.get("sample_budget") and row.get("samples") is not None]
+    shares = [row["samples"] / row["sample_budget"] - 1 for row in budgeted]
+    if shares and abs(median(shares)) > OFF_BUDGET:
+        raise UnmeasuredError(f"{operand.method} has {median(shares):+.0%} samples against those asked for.")
 
 
 def _number(name: str, row: Row, run: RunRows) -> float | None:

@@ -4,12 +4,14 @@ from pathlib import Path
 
 import pytest
 
+from packers.budget import TOLERANCE
 from reports.claims import (
     CONFIRMED,
     HOLDS,
     NOT_CONFIRMED,
     NOT_MEASURABLE,
     NOT_MEASURED,
+    OFF_BUDGET,
     REFUTED,
     UNDECIDED,
     UNTESTED,
@@ -240,6 +242,15 @@ def test_frames_that_failed_are_left_out_and_said_when_all_did(tmp_path: Path, r
     )
     assert (judged.verdict, judged.reason) == (NOT_MEASURED, "bins: failed: out of memory")
     assert judged.measured is None
+
+
+def test_unequal_samples_are_not_compared_as_equal_ones(tmp_path: Path, runs):
+    for share, expected in ((1.04, CONFIRMED), (0.96, CONFIRMED), (1.06, NOT_MEASURED), (0.9, NOT_MEASURED)):
+        rows = [row | {"sample_budget": (row.get("samples") or 0) / share} for row in runs["one"].tables["frames"]]
+        judged = verdict(tmp_path, {"one": RunRows({"frames": rows}, {})}, f"{{ {OVER_BINS} }}", "{ below = 1 }")
+        assert judged.verdict == expected, share
+    assert judged.reason == "sas has -10% samples against those asked for."
+    assert OFF_BUDGET == TOLERANCE
 
 
 def test_statistics_stages_and_tables_of_an_experiment_are_read(tmp_path: Path, runs):
