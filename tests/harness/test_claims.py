@@ -9,7 +9,7 @@ import pytest
 
 from harness.claims import Wanted, needs, variants_of
 from harness.console import InputError
-from reports.claims import FEWEST
+from reports.claims import DEFAULT_FILE, FEWEST
 from tests.harness.test_run import bench
 
 TINY = """
@@ -181,13 +181,13 @@ def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
     assert any("--crf 5,25,35" in run.command for run in runs)
 
 
-def test_options_that_the_thesis_experiment_does_not_take_are_refused(claims: Path):
-    run = 'method = ["sas", "sas[fit=0.5]", "ppll"]\nscene = "hall"\n'
-    assert TINY.count(run) == 1
-    file = claims.parent / "thesis.toml"
-    file.write_text(TINY.replace(run, 'preset = "ppll-2014"\n'), encoding="utf-8")
-    with pytest.raises(InputError, match=r"--size, --device, --out and --dry-run only, not --atlas, --crf\."):
-        needs(Wanted(file=file))
+def test_options_that_the_thesis_experiment_does_not_take_are_refused(tmp_path: Path):
+    text, run = DEFAULT_FILE.read_text(encoding="utf-8"), "[runs.thesis]\n"
+    assert text.count(run) == 1
+    file = tmp_path / "thesis.toml"
+    file.write_text(text.replace(run, f'{run}atlas = "64x64"\nseize = "64x64"\n'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"--size, --device, --out and --dry-run only, not --atlas, --seize\."):
+        needs(Wanted(("bilateral-grows",), file=file))
 
 
 def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):
