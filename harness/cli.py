@@ -42,7 +42,7 @@ Method = Annotated[
     list[str] | None,
     _option(
         WORK,
-        "all, a name, 'name\\[param=value,...]', 'module:Class' or 'file.py:Class', each perhaps with @published; "
+        "all, a name, 'module:Class' or 'file.py:Class', then perhaps @published, then perhaps '\\[param=value,...]'; "
         "repeatable. Default: all",
         metavar="METHOD",
     ),
@@ -132,7 +132,12 @@ Workers = Annotated[int, _option(RUNNING, "Cells side by side, for quality only:
 Config = Annotated[Path | None, _option(RUNNING, "Replay this run.json; other options override it", metavar="FILE")]
 Preset = Annotated[
     Text,
-    _option(WORK, "A paper's own experiment: snakebinning-2021, tss-2019, ppll-2014", metavar="NAME"),
+    _option(
+        WORK,
+        "A paper's own experiment, which other options override: snakebinning-2021, tss-2019, and of bench run "
+        "ppll-2014",
+        metavar="NAME",
+    ),
 ]
 
 
@@ -184,9 +189,8 @@ def run(
         if preset == LINKED_LISTS:
             from harness.ppll_2014 import experiment_of, run_experiment, show_experiment
 
-            (show_experiment if dry_run else run_experiment)(
-                experiment_of(context.params), out or Path("runs") / preset
-            )
+            wanted = experiment_of(_given(context.params, "out", "dry_run"))
+            (show_experiment if dry_run else run_experiment)(wanted, out or Path("runs") / preset)
             return
         wanted = _settings_of(context.params)
         if dry_run:
@@ -199,13 +203,21 @@ def run(
         raise typer.Exit(0 if run_all(wanted, out, explained=explain) else SOME_FAILED)
 
 
+def _given(options: dict[str, Any], *apart: str) -> dict[str, Any]:
+    """The options that were given, but for those of these names."""
+    absent = (None, (), [])
+    return {
+        name: value
+        for name, value in options.items()
+        if name not in apart and value is not False and value not in absent
+    }
+
+
 def _settings_of(options: dict[str, Any]) -> Settings:
     """The settings that the options of `bench run` mean, over those of `--config`, over the defaults."""
     from harness import settings as s
 
-    given = {name: value for name, value in options.items() if value not in (None, (), [])}
-    for not_a_setting in ("out", "dry_run", "explain", "config", *OF_SWEEP):
-        given.pop(not_a_setting, None)
+    given = _given(options, "out", "dry_run", "explain", "config", *OF_SWEEP)
     config = options.get("config")
     if config and "preset" in given:
         raise s.SettingsError("--config and --preset both say what to run: give one of them.")
@@ -245,6 +257,7 @@ def sweep(
     timeout: Timeout = None,
     out: Out = None,
     dry_run: DryRun = False,
+    preset: Preset = None,
 ) -> None:
     """Measure run time against error over a grid of parameters and settings; write CSV and HTML.
 

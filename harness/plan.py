@@ -70,7 +70,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     console.print(f"device {device.name}")
     rates = ", ".join(str(crf) for crf in settings.crfs)
     console.print(f"codec {settings.codec}" + (f", CRF {rates}, shown at {settings.display_crf}" if rates else ""))
-    for note in [*scene.notes, *path.notes]:
+    for note in [*scene.notes, *path.notes, *_beyond_budget(settings, packers)]:
         console.print(f"[yellow]note[/] {note}", markup=True)
     _print_methods(console, packers, scene, frames + f" x {settings.repeat}" * (settings.repeat > 1))
     table = make_table("skipped for this scene", "stage", "why")
@@ -80,6 +80,15 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     running = sum(packer.skip(scene) is None for packer in packers)
     seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, running)
     console.print(f"about {duration(seconds)}; results in {out or 'a new folder below runs/'}")
+
+
+def _beyond_budget(settings: Settings, packers: list[Packer]) -> list[str]:
+    """A sentence on the methods that `--samples` does not reach, if any."""
+    names = dict.fromkeys(packer.name for packer in packers if not packer.atlas)
+    if settings.samples_per_pixel is None or not names:
+        return []
+    keep = "it keeps its own number" if len(names) == 1 else "they keep their own numbers"
+    return [f"--samples does not reach {' and '.join(names)}: without an atlas {keep} of samples."]
 
 
 def _print_methods(console: Any, packers: list[Packer], scene: Scene, work: str) -> None:

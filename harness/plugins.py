@@ -22,6 +22,7 @@ GROUP = "shading_atlas_packers"
 SPEC = re.compile(  # folders may have brackets and at signs
     r"(?P<target>.+\.py(?::\w+)?|[^\[\]@]+)(?:@(?P<setting>[^\[\]]*))?(?:\[(?P<values>[^\[\]]*)\])?"
 )
+SETTING_LAST = re.compile(r"(?P<target>.+?)(?:@[^\[\]]*)?(?P<brackets>\[[^\[\]]*\])@[^\[\]]*")
 PUBLISHED = "published"
 TRUTH = {"true": True, "yes": True, "on": True, "1": True, "false": False, "no": False, "off": False, "0": False}
 
@@ -43,31 +44,44 @@ def load_packer(spec: str) -> list[Packer]:
     """The packers a `--method` argument means, with their parameters set.
 
     spec: `all`, `NAME`, `package.module:Class` or `path/to/file.py:Class`, then perhaps `@published` for what its paper
-        has where the defaults are other values; all but the first may end in `[parameter=value,parameter=value]`.
-        Values take the type of the parameter's default.
+        has where the defaults are other values, then perhaps `[parameter=value,parameter=value]`, for `all` with common
+        parameters only. Values take the type of the parameter's default.
 
     Raises ValueError for an unknown name, parameter or value, naming the known ones and the nearest match.
     """
     spec = spec.strip()
     parts = SPEC.fullmatch(spec)
     if parts is None:
-        raise ValueError(f"The method {spec!r} is not of the form NAME or NAME[parameter=value,parameter=value].")
-    target, values = parts["target"].strip(), parts["values"]
-    setting = parts["setting"] and parts["setting"].strip()
-    if setting not in (None, PUBLISHED):
-        raise ValueError(f"The method {spec!r} has the unknown setting @{setting}: {PUBLISHED} is the only one.")
-    if target == "all" and values is None:
-        return [packer(**published_values(packer, setting)) for packer in find_packers().values()]
+        raise ValueError(_malformed(spec))
+    target, text, setting = parts["target"].strip(), parts["values"] or "", parts["setting"]
+    if setting is not None and setting.strip() != PUBLISHED:
+        what = f"the unknown setting @{setting.strip()}" if setting.strip() else "no setting behind its @"
+        brackets = f"[{text}]" if text else ""
+        raise ValueError(f"The method {spec!r} has {what}: write {target}@{PUBLISHED}{brackets} or {target}{brackets}.")
     if target == "all":
-        raise ValueError(f"Parameters belong to one method: name it in place of 'all' in {spec!r}.")
-    packer = _own(target) if ":" in target and not target.endswith(".py") else _installed(target)
-    return [packer(**published_values(packer, setting) | _parse_values(packer, values or ""))]
+        packers, parameters = list(find_packers().values()), COMMON
+    else:
+        packers = [_own(target) if ":" in target and not target.endswith(".py") else _installed(target)]
+        parameters = packers[0].parameters
+    values = _parse_values(target, parameters, text)
+    return [packer(**(published_values(packer) if setting else {}) | values) for packer in packers]
 
 
-def published_values(packer: type[Packer], setting: str | None = PUBLISHED) -> dict[str, Any]:
-    """The parameters whose published value is not their default, with that value; none for the setting None."""
+def _malformed(spec: str) -> str:
+    """Why a spec cannot be taken apart."""
+    if turned := SETTING_LAST.fullmatch(spec):
+        right = f"{turned['target'].strip()}@{PUBLISHED}{turned['brackets']}"
+        return f"The method {spec!r} has its setting behind the brackets: write {right}."
+    return (
+        f"The method {spec!r} is not of the form NAME, NAME[parameter=value,parameter=value] or "
+        f"NAME@{PUBLISHED}[parameter=value,parameter=value]."
+    )
+
+
+def published_values(packer: type[Packer]) -> dict[str, Any]:
+    """The parameters whose published value is not their default, with that value."""
     named = {name: parameter.published for name, parameter in packer.parameters.items()}
-    return {name: value for name, value in named.items() if value is not None and setting == PUBLISHED}
+    return {name: value for name, value in named.items() if value is not None}
 
 
 def is_published(packer: Packer) -> bool:
@@ -170,22 +184,36 @@ def _checked(found: Any, what: str) -> type[Packer]:
     return found
 
 
-def _parse_values(packer: type[Packer], text: str) -> dict[str, Any]:
+def _parse_values(target: str, parameters: dict[str, Parameter], text: str) -> dict[str, Any]:
+    """The values that stand in the brackets behind a target."""
     values: dict[str, Any] = {}
-    for item in filter(None, (part.strip() for part in text.split(","))):
+    items = [part.strip() for part in text.split(",") if part.strip()]
+    for item in items:
         name, equals, value = (part.strip() for part in item.partition("="))
+        if name not in parameters and name.lstrip("@") == PUBLISHED:
+            rest = ",".join(other for other in items if other is not item)
+            right = f"{target}@{PUBLISHED}" + (f"[{rest}]" if rest else "")
+            raise ValueError(f"{target}: {item!r} is no parameter but a setting: write {right}.")
         if not equals:
-            raise ValueError(f"{packer.name}: {item!r} is not of the form parameter=value.")
-        if name not in packer.parameters:
-            raise ValueError(f"{packer.name} has no parameter {name!r}.{nearest(name, sorted(packer.parameters))}")
+            raise ValueError(f"{target}: {item!r} is not of the form parameter=value.")
+        if name not in parameters and target == "all":
+            raise ValueError(
+                f"{name!r} is not a parameter of all methods, as {', '.join(sorted(COMMON))} is: name the method that "
+                "it belongs to in place of 'all'."
+            )
+        if name not in parameters:
+            raise ValueError(f"{target} has no parameter {name!r}.{nearest(name, sorted(parameters))}")
         if name in values:
-            raise ValueError(f"{packer.name}: the parameter {name!r} is given twice.")
-        values[name] = parse_value(packer, name, packer.parameters[name], value)
+            raise ValueError(f"{target}: the parameter {name!r} is given twice.")
+        values[name] = parse_value(target, name, parameters[name], value)
     return values
 
 
-def parse_value(packer: type[Packer], name: str, parameter: Parameter, text: str) -> Any:
-    """`text` as the type of the parameter's default; a whole number may be written for a float."""
+def parse_value(method: str, name: str, parameter: Parameter, text: str) -> Any:
+    """`text` as the type of the parameter's default; a whole number may be written for a float.
+
+    Raises ValueError for what cannot be read so, naming the method and the parameter.
+    """
     kind = type(parameter.default)
     try:
         if kind is bool:
@@ -193,11 +221,11 @@ def parse_value(packer: type[Packer], name: str, parameter: Parameter, text: str
         value = kind(text)
     except (KeyError, ValueError):
         wanted = {bool: "true or false", int: "a whole number", float: "a number"}.get(kind, f"a {kind.__name__}")
-        raise ValueError(f"{packer.name}: {name} must be {wanted}, not {text!r}.") from None
+        raise ValueError(f"{method}: {name} must be {wanted}, not {text!r}.") from None
     if kind is str and parameter.sweep and all(isinstance(known, str) for known in parameter.sweep):
         known = sorted({*parameter.sweep, parameter.default})
         if value not in known:
-            raise ValueError(f"{packer.name}: {name} cannot be {text!r}.{nearest(text, known)}")
+            raise ValueError(f"{method}: {name} cannot be {text!r}.{nearest(text, known)}")
     return value
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from statistics import fmean, median
@@ -20,7 +20,7 @@ from harness.codecs import pack_lz4
 from harness.console import InputError, make_console
 from harness.ppll_2014_report import write_report
 from harness.session import find_methods
-from harness.settings import Settings, parse_size
+from harness.settings import Settings, settings_of
 from harness.upload import upload_scene
 from harness.views import Pose, client_view
 from kernels.cache import cache_root
@@ -50,6 +50,8 @@ FOV = 45.0
 ENCODING = ("blend", "difference", "transform", "match", "hold")  # stages beyond building and limiting
 NETWORK = 125e6  # bytes per second of the thesis' gigabit network
 FRAMES = 12
+TAKEN = ("method", "frames", "size", "device")  # options of bench run that change the experiment
+SET = ("mode", "layers", "layout", "preblend")  # parameters that its modes set, or that not all of them can have
 
 Row = dict[str, Any]
 
@@ -149,7 +151,10 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], wan
     scene = packer.scene_shaded(scene)
     display = packer.client(scene.shipped)
     for each in (packer, other):
-        each.prepare(scene)
+        try:
+            each.prepare(scene)
+        except ValueError as error:  # a parameter out of range
+            raise InputError(str(error)) from error
     for frame in views(scene, size, wanted.frames):
         with scene.device.record() as record:
             payload = packer.pack(frame)
@@ -339,25 +344,28 @@ def as_csv(rows: list[Row]) -> str:
 
 
 def experiment_of(options: dict[str, Any]) -> Experiment:
-    """What the preset means with the options given beside it. Raises InputError."""
-    sizes = (parse_size(options["size"], "--size"),) if options.get("size") else SIZES
-    frames = options.get("frames") or FRAMES
-    if frames < 1:
-        raise InputError(f"--frames is {frames}: give at least 1.")
-    return Experiment(frames, sizes, options.get("device"), _parameters(options.get("method") or ()))
+    """What the preset means with the options given beside it, by their names without dashes; `out` and `dry_run` are no
+    part of it. Raises InputError for those that it does not take, and SettingsError for values that cannot be used."""
+    strange = [f"--{name.replace('_', '-')}" for name in options if name not in ("preset", *TAKEN)]
+    if strange:
+        raise InputError(
+            "The preset ppll-2014 takes --method ppll[...], --frames, --size, --device, --out and --dry-run only, not "
+            f"{', '.join(strange)}."
+        )
+    wanted = settings_of({"frames": FRAMES, **{name: options[name] for name in TAKEN if name in options}})
+    sizes = ((wanted.width, wanted.height),) if "size" in options else SIZES
+    return Experiment(wanted.frames, sizes, wanted.device, _parameters(wanted) if "method" in options else {})
 
 
-def _parameters(specs: Sequence[str]) -> dict[str, Any]:
-    """What `--method ppll[...]` changes. Raises InputError for another method, and for what the modes set."""
-    if not specs:
-        return {}
-    plain, packers = PerPixelLinkedLists(), find_methods(Settings(methods=tuple(specs)))
-    changed = {name: getattr(packers[0], name) for name in plain.parameters}
+def _parameters(wanted: Settings) -> dict[str, Any]:
+    """What `--method ppll[...]` changes. Raises InputError for another method, and for parameters of SET."""
+    refusal = InputError(f"The preset ppll-2014 takes one --method ppll[...], without {', '.join(SET)}.")
+    packers = find_methods(wanted)
+    if len(packers) != 1 or not isinstance(packers[0], PerPixelLinkedLists):
+        raise refusal
+    plain, packer = PerPixelLinkedLists(), packers[0]
+    changed = {name: getattr(packer, name) for name in plain.parameters}
     changed = {name: value for name, value in changed.items() if value != getattr(plain, name)}
-    if (
-        len(packers) != 1
-        or not isinstance(packers[0], PerPixelLinkedLists)
-        or {"mode", "layers", "layout"} & set(changed)
-    ):
-        raise InputError("The preset ppll-2014 takes one --method ppll[...], without mode, layers and layout.")
+    if set(SET) & set(changed):
+        raise refusal
     return changed

@@ -183,8 +183,9 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
         given["metrics"] = tuple(part.strip() for part in given["metrics"].split(",") if part.strip())
     if "no_skip" in given:
         given["no_skip"] = tuple(given["no_skip"])
-    if "codec" in given and given["codec"] != "h264" and ({"crf", "display_crf"} & set(given)):
-        raise SettingsError(f"--crf and --display-crf are for --codec h264, not {given['codec']}: leave them out.")
+    codec = given.get("codec", (base or {}).get("codec", Settings.codec))
+    if codec != "h264" and ({"crf", "display_crf"} & set(given)):
+        raise SettingsError(f"--crf and --display-crf are for --codec h264, not {codec}: leave them out.")
     return Settings.from_json((base or {}) | given, source)
 
 
@@ -193,7 +194,7 @@ def preset_settings(name: str) -> Settings:
     if name not in PRESETS:
         raise SettingsError(f"There is no preset {name!r}. Known: {', '.join(PRESETS)}.")
     if name == LINKED_LISTS:
-        raise SettingsError(f"The preset {name} is not a run with other options: give it to bench run alone.")
+        raise SettingsError(f"The preset {name} is an experiment of its own, not settings: only bench run takes it.")
     return settings_of(PRESETS[name].options, source="preset")
 
 

@@ -143,6 +143,8 @@ def make_grid(settings: Settings, vary: Iterable[str]) -> Grid:
     """
     packers = find_methods(settings)
     axes = read_axes(vary, packers)
+    if "crf" in axes and settings.codec != "h264":
+        raise SettingsError(f"--vary crf is for --codec h264, not {settings.codec}: leave it out.")
     settings = replace(settings, crf=(settings.display_crf,), repeat=1, dump=False)
     if not axes:
         return Grid(_once(Cell(packer, settings, varied, {}) for varied, packer in _one_by_one(packers)), [])
@@ -224,7 +226,7 @@ def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> Ce
 
 def _parameter(packer: Packer, name: str, text: str) -> Any:
     try:
-        return parse_value(type(packer), name, packer.parameters[name], text)
+        return parse_value(packer.name, name, packer.parameters[name], text)
     except ValueError as error:
         raise InputError(str(error)) from error
 

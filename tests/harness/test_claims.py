@@ -8,7 +8,8 @@ from pathlib import Path
 import pytest
 
 from harness.claims import Wanted, needs, variants_of
-from reports.claims import FEWEST
+from harness.console import InputError
+from reports.claims import DEFAULT_FILE, FEWEST
 from tests.harness.test_run import bench
 
 TINY = """
@@ -178,6 +179,15 @@ def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
         variants = variants_of(claims)
         assert len(set(variants.values())) == len(variants)
     assert any("--crf 5,25,35" in run.command for run in runs)
+
+
+def test_options_that_the_thesis_experiment_does_not_take_are_refused(tmp_path: Path):
+    text, run = DEFAULT_FILE.read_text(encoding="utf-8"), "[runs.thesis]\n"
+    assert text.count(run) == 1
+    file = tmp_path / "thesis.toml"
+    file.write_text(text.replace(run, f'{run}atlas = "64x64"\nseize = "64x64"\n'), encoding="utf-8")
+    with pytest.raises(InputError, match=r"--size, --device, --out and --dry-run only, not --atlas, --seize\."):
+        needs(Wanted(("bilateral-grows",), file=file))
 
 
 def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from harness.console import show_comparison, show_summary
+from harness.plan import show_plan
+from harness.settings import Settings
 from reports.store import Store
 from tests.reports.synthetic import COMMON, make_store
 
@@ -60,3 +63,15 @@ def test_a_comparison_names_the_same_sizes(tmp_path: Path, capsys: pytest.Captur
     assert ["bytes_total", "50,000", "50,000", "40,000", "40,000", "same", "1"] in lines
     assert ["bytes_total_kbit_s", "24,000", "24,000", "same"] in lines
     assert ["bytes_total_key", "1,000,000", "1,000,000", "same"] in lines
+
+
+def test_a_plan_says_whom_a_number_of_samples_does_not_reach(capsys: pytest.CaptureFixture[str]) -> None:
+    told = "note --samples does not reach ppll: without an atlas it keeps its own number of samples."
+    small = Settings(methods=("ppll@published", "ppll", "sas"), scene="shells", frames=1, width=64, height=36)
+    for settings, says in (
+        (replace(small, samples_per_pixel=2.0), True),
+        (replace(small, samples_per_pixel=2.0, methods=("sas",)), False),
+        (small, False),
+    ):
+        show_plan(settings, None)
+        assert (told in " ".join(capsys.readouterr().out.split())) == says

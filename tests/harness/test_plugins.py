@@ -91,6 +91,15 @@ def test_all_gives_one_of_each(monkeypatch: pytest.MonkeyPatch, file: Path):
     entry = EntryPoint("grid", "my_packer:Grid", plugins.GROUP)
     monkeypatch.setattr(plugins, "entry_points", lambda group: [entry, entry])  # as a second copy of the metadata gives
     assert [variant_string(packer) for packer in load_packer("all")] == [DEFAULTS]
+    assert [variant_string(packer) for packer in load_packer("all[]")] == [DEFAULTS]
+
+
+def test_all_takes_common_parameters():
+    for setting in ("", "@published"):
+        usual = {packer.name: variant_string(packer) for packer in load_packer(f"all{setting}")}
+        finest = {packer.name: variant_string(packer) for packer in load_packer(f"all{setting}[mipmaps=false]")}
+        assert finest == {name: text.replace("mipmaps=true", "mipmaps=false") for name, text in usual.items()}
+        assert all("mipmaps=true" in text for text in usual.values())
 
 
 def test_one_name_from_two_packages_is_refused(monkeypatch: pytest.MonkeyPatch):
@@ -136,11 +145,29 @@ def test_what_is_published_is_a_value_that_can_be_set_and_stands_in_the_methods_
         readme = (ROOT / "packers" / name / "README.md").read_text(encoding="utf-8")
         defaults = readme.partition("## Defaults")[2].partition("\n## ")[0]
         assert all(f"| `{key}` |" in defaults for key in published), name
+        assert f"`{name}@published`" in defaults
     assert len(load_packer("all@published")) == len(find_packers())
 
 
 def test_empty_brackets_mean_the_defaults(file: Path):
     assert variant_string(*load_packer(f"{file}:Grid[]")) == DEFAULTS
+
+
+@pytest.mark.parametrize(
+    ("spec", "message"),
+    [
+        ("all[fit=0.5]", "'fit' is not a parameter of all methods, as mipmaps is: name the method that it belongs to"),
+        ("all@published[fit=0.5]", "'fit' is not a parameter of all methods, as mipmaps is"),
+        ("all[mipmaps=maybe]", "all: mipmaps must be true or false, not 'maybe'"),
+        ("all[mipmaps]", "all: 'mipmaps' is not of the form parameter=value"),
+        ("all[published]", "write all@published."),
+        ("all[mipmaps=false]@published", "write all@published[mipmaps=false]."),
+    ],
+)
+def test_all_refuses_what_only_some_have(spec: str, message: str):
+    with pytest.raises(ValueError) as error:
+        load_packer(spec)
+    assert message in str(error.value)
 
 
 @pytest.mark.usefixtures("installed")
@@ -157,12 +184,18 @@ def test_empty_brackets_mean_the_defaults(file: Path):
         ("grid[order=sise]", "order cannot be 'sise'. Did you mean 'size'? Known: id, size."),
         ("grid[cell]", "'cell' is not of the form parameter=value"),
         ("grid[cell=4,cell=8]", "'cell' is given twice"),
-        ("grid[cell=4", "is not of the form NAME or NAME[parameter=value,parameter=value]"),
+        ("grid[cell=4", "is not of the form NAME, NAME[parameter=value,parameter=value] or NAME@published["),
+        ("grid@published@published", "write grid@published or grid."),
         ("", "is not of the form NAME"),
-        ("all[cell=4]", "Parameters belong to one method"),
-        ("all@published[cell=4]", "Parameters belong to one method"),
-        ("grid@publisched", "unknown setting @publisched: published is the only one"),
-        ("grid@", "unknown setting @: published is the only one"),
+        ("grid@publisched", "unknown setting @publisched: write grid@published or grid."),
+        ("grid@", "no setting behind its @: write grid@published or grid."),
+        ("grid@[cell=4]", "no setting behind its @: write grid@published[cell=4] or grid[cell=4]."),
+        ("grid[cell=4]@published", "setting behind the brackets: write grid@published[cell=4]."),
+        ("a[1].py:Grid[cell=4]@", "setting behind the brackets: write a[1].py:Grid@published[cell=4]."),
+        ("grid@published[cell=4]@published", "setting behind the brackets: write grid@published[cell=4]."),
+        ("grid[published]", "'published' is no parameter but a setting: write grid@published."),
+        ("grid[@published, cell=4]", "write grid@published[cell=4]."),
+        ("grid[cell=4,published=true]", "write grid@published[cell=4]."),
         ("my_packer:Gird", "no packer class 'Gird'. Did you mean 'Grid'?"),
         ("my_packer:Unfinished", "lacks client, pack"),
         ("my_packer:number", "is not a packer"),

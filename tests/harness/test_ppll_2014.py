@@ -5,10 +5,13 @@ from __future__ import annotations
 import csv
 
 import pytest
+from typer.testing import CliRunner
 
 from harness import ppll_2014
+from harness.cli import app
 from harness.console import InputError
 from harness.ppll_2014 import PUBLISHED_SIZES, Experiment, experiment_of, run_experiment
+from harness.settings import SettingsError
 
 
 @pytest.fixture(scope="module")
@@ -77,13 +80,61 @@ def test_published_ratios_are_those_of_table_a1():
 def test_options_of_the_preset():
     assert experiment_of({"size": "64x48", "frames": 2}) == Experiment(2, ((64, 48),))
     assert experiment_of({}).sizes == ((1024, 768), (1280, 720), (1600, 900))
+    assert experiment_of({"preset": "ppll-2014", "device": "pthread"}) == Experiment(device="pthread")
+    for options, says in (
+        ({"frames": 0}, "--frames is 0"),
+        ({"frames": "six"}, "wrong type"),
+        ({"size": "8x8"}, "--size is 8x8"),
+        ({"size": "640"}, "--size"),
+    ):
+        with pytest.raises(SettingsError, match=says):
+            experiment_of(options)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "refused"),
+    [
+        (["--atlas", "junk", "--scene", "nowhere.glb", "--crf", "99"], "--atlas, --scene, --crf"),
+        (["--config", "x.json"], "--config"),
+        (["--explain"], "--explain"),
+        (["--opaque", "--dump"], "--opaque, --dump"),
+        (["--seed", "0"], "--seed"),
+        (["--no-skip", "blending"], "--no-skip"),
+    ],
+)
+def test_what_the_preset_does_not_take_is_refused(arguments, refused):
+    takes = "takes --method ppll[...], --frames, --size, --device, --out and --dry-run only, not"
+    assert f"{takes} {refused}." in refusal(*arguments)
+
+
+@pytest.mark.parametrize(
+    "methods", [["sas"], ["all"], ["ppll", "sas"], ["ppll[mode=full]"], ["ppll[layers=2]"], ["ppll[preblend=true]"]]
+)
+def test_another_method_or_parameter_is_refused(methods):
+    assert "takes one --method ppll[...], without mode, layers, layout, preblend." in refusal(
+        *(word for method in methods for word in ("--method", method))
+    )
+
+
+def test_a_sweep_refuses_the_preset():
+    assert "only bench run takes it" in refusal(command="sweep")
+
+
+def test_a_parameter_out_of_range_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("BENCH_SCENES", str(tmp_path))
+    with pytest.raises(InputError, match="tolerance must not be negative"):
+        run_experiment(Experiment(1, ((160, 120),), parameters={"tolerance": -1}), tmp_path / "out")
+
+
+def refusal(*arguments, command="run"):
+    """What is printed where options beside the preset are refused: one sentence on one line."""
+    shown = CliRunner().invoke(app, [command, "--preset", "ppll-2014", *arguments])
+    assert (shown.exit_code, type(shown.exception)) == (2, SystemExit), shown.output
+    assert len(shown.output.splitlines()) == 1
+    return shown.output
 
 
 def test_a_dry_run_says_what_would_be_measured(tmp_path):
-    from typer.testing import CliRunner
-
-    from harness.cli import app
-
     out = tmp_path / "out"
     shown = CliRunner().invoke(app, ["run", "--preset", "ppll-2014", "--frames", "2", "--dry-run", "--out", str(out)])
     assert shown.exit_code == 0
@@ -106,6 +157,3 @@ def test_parameters_of_lists_hold_for_all_modes(tables, tmp_path, monkeypatch):
     )
     assert sent[0] == before[0]
     assert sum(sent[1:]) < sum(before[1:])
-    for method in (["ppll[mode=full]", "sas"], ["ppll[layers=2]"]):
-        with pytest.raises(InputError, match="takes one --method ppll"):
-            experiment_of({"method": method})

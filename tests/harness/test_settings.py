@@ -4,6 +4,8 @@ import json
 
 import pytest
 
+from harness.presets import LINKED_LISTS as LISTS
+from harness.presets import PRESETS
 from harness.settings import (
     Settings,
     SettingsError,
@@ -55,7 +57,7 @@ def test_cells_are_presets_or_pairs():
 
 
 def test_a_preset_is_a_paper_s_experiment_and_options_override_it():
-    published = settings_of({"preset": "snakebinning-2021", "scene": "village"})
+    published = settings_of({"preset": "snakebinning-2021"})
     assert published.methods == ("snakebinning@published", "sas@published", "tss@published")
     assert (published.width, published.height, published.atlas_width, published.atlas_height) == (
         1920,
@@ -64,15 +66,30 @@ def test_a_preset_is_a_paper_s_experiment_and_options_override_it():
         4096,
     )
     assert (published.cell_radius, published.cell_fov) == (0.1, 90)
+    assert (published.scene, published.codec, published.frames) == ("village", "h264", 12)
+    assert settings_of({"preset": "snakebinning-2021", "scene": "hall"}).scene == "hall"
     smaller = settings_of({"preset": "snakebinning-2021", "size": "320x180", "codec": "none", "method": ["sas"]})
     assert (smaller.methods, smaller.width, smaller.codec, smaller.atlas_width) == (("sas",), 320, "none", 8192)
     texels = settings_of({"preset": "tss-2019"})
     assert texels.atlas_width * texels.atlas_height == 24 * 2**20, "the paper's 24 Mpix"
-    assert texels.cell_fov == 60 + 40
+    assert (texels.cell_radius, texels.cell_fov) == (0.1, 60 + 40)
+    assert (texels.scene, texels.codec) == ("village", "jpeg")
+    assert all("smallest of the paper's three view cells" in PRESETS[name].meaning for name in PRESETS if name != LISTS)
     with pytest.raises(SettingsError, match="Known: snakebinning-2021, tss-2019, ppll-2014"):
         settings_of({"preset": "ppll-2015"})
-    with pytest.raises(SettingsError, match="bench run alone"):
-        settings_of({"preset": "ppll-2014"})
+    with pytest.raises(SettingsError, match="only bench run takes it"):
+        settings_of({"preset": LISTS})
+
+
+def test_rates_are_refused_where_the_coding_has_none_wherever_that_is_said():
+    for options, base in (
+        ({"codec": "none", "crf": "5"}, {}),
+        ({"preset": "tss-2019", "crf": "5"}, {}),
+        ({"display_crf": 5}, Settings(codec="jpeg").to_json()),
+    ):
+        with pytest.raises(SettingsError, match=r"for --codec h264, not (none|jpeg)"):
+            settings_of(options, base)
+    assert settings_of({"preset": "tss-2019", "codec": "h264", "crf": "5"}).crf == (5,)
 
 
 def test_units_are_names_or_metres():

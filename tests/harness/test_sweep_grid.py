@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from harness.console import InputError
-from harness.settings import Settings, SettingsError
+from harness.settings import Settings, SettingsError, settings_of
 from harness.sweep import timing
 from harness.sweep.grid import Cell, make_grid, shuffled
 from harness.sweep.timing import Rule, Timed
@@ -57,6 +57,19 @@ def test_combinations_that_cannot_be_are_left_out_with_their_reason():
     assert [what for what, why in grid.left_out if "field of view" in why] == ["fov=100, cell=0.08/80"]
     with pytest.raises(SettingsError, match="fov=100 cannot be used"):
         make_grid(Settings(methods=("sas",)), ["fov=60,100"])
+
+
+def test_rates_are_varied_only_where_the_coding_has_them():
+    for codec in ("jpeg", "none"):
+        with pytest.raises(SettingsError, match=f"--vary crf is for --codec h264, not {codec}"):
+            make_grid(Settings(methods=("sas",), codec=codec), ["crf=15,25"])
+
+
+def test_a_preset_s_view_cell_is_varied():
+    grid = make_grid(settings_of({"preset": "snakebinning-2021"}), ["cell=pvs1,pvs2,pvs3"])
+    cells = {(cell.settings.cell_radius, cell.settings.cell_fov) for cell in of(grid.cells, "sas")}
+    assert cells == {(0.1, 90), (0.2, 125), (0.3, 160)}
+    assert {(cell.settings.scene, cell.settings.atlas_width) for cell in grid.cells} == {("village", 8192)}
 
 
 @pytest.mark.parametrize(
