@@ -99,7 +99,7 @@ SWITCHES = {
         (
             _words("settings", "{settings}"),
             _words("switched", "{variant}"),
-            *_numbers(samples="samples: ,.0f", fill="fill: .2f", coherence="coherence: .3f"),
+            *_numbers(samples="samples: ,.0f", fill="fill: .2f", atlas_full="full: .0%", coherence="coherence: .3f"),
             *_numbers(
                 rebuilt="rebuilt frames: d", triangles_moved="triangles moved: ,.0f", moved_frozen="frozen: ,.0f"
             ),
@@ -118,7 +118,7 @@ def _switches(name: str, scene: str) -> Source:
         methods = [f"snakebinning{end}", *(f"snakebinning{end}[{value}]" for value in switches.values())]
         chosen = " ".join(f"--method '{method}'" for method in [*methods, f"sas{end}", f"tss{end}"])
         commands.append(
-            f"bench run --scene {scene} --frames 24 --size 480x270 --atlas 4096x2048 --crf 25 --metrics flip,dssim "
+            f"bench run --scene {scene} --frames 24 --size 480x270 --atlas 2048x2048 --crf 25 --metrics flip,dssim "
             f"{chosen}"
         )
     return Source(f"switches-{name}", tuple(commands), digests.switch_parts, SWITCHES)
