@@ -56,15 +56,15 @@ def show_grid(wanted: Wanted, out: Path | None) -> None:
 
 
 def _show_axes(console: Console, grid: Grid) -> None:
-    """What is varied per method, and what was left out and why."""
+    """What is varied per contender, and what was left out and why."""
     table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
-    for name in dict.fromkeys(cell.packer.name for cell in grid.cells):
-        own = [cell for cell in grid.cells if cell.packer.name == name]
+    for contender in dict.fromkeys(cell.contender for cell in grid.cells):
+        own = [cell for cell in grid.cells if cell.contender == contender]
         axes: dict[str, dict[str, None]] = {}
         for axis, text in (item for cell in own for item in cell.varied.items()):
             axes.setdefault(axis, {})[text] = None
         varied = "; ".join(f"{axis} {', '.join(texts)}" for axis, texts in axes.items())
-        table.add_row(name, str(len(own)), escape(varied or "as it is"))
+        table.add_row(escape(contender), str(len(own)), escape(varied or "as it is"))
     console.print(table)
     if grid.left_out:
         left = make_table("left out", "what", "why")
@@ -87,7 +87,7 @@ def show_sweep(points: list[Point], folder: Path) -> None:
         table = make_table("", "method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
         for column in table.columns[2:]:
             column.justify, column.no_wrap = "right", True
-        for point in sorted(lines, key=lambda point: (point.row["method"], point.row[f"{cost}_median"])):
+        for point in sorted(lines, key=lambda point: (point.row["contender"], point.row[f"{cost}_median"])):
             row = point.row
             time = f"{row['server_ms_median']:.1f}" if timed else ""
             if timed and row["server_ms_low"] is not None:
@@ -95,9 +95,9 @@ def show_sweep(points: list[Point], folder: Path) -> None:
             sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
             sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
             samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
-            table.add_row(row["method"], escape(point.label), time, *sizes, samples, flip)
+            table.add_row(escape(row["contender"]), escape(point.label), time, *sizes, samples, flip)
         console.print(table)
-        console.print(verdict(candidates(own, cost, "flip")[1], cost, "flip"))
+        console.print(escape(verdict(candidates(own, cost, "flip")[1], cost, "flip")))
         console.print()
     _show_troubles(console, points)
     for prefix, word in (("warning/budget", "warning"), ("rare", "not seen")):
@@ -107,12 +107,12 @@ def show_sweep(points: list[Point], folder: Path) -> None:
 
 
 def _show_troubles(console: Console, points: list[Point]) -> None:
-    """How many cells are not ok, with the first reason of each status and method; why timing stopped."""
+    """How many cells are not ok, with the first reason of each status and contender; why timing stopped."""
     cells = {(p.condition, p.row["method"], p.row["variant"], p.row["varied"]): p.row for p in points}.values()
-    counts = Counter((row["method"], row["status"]) for row in cells if row["status"] != "ok")
-    for (method, status), count in counts.items():
-        reason = next(row["reason"] for row in cells if (row["method"], row["status"]) == (method, status))
+    counts = Counter((row["contender"], row["status"]) for row in cells if row["status"] != "ok")
+    for (contender, status), count in counts.items():
+        reason = next(row["reason"] for row in cells if (row["contender"], row["status"]) == (contender, status))
         colour = "dim" if status == "skipped" else "red"
-        console.print(f"[{colour}]{status}[/] {count} cells of {method}: {escape(reason or '')}")
+        console.print(f"[{colour}]{status}[/] {count} cells of {escape(contender)}: {escape(reason or '')}")
     stops = Counter(row["stop"].partition(":")[0] for row in cells if row["stop"])
     console.print("timing stopped: " + ", ".join(f"{count} {stop}" for stop, count in stops.most_common()))
