@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -207,7 +208,7 @@ def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tupl
     """One line of a table: the method's label, its coding, and the columns of a row of summary.csv."""
     coding = f"{row['codec']} {row['crf']}" if row["crf"] is not None else row["codec"] or ""
     cells = ["" if row.get(name) is None else form(row[name] * scale) for name, _, scale, form in columns]
-    return [escape(labels[row["method"], row["variant"]]), coding, *cells]
+    return [labels[row["method"], row["variant"]], coding, *cells]
 
 
 def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[list[str]]:
@@ -217,10 +218,11 @@ def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str],
         if row["value"] is not None:
             values.setdefault((row["method"], row["variant"]), {}).setdefault(row["name"], []).append(row["value"])
     lines = []
-    for key, named in values.items():
+    for key in [key for key in labels if key in values]:
+        named = values[key]
         cells = [form.format(median(named[name])) if name in named else "" for name, _, form in SPEED]
         if any(cells):
-            lines.append([escape(labels[key]), *cells])
+            lines.append([labels[key], *cells])
     return lines
 
 
@@ -241,8 +243,18 @@ def _fitting(title: str, headings: list[str], lines: list[list[str]], console: C
         column.justify = "right"
     room = console.width - sum(widths[1:count]) - 2 * (count - 1)
     for label, *cells in lines:
-        table.add_row(label if len(label) <= room else label.replace("@", "\n@", 1), *cells[: count - 1])
+        table.add_row(folded(label, room), *cells[: count - 1])
     return table
+
+
+def folded(label: str, room: int) -> str:
+    """A method's label as markup, in lines of at most `room` characters as far as its parts are no longer."""
+    lines = [""]
+    for part in re.split(r"(?=[@\[=])|(?<=,)", label):
+        if lines[-1] and len(lines[-1] + part) > room:
+            lines.append("")
+        lines[-1] += part
+    return escape("\n".join(lines))
 
 
 def _troubles(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[tuple[str, int, str]]:

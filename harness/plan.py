@@ -88,7 +88,8 @@ def _print_methods(console: Any, packers: list[Packer], scene: Scene, work: str)
     table = make_table("methods", "method", "parameters", "what happens")
     for packer in packers:
         reason = packer.skip(scene)
-        table.add_row(escape(label_of(packer)), variant_string(packer), f"skipped: {reason}" if reason else work)
+        parameters = variant_string(packer).replace(",", ", ")
+        table.add_row(escape(label_of(packer)), parameters, f"skipped: {reason}" if reason else work)
     console.print(table)
 
 

@@ -16,6 +16,7 @@ Row = dict[str, Any]
 SUMMARY_BY_NAME = {column.name: column for column in summary_columns()}
 NONE = "\u2013"  # an en dash, as between the ends of an interval
 OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*(?: [\d.]*\d)?")
+BETWEEN_PARTS = re.compile(r"(?<=\w)(?=[@\[])|(?<=,)(?=[a-z])")  # of a label: name, @published, [a=1, b=2]
 THIN = "\u202f"  # between groups of three digits
 
 
@@ -143,7 +144,7 @@ def _measures(
         rivals = [o for o in lines if o.key != line.key and (o.coding == line.coding or not several)]
         second = f"<td>{escape(coding_label(*line.coding))}</td>" if coding else frames[line.key]
         cells = [_cell(line, column, rivals) for column in columns]
-        body.append(f"<tr><th>{label_html(labels[line.key])}</th>{second}{''.join(cells)}</tr>")
+        body.append(f"<tr><th>{prose(labels[line.key])}</th>{second}{''.join(cells)}</tr>")
     return _wrap(head, body, "numbers")
 
 
@@ -185,13 +186,8 @@ def _beats(line: Line, rival: Line, name: str) -> bool:
 
 
 def prose(text: str) -> str:
-    """Text as HTML whose options, `--frames 61`, are not broken at their hyphens."""
-    return OPTION.sub(r'<span class="option">\g<0></span>', escape(text))
-
-
-def label_html(label: str) -> str:
-    """A method's label as HTML, which may be broken before `@` and its brackets, and between its parameters."""
-    return re.sub(r"(?=[@[])|(?<=,)", "<wbr>", escape(label))
+    """Text as HTML: options, `--frames 61`, are not broken at their hyphens, and methods' labels only between parts."""
+    return OPTION.sub(r'<span class="option">\g<0></span>', BETWEEN_PARTS.sub("<wbr>", escape(text)))
 
 
 def table(head: list[str], lines: list[list[str]], texts: int) -> str:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
-from harness.console import make_console, make_table
+from harness.console import NARROWEST, folded, make_console, make_table
 from harness.plan import check_folder, duration, expected_pace
 from harness.session import open_head_motion, open_path, open_scene
 from harness.skips import skipped_stages
@@ -19,6 +19,7 @@ from reports.sweep_words import CODING_NAMES, COST_NAMES, verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from harness.sweep.grid import Grid
     from harness.sweep.run import Wanted
@@ -84,19 +85,7 @@ def show_sweep(points: list[Point], folder: Path) -> None:
             continue
         what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
         console.print(f"[bold]Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {escape(what)}[/]")
-        table = make_table("", "method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
-        for column in table.columns[2:]:
-            column.justify, column.no_wrap = "right", True
-        for point in sorted(lines, key=lambda point: (point.row["contender"], point.row[f"{cost}_median"])):
-            row = point.row
-            time = f"{row['server_ms_median']:.1f}" if timed else ""
-            if timed and row["server_ms_low"] is not None:
-                time += f" ±{50 * (row['server_ms_high'] - row['server_ms_low']) / row['server_ms_median']:.0f} %"
-            sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
-            sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
-            samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
-            table.add_row(escape(row["contender"]), escape(point.label), time, *sizes, samples, flip)
-        console.print(table)
+        console.print(_front_table(lines, cost, timed, console))
         console.print(escape(verdict(candidates(own, cost, "flip")[1], cost, "flip")))
         console.print()
     _show_troubles(console, points)
@@ -104,6 +93,29 @@ def show_sweep(points: list[Point], folder: Path) -> None:
         for text in read_told(folder, prefix):
             console.print(f"[yellow]{word}[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
+
+
+def _front_table(points: list[Point], cost: str, timed: bool, console: Console) -> Table:
+    """The cells on fronts, contender by contender, in order of their cost."""
+    headings = ("method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
+    found = []
+    for point in sorted(points, key=lambda point: (point.row["contender"], point.row[f"{cost}_median"])):
+        row = point.row
+        time = f"{row['server_ms_median']:.1f}" if timed else ""
+        if timed and row["server_ms_low"] is not None:
+            time += f" ±{50 * (row['server_ms_high'] - row['server_ms_low']) / row['server_ms_median']:.0f} %"
+        sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
+        sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
+        samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
+        found.append((row["contender"], point.label, time, *sizes, samples, flip))
+    table = make_table("", *headings)
+    for column in table.columns[2:]:
+        column.justify, column.no_wrap = "right", True
+    widths = [max(map(len, column)) for column in zip(headings, *found, strict=True)]
+    room = console.width - sum(widths[1:]) - 2 * (len(widths) - 1)
+    for contender, label, *cells in found:
+        table.add_row(folded(contender, max(room, NARROWEST)), escape(label), *cells)
+    return table
 
 
 def _show_troubles(console: Console, points: list[Point]) -> None:

@@ -16,7 +16,7 @@ from reports.csv_files import write_all
 from reports.html import chosen_frames, write_report
 from reports.pictures import find_pictures
 from reports.store import Store, StoreError
-from reports.tables import label_html, number, prose, ranges
+from reports.tables import number, prose, ranges
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -175,7 +175,7 @@ def test_an_empty_store_has_a_report_and_no_store_has_none(tmp_path: Path) -> No
 
 
 def test_labels_and_options_are_broken_only_where_words_end() -> None:
-    assert label_html("sas@published[a=1,b=x<y]") == "sas<wbr>@published<wbr>[a=1,<wbr>b=x&lt;y]"
+    assert prose("sas@published[a=1,b=x<y]") == "sas<wbr>@published<wbr>[a=1,<wbr>b=x&lt;y]"
     assert prose("With --frames 61 <or more>: a-b--c.") == (
         'With <span class="option">--frames 61</span> &lt;or more&gt;: a-b--c.'
     )
