@@ -290,7 +290,8 @@ def _statistics(statistics: list[Row], labels: Labels) -> str:
     if not found:
         return ""
     lines = []
-    for (key, name), values in sorted(found.items()):
+    for key, name in sorted(found, key=lambda place: (labels[place[0]], place[1])):
+        values = found[key, name]
         whole = all(value == int(value) for value in values)
         shown = [number(value, whole) for value in (median(values), min(values), max(values))]
         lines.append([labels[key], name, *shown, str(len(values))])
