@@ -18,7 +18,7 @@ from rich.markup import escape
 from harness.console import InputError, make_console, make_table
 from harness.digest import method_digest, suite_digest
 from harness.plan import FREE, duration, expected_pace
-from harness.plugins import variant_string
+from harness.plugins import label_of, variant_string
 from harness.presets import LINKED_LISTS
 from harness.run import RUNS, locked, run
 from harness.session import find_methods
@@ -308,10 +308,10 @@ def _misfit(named: NamedRun, folder: Path) -> str:
         names.append("crf")
     if names:
         return "other " + ", ".join(names)
-    keys = {(packer.name, variant_string(packer)) for packer in find_methods(own)}
+    wanted = {(packer.name, variant_string(packer)): label_of(packer) for packer in find_methods(own)}
     with Store(folder) as store:
         finished = store.finished()
-    lacking = sorted(method for method, variant in keys if (method, variant, own.frames - 1) not in finished)
+    lacking = sorted(label for key, label in wanted.items() if (*key, own.frames - 1) not in finished)
     return f"no finished {', '.join(lacking)}" if lacking else ""
 
 

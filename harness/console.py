@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import typer
 from rich.console import Console
 from rich.markup import escape
+from rich.padding import Padding
 from rich.table import Table
 
 if TYPE_CHECKING:
@@ -89,7 +91,7 @@ def show_catalogue() -> None:
             table.add_row(f"  {key}", str(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\["))
         console.print(table)
         published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
-        console.print(f"  {name}@published: {published or 'as the defaults'}", soft_wrap=True)
+        console.print(Padding(f"{name}@published: {published or 'as the defaults'}", (0, 0, 0, 2)))
         console.print()
     presets = {name: preset.meaning for name, preset in PRESETS.items()}
     for title, known in (("scenes", list_scenes()), ("paths", list_paths()), ("presets", presets)):
@@ -142,13 +144,11 @@ SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", 
 
 def show_summary(store: Store, folder: Path) -> None:
     """Print what a frame costs and sends per method, codec and rate, what went wrong, and where the results are."""
-    from reports.charts import method_labels
     from reports.csv_files import measured_statistics
+    from reports.labels import read_labels
 
     console = make_console()
-    rows = store.rows()
-    published = store.notes.under("as_published").items()
-    labels = method_labels(list({(row["method"], row["variant"]): None for row in rows}), published)
+    rows, labels = store.rows(), read_labels(store)
     _show_numbers(rows, labels, console)
     by_view = [row["view_dependence"] for row in rows if row["view_dependence"] is not None]
     if by_view:
@@ -208,7 +208,7 @@ def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tupl
     """One line of a table: the method's label, its coding, and the columns of a row of summary.csv."""
     coding = f"{row['codec']} {row['crf']}" if row["crf"] is not None else row["codec"] or ""
     cells = ["" if row.get(name) is None else form(row[name] * scale) for name, _, scale, form in columns]
-    return [escape(labels[row["method"], row["variant"]]), coding, *cells]
+    return [labels[row["method"], row["variant"]], coding, *cells]
 
 
 def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[list[str]]:
@@ -218,10 +218,11 @@ def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str],
         if row["value"] is not None:
             values.setdefault((row["method"], row["variant"]), {}).setdefault(row["name"], []).append(row["value"])
     lines = []
-    for key, named in values.items():
+    for key in [key for key in labels if key in values]:
+        named = values[key]
         cells = [form.format(median(named[name])) if name in named else "" for name, _, form in SPEED]
         if any(cells):
-            lines.append([escape(labels[key]), *cells])
+            lines.append([labels[key], *cells])
     return lines
 
 
@@ -242,8 +243,18 @@ def _fitting(title: str, headings: list[str], lines: list[list[str]], console: C
         column.justify = "right"
     room = console.width - sum(widths[1:count]) - 2 * (count - 1)
     for label, *cells in lines:
-        table.add_row(label if len(label) <= room else label.replace("@", "\n@", 1), *cells[: count - 1])
+        table.add_row(folded(label, room), *cells[: count - 1])
     return table
+
+
+def folded(label: str, room: int) -> str:
+    """A method's label as markup, in lines of at most `room` characters as far as its parts are no longer."""
+    lines = [""]
+    for part in re.split(r"(?=[@\[=])|(?<=,)", label):
+        if lines[-1] and len(lines[-1] + part) > room:
+            lines.append("")
+        lines[-1] += part
+    return escape("\n".join(lines))
 
 
 def _troubles(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[tuple[str, int, str]]:
@@ -289,20 +300,20 @@ def show_comparison(first: Path, second: Path) -> None:
         raise InputError(f"{first} and {second} have no method, codec and rate in common.")
     groups: dict[tuple, list[Comparison]] = {}
     for row in rows:
-        groups.setdefault((row.method, row.variant, row.codec, row.crf), []).append(row)
+        groups.setdefault((row.label, row.variant, row.codec, row.crf), []).append(row)
     for text in differences(first, second):
         console.print(f"[yellow]differs[/] {escape(text)}")
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
-    for (method, variant, codec, crf), group in groups.items():
+    for (label, variant, codec, crf), group in groups.items():
         coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
         table = make_table(
-            f"{method}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A", "median B",
-            "B is", "p",
+            f"{escape(label)}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A",
+            "median B", "B is", "p",
         )  # fmt: skip
         for column in table.columns[1:5]:
             column.justify = "right"
         if variant:
-            console.print(f"[dim]{variant}[/]")
+            console.print(f"[dim]{escape(variant)}[/]")
         for row in group:
             p = "" if row.p is None else f"{row.p:.1g}"
             verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"

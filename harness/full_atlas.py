@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 
 from packers.interface import FULL
+from reports.labels import read_labels
 from reports.store import Store
 
 NOTES = "warning/full"  # where the store keeps the sentences
@@ -20,19 +21,20 @@ def note_full_atlas(store: Store) -> None:
 
 def full_atlases(store: Store) -> dict[str, str]:
     """A sentence by METHOD[VARIANT], of the frames for which the method says so (the statistic FULL)."""
+    labels = read_labels(store)
     told: dict[tuple[str, str], list[float]] = defaultdict(list)
     for row in store.statistics():
         if row["name"] == FULL:
             told[row["method"], row["variant"]].append(row["value"])
     return {
-        f"{method}[{variant}]": _sentence(method, sum(value > 0 for value in values), len(values))
+        f"{method}[{variant}]": _sentence(labels[method, variant], sum(value > 0 for value in values), len(values))
         for (method, variant), values in told.items()
         if any(values)
     }
 
 
-def _sentence(method: str, full: int, frames: int) -> str:
+def _sentence(label: str, full: int, frames: int) -> str:
     times = "in its only frame" if frames == 1 else f"in {full} of {frames} frames"
     return (
-        f"{method} fills its atlas {times}, and has fewer texels there than by its own rule: compare a larger --atlas."
+        f"{label} fills its atlas {times}, and has fewer texels there than by its own rule: compare a larger --atlas."
     )

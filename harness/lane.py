@@ -18,7 +18,7 @@ from harness.frames import Work, sample_budget
 from harness.machine import peak_memory
 from harness.metrics import Metrics
 from harness.novel_view import NovelView
-from harness.plugins import variant_string
+from harness.plugins import label_of, variant_string
 from harness.settings import Settings
 from harness.verification.frame import Verified, Verifier
 from harness.verification.isolation import check_isolation, fixed
@@ -187,7 +187,7 @@ class Lane:
     def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
         """truth: of the scene and the settings' seed, where several lanes share one."""
         self.packer, self.scene, self.settings = packer, packer.scene_shaded(scene), settings
-        self.method, self.variant = packer.name, variant_string(packer)
+        self.method, self.variant, self.label = packer.name, variant_string(packer), label_of(packer)
         self.dead: tuple[str, str] | None = None
         self.repeated = [self._another() for _ in range(settings.repeat - 1)]
         self.verifier = Verifier((truth or Truth(scene, settings.seed)).of(packer), packer)

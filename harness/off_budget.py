@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from packers.budget import TOLERANCE
+from reports.labels import read_labels
 from reports.store import Store
 
 NOTES = "warning/budget"  # where the store keeps the sentences
@@ -18,23 +19,24 @@ def note_off_budget(store: Store) -> None:
 
 def off_budget(store: Store) -> dict[str, str]:
     """A sentence by METHOD[VARIANT]."""
+    labels = read_labels(store)
     shares: dict[tuple[str, str], dict[int, float]] = {}
     for row in store.rows():
         if row["sample_budget"] and row["samples"] is not None:
             share = row["samples"] / row["sample_budget"] - 1
             shares.setdefault((row["method"], row["variant"]), {})[row["frame"]] = share
     return {
-        f"{method}[{variant}]": _sentence(method, list(of_frames.values()))
+        f"{method}[{variant}]": _sentence(labels[method, variant], list(of_frames.values()))
         for (method, variant), of_frames in shares.items()
         if max(map(abs, of_frames.values())) > TOLERANCE
     }
 
 
-def _sentence(method: str, shares: list[float]) -> str:
+def _sentence(label: str, shares: list[float]) -> str:
     above, below, off = max(shares), min(shares), sum(abs(share) > TOLERANCE for share in shares)
     far = [f"{above:.0%} more"] * (above > TOLERANCE) + [f"{-below:.0%} fewer"] * (below < -TOLERANCE)
     frames = f"in {off} of {len(shares)} frames" if len(shares) > 1 else "in its only frame"
     return (
-        f"{method} computes up to {' and '.join(far)} samples than --samples asks for, {frames}: it comes no nearer "
+        f"{label} computes up to {' and '.join(far)} samples than --samples asks for, {frames}: it comes no nearer "
         "with this scene in this atlas."
     )

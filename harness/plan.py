@@ -7,10 +7,12 @@ import json
 from pathlib import Path
 from typing import Any
 
+from rich.markup import escape
+
 from harness.console import InputError, make_console, make_table
 from harness.digest import method_digest, suite_digest
 from harness.lane import Lane
-from harness.plugins import variant_string
+from harness.plugins import label_of, variant_string
 from harness.session import Session, find_methods, open_head_motion, open_path, open_scene
 from harness.settings import Settings
 from harness.skips import check_names, skipped_stages
@@ -95,7 +97,8 @@ def _print_methods(console: Any, packers: list[Packer], scene: Scene, work: str)
     table = make_table("methods", "method", "parameters", "what happens")
     for packer in packers:
         reason = packer.skip(scene)
-        table.add_row(packer.name, variant_string(packer), f"skipped: {reason}" if reason else work)
+        parameters = variant_string(packer).replace(",", ", ")
+        table.add_row(escape(label_of(packer)), parameters, f"skipped: {reason}" if reason else work)
     console.print(table)
 
 

@@ -10,6 +10,7 @@ import inspect
 import os
 import re
 import sys
+from collections.abc import Collection
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
@@ -84,15 +85,28 @@ def published_values(packer: type[Packer]) -> dict[str, Any]:
     return {name: value for name, value in named.items() if value is not None}
 
 
-def is_published(packer: Packer) -> bool:
-    """Whether a packer's parameters are those that its paper has, and these are not its defaults."""
-    values = published_values(type(packer))
-    return bool(values) and variant_string(packer) == variant_string(type(packer)(**values))
-
-
 def variant_string(packer: Packer) -> str:
     """All parameters of a packer and their values as `a=1,b=2`, sorted by name: equal for equal packers only."""
     return ",".join(f"{name}={value_text(getattr(packer, name))}" for name in sorted(packer.parameters))
+
+
+def label_of(packer: Packer, varied: Collection[str] = ()) -> str:
+    """What a packer is called wherever its results are shown: `NAME` at its defaults, `NAME@published` as published,
+    else with what differs from the nearer of the two in brackets. Equal for equal packers of one class only.
+
+    varied: parameters that a sweep varies, which its contenders do not differ in; they are left out.
+    """
+    kind = type(packer)
+    bases = {packer.name: kind(), f"{packer.name}@{PUBLISHED}": kind(**published_values(kind))}
+    names = [name for name in sorted(packer.parameters) if name not in varied]
+
+    def values(one: Packer) -> dict[str, str]:
+        return {name: value_text(getattr(one, name)) for name in names}
+
+    own = {base: dict(values(packer).items() - values(one).items()) for base, one in bases.items()}
+    base, differing = min(own.items(), key=lambda item: len(item[1]))  # the first of equals: the defaults
+    brackets = ",".join(f"{name}={text}" for name, text in sorted(differing.items()))
+    return f"{base}[{brackets}]" if brackets else base
 
 
 def folder_name(method: str, variant: str) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from harness.plugins import variant_string
+from harness.plugins import label_of, variant_string
 from packers.interface import Packer, RareCost
 from reports.store import Store
 
@@ -38,13 +38,13 @@ def unseen_costs(packers: Iterable[Packer], statistics: Iterable[dict[str, Any]]
         for cost in packer.rare_costs():
             values = counts.get((packer.name, variant, cost.counter), [])
             if values and max(values) == 0:
-                found[f"{packer.name}[{variant}]/{cost.counter}"] = _sentence(packer.name, cost, len(values))
+                found[f"{packer.name}[{variant}]/{cost.counter}"] = _sentence(label_of(packer), cost, len(values))
     return found
 
 
-def _sentence(method: str, cost: RareCost, frames: int) -> str:
+def _sentence(label: str, cost: RareCost, frames: int) -> str:
     """What is missing, when it would come, and how many frames would show it."""
     certain = cost.frames is not None and cost.frames > frames
     shown = f"--frames {cost.frames} would show it" if certain else "how many frames that takes, the path decides"
     unseen = "its only frame does not hold" if frames == 1 else f"none of its {frames} frames holds"
-    return f"{method}: {unseen} {cost.what}, and no number here includes its cost. It comes {cost.when}: {shown}."
+    return f"{label}: {unseen} {cost.what}, and no number here includes its cost. It comes {cost.when}: {shown}."

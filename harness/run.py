@@ -38,7 +38,6 @@ from harness.noise import noise_warnings
 from harness.novel_view import NovelView, draw_novel_view
 from harness.off_budget import note_off_budget
 from harness.plan import check_folder, make_plan, remember_pace
-from harness.plugins import is_published, variant_string
 from harness.rare import note_unseen
 from harness.session import Session, find_methods, open_session
 from harness.settings import Settings
@@ -48,6 +47,7 @@ from harness.watchdog import PackTimeoutError, ended_steps, time_limit
 from kernels.journal import journal
 from packers.interface import NotShippedError
 from reports import csv_files, html
+from reports.labels import NOTES as LABELS
 from reports.store import Store
 
 RUNS = Path("runs")
@@ -155,7 +155,8 @@ class Run:
         started = time.perf_counter()
         task = progress.add_task("preparing", total=self.frames * len(self.lanes))
         for lane in self.lanes:
-            self._announce(progress, task, f"preparing {lane.method}")
+            self.store.notes[f"{LABELS}/{lane.method}[{lane.variant}]"] = lane.label
+            self._announce(progress, task, f"preparing {lane.label}")
             self._prepare(lane, finished[lane.method, lane.variant])
         self._announce(progress, task, "warming up metrics")
         self._warm_up_metrics()
@@ -240,7 +241,7 @@ class Run:
         with self._common_step(f"frame {index}: visible set"):
             work = self.session.source.work(index)
         for lane in replayed:
-            self._announce(progress, task, f"frame {index + 1}: {lane.method}")
+            self._announce(progress, task, f"frame {index + 1}: {lane.label}")
             doing = f"replaying frame {index}"
             with self._guarded(lane, doing), self._limited(lane, doing, PREPARE):
                 lane.replay(work)
@@ -249,7 +250,7 @@ class Run:
             novel = self._novel_view(work) if lanes else None
         for first in range(0, len(lanes), TOGETHER):
             some = lanes[first : first + TOGETHER]
-            self._announce(progress, task, f"frame {index + 1}: {', '.join(lane.method for lane in some)}")
+            self._announce(progress, task, f"frame {index + 1}: {', '.join(lane.label for lane in some)}")
             self._measure(some, work, novel)
             progress.advance(task, len(some))
 
@@ -414,8 +415,6 @@ def write_notes(store: Store, session: Session) -> None:
         notes[f"warning/{number:02d}"] = text
     for name, reason in skipped_stages(scene.features, session.settings.no_skip).items():
         notes[f"skipped/{name}"] = reason
-    for packer in filter(is_published, find_methods(session.settings)):
-        notes[f"as_published/{packer.name}"] = variant_string(packer)
     for skip in known_skips(find_methods(session.settings)):
         notes[f"skip/{skip.name}"] = f"{skip.what}: {skip.unneeded}"
 

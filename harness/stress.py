@@ -14,7 +14,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from harness.console import InputError, make_console, make_table, tell_passed_over
 from harness.digest import method_digest, suite_digest
-from harness.plugins import folder_name, is_published, nearest, variant_string
+from harness.plugins import folder_name, label_of, nearest, variant_string
 from harness.stress_catalogue import CATALOGUE, StressTest
 from harness.trial import Finding, Stage, try_method, try_rasteriser
 from harness.watchdog import PackTimeoutError, ended_steps, time_limit
@@ -56,16 +56,10 @@ def contenders(methods: tuple[str, ...]) -> list[Contender]:
     """The rasteriser and the methods of `--method`. Raises InputError for what cannot be loaded."""
     from harness.session import find_methods
     from harness.settings import Settings
-    from reports.charts import method_labels
 
     found = find_methods(Settings(methods=methods))
-    published = [(packer.name, variant_string(packer)) for packer in found if is_published(packer)]
-    labels = method_labels([(packer.name, variant_string(packer)) for packer in found], published)
-    known = [Contender(RASTER, "", RASTER, None)]
-    for packer in found:
-        known.append(Contender(packer.name, variant_string(packer), labels[packer.name, variant_string(packer)],
-                               maker(packer)))  # fmt: skip
-    return known
+    own = [Contender(packer.name, variant_string(packer), label_of(packer), maker(packer)) for packer in found]
+    return [Contender(RASTER, "", RASTER, None), *own]
 
 
 def maker(packer: Packer) -> Callable[[], Packer]:

@@ -7,8 +7,9 @@ from html import escape
 from statistics import fmean
 from typing import Any
 
-from reports.charts import Figure, Key, Labels, coding_label, displayed_codings, stacked_bars
+from reports.charts import Figure, coding_label, displayed_codings, stacked_bars
 from reports.columns import KEYFRAME, MEASURED_STATUSES
+from reports.labels import Key, Labels
 from reports.tables import NONE, number, table
 
 Row = dict[str, Any]

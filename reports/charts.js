@@ -25,7 +25,7 @@
     const entry = figures[place.dataset.figure];
     const figure = choosers.length ? entry[choosers.map((chooser) => chooser.value).join("/")] : entry;
     const words = document.querySelector(`[data-says="${place.dataset.figure}"]`);
-    if (words) words.textContent = figure?.says ?? "";
+    if (words) words.innerHTML = figure?.says ?? "";
     if (!figure) {
       if (place.data) Plotly.purge(place);
       place.textContent = "No values for this chart.";

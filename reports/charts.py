@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Collection
 from statistics import median
 from typing import Any
 
 from reports.columns import BY_NAME, MEASURED_STATUSES, Column
+from reports.labels import Key, Labels
 
-Key = tuple[str, str]  # method and variant
-Labels = dict[Key, str]
 Row = dict[str, Any]
 Figure = dict[str, Any]
 
@@ -25,22 +23,6 @@ PER_FRAME = (
     "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms",
     "samples", "bytes_total", "bytes_video", "bytes_metadata", "bytes_geometry", "fill", "coherence",
 )  # fmt: skip
-
-
-def method_labels(keys: list[Key], published: Collection[Key] = ()) -> Labels:
-    """A short unique name of each method and variant: parameters only where variants of a method differ in them, and
-    `@published` for those in `published`, whose parameters are their paper's."""
-    labels: Labels = {}
-    for method in sorted({method for method, _ in keys}):
-        variants = sorted({variant for name, variant in keys if name == method})
-        others = [variant for variant in variants if (method, variant) not in published]
-        shared = set.intersection(*(set(variant.split(",")) for variant in others or variants))
-        for variant in others:
-            own = [part for part in variant.split(",") if part not in shared]
-            labels[method, variant] = f"{method}[{','.join(own)}]" if own else method
-        for variant in variants:
-            labels.setdefault((method, variant), f"{method}@published")
-    return labels
 
 
 def coding_label(codec: str | None, crf: int | None) -> str:

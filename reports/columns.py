@@ -188,7 +188,7 @@ STATISTIC_COLUMNS: tuple[Column, ...] = (
 
 SWEEP_CODINGS = ("displayed", "lossless")
 SWEEP_STATUSES = (*STATUSES, "unfinished")
-FRONT = "all: on the Pareto front of all methods; method: only on that of its own; no: on neither; empty: not a point"
+FRONT = "all: on the Pareto front of all contenders; method: only on its own; no: on neither; empty: not a point"
 
 
 def _front(name: str, cost: str) -> Column:
@@ -251,6 +251,7 @@ SWEEP_MEASURES = (
 SWEEP_COLUMNS: tuple[Column, ...] = (
     BY_NAME["method"],
     BY_NAME["variant"],
+    Column("contender", "", "the method as it was given: what it is called without what was varied", "key", str),
     Column("varied", "", "what was varied in this cell, as NAME=VALUE", "key", str),
     Column("coding", "", f"{' or '.join(SWEEP_CODINGS)}: what the client drew from", "key", str),
     BY_NAME["codec"],

@@ -11,6 +11,7 @@ from typing import Any
 
 from reports.columns import BY_NAME, MEASURED_STATUSES, MEASURES, Column, statistic_columns
 from reports.csv_files import after_keyframe, measure_statistics
+from reports.labels import Labels, read_labels
 from reports.store import Store, StoreError, flat
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
@@ -27,6 +28,7 @@ OK = Column("ok", "0..1", "share of frames with status ok", "status", float, "hi
 
 Coding = tuple[str | None, int | None]
 Method = tuple[str, str]
+Named = tuple[str, str, str]  # method, variant and label, as a Comparison has them
 Rows = dict[Method, dict[Coding, dict[int, dict[str, Any]]]]
 
 
@@ -38,12 +40,12 @@ class CompareError(StoreError):
 class Comparison:
     """One metric of one method in two runs.
 
-    variant: of run a, and `A -> B` where the runs differ in it. codec: `all`, with crf None, for a metric that is the
-        same for every coding. a, b: medians over the paired frames (for `ok` the shares), those of sizes without the
-        keyframe, as in summary.csv; of WHOLE the values of the runs' common frames. mean_a, mean_b: means over the same
-        frames as the medians, None for `ok` and WHOLE. change: median of the paired differences b - a over |a|, None
-        where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all pairs are equal, None for WHOLE.
-        frames: pairs compared.
+    variant, label: of run a, and `A -> B` where variants of the runs are matched. codec: `all`, with crf None, for a
+        metric that is the same for every coding. a, b: medians over the paired frames (for `ok` the shares), those of
+        sizes without the keyframe, as in summary.csv; of WHOLE the values of the runs' common frames. mean_a, mean_b:
+        means over the same frames as the medians, None for `ok` and WHOLE. change: median of the paired differences
+        b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all pairs are
+        equal, None for WHOLE. frames: pairs compared.
     verdict: `better` or `worse` (of b) where p < ALPHA and the change reaches the threshold (TIME_THRESHOLD for times,
         OTHER_THRESHOLD else); `same` where all pairs are equal or the change is certain but smaller; else `ambiguous`.
         WHOLE has no `ambiguous`: its change is certain.
@@ -51,6 +53,7 @@ class Comparison:
 
     method: str
     variant: str
+    label: str
     codec: str
     crf: int | None
     metric: str
@@ -74,7 +77,7 @@ def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
 
     Raises StoreError if a folder has no results, CompareError if the runs differ in scene or path or share no method.
     """
-    rows_a, rows_b = _read(folder_a), _read(folder_b)
+    (rows_a, labels_a), (rows_b, labels_b) = _read(folder_a), _read(folder_b)
     for name in ("scene_hash", "path_hash"):
         a, b = ({row[name] for row in rows} for rows in (rows_a, rows_b))
         if a != b:
@@ -91,7 +94,9 @@ def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
     return [
         comparison
         for method_a, method_b in matches
-        for comparison in _compare_method(method_a, method_b, grouped_a[method_a], grouped_b[method_b])
+        for comparison in _compare_method(
+            _named(method_a, method_b, labels_a[method_a], labels_b[method_b]), grouped_a[method_a], grouped_b[method_b]
+        )
     ]
 
 
@@ -99,22 +104,22 @@ def differences(folder_a: Path, folder_b: Path) -> list[str]:
     """Sentences about what else differs between two runs: settings, and methods that only one of them has."""
     with Store(folder_a, must_exist=True) as a, Store(folder_b, must_exist=True) as b:
         plans = [flat(store.plan() or {}) for store in (a, b)]
-        methods = [{(row["method"], row["variant"]) for row in store.rows()} for store in (a, b)]
+        labels = [read_labels(store) for store in (a, b)]
     found = []
     for key in sorted(set(plans[0]) | set(plans[1])):
         old, new = (plan.get(key) for plan in plans)
         if old != new and not key.startswith("methods"):
             found.append(f"{key.removeprefix('settings.')}: {old} in A, {new} in B")
-    for name, here, there in (("A", *methods), ("B", *reversed(methods))):
-        lone = sorted(method for method, _ in here - there)
+    for name, here, there in (("A", *labels), ("B", *reversed(labels))):
+        lone = [label for key, label in here.items() if key not in there]
         if lone and len(here) > 1:
-            found.append(f"only {name} has a variant of {', '.join(lone)}")
+            found.append(f"only {name} has {', '.join(lone)}")
     return found
 
 
-def _read(folder: Path) -> list[dict[str, Any]]:
+def _read(folder: Path) -> tuple[list[dict[str, Any]], Labels]:
     with Store(folder, must_exist=True) as store:
-        return store.rows()
+        return store.rows(), read_labels(store)
 
 
 def _group(rows: list[dict[str, Any]]) -> Rows:
@@ -133,8 +138,13 @@ def _matches(a: Rows, b: Rows) -> list[tuple[Method, Method]]:
     return sorted(matches)
 
 
-def _compare_method(name_a: Method, name_b: Method, a: dict, b: dict) -> list[Comparison]:
-    variant = name_a[1] if name_a == name_b else f"{name_a[1]} -> {name_b[1]}"
+def _named(a: Method, b: Method, label_a: str, label_b: str) -> Named:
+    """What is compared; of one variant the label in run a, as runs of earlier versions may call it otherwise."""
+    pairs = (a[1], b[1]), (label_a, label_b)
+    return a[0], *(one if a == b or one == other else f"{one} -> {other}" for one, other in pairs)
+
+
+def _compare_method(of: Named, a: dict, b: dict) -> list[Comparison]:
     codings = [coding for coding in a if coding in b]
     found = []
     for metric in (OK, *MEASURES):
@@ -144,11 +154,9 @@ def _compare_method(name_a: Method, name_b: Method, a: dict, b: dict) -> list[Co
         pairs = {coding: values for coding, values in pairs.items() if values}
         if len(pairs) > 1 and len({tuple(values) for values in pairs.values()}) == 1:
             pairs = {(ALL, None): next(iter(pairs.values()))}
-        found += [_judge(name_a[0], variant, coding, metric, values) for coding, values in pairs.items()]
+        found += [_judge(of, coding, metric, values) for coding, values in pairs.items()]
         if metric.name == "bytes_total":
-            found += [
-                row for coding in codings for row in _judge_whole(name_a[0], variant, coding, a[coding], b[coding])
-            ]
+            found += [row for coding in codings for row in _judge_whole(of, coding, a[coding], b[coding])]
     return found
 
 
@@ -166,7 +174,7 @@ def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple
     return [pair for pair in after_keyframe(metric.name, values).values() if None not in pair]
 
 
-def _judge(method: str, variant: str, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
+def _judge(of: Named, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
     middle = fmean if metric is OK else median
     a, b = (float(middle(values)) for values in zip(*pairs, strict=True))
     means = (None, None) if metric is OK else tuple(fmean(values) for values in zip(*pairs, strict=True))
@@ -179,13 +187,11 @@ def _judge(method: str, variant: str, coding: Coding, metric: Column, pairs: lis
     else:
         verdict = _direction(metric, shift)
     change = shift / abs(a) if a else None
-    named = (method, variant, *coding, metric.name, metric.unit, metric.better)
+    named = (*of, *coding, metric.name, metric.unit, metric.better)
     return Comparison(*named, a, b, *means, change, p, len(pairs), verdict)
 
 
-def _judge_whole(
-    method: str, variant: str, coding: Coding, a: dict[int, dict], b: dict[int, dict]
-) -> Iterator[Comparison]:
+def _judge_whole(of: Named, coding: Coding, a: dict[int, dict], b: dict[int, dict]) -> Iterator[Comparison]:
     """What two runs sent as a whole, in the frames that both have."""
     common = _common(a, b)
     old, new = (measure_statistics(BY_NAME["bytes_total"], [run[frame] for frame in common]) for run in (a, b))
@@ -195,7 +201,7 @@ def _judge_whole(
             continue
         shift = after - before
         verdict = _direction(column, shift) if _matters(column, before, shift) else "same"
-        named = (method, variant, *coding, column.name, column.unit, column.better)
+        named = (*of, *coding, column.name, column.unit, column.better)
         change = shift / abs(before) if before else None
         yield Comparison(*named, float(before), float(after), None, None, change, None, len(common), verdict)
 

@@ -13,6 +13,7 @@ from reports.csv_files import median_interval
 class Candidate:
     """One cell of a sweep as a choice: what it costs and how wrong it is.
 
+    method: what it is called without what was varied, so that a method in two settings competes with itself.
     low, cost, high: the cost and its 95 % interval; low and high are None where it has none, and equal to the cost
         where it is exact. error: lower is better. errors: the same of each frame, by frame.
     """

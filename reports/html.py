@@ -13,12 +13,13 @@ from typing import Any
 from reports import charts
 from reports.budget import Budget, budget_figure, budget_table, budgets, visible_set
 from reports.csv_files import measured_statistics, replace_file, summarise
+from reports.labels import Key, Labels, read_labels
 from reports.pictures import MOST_FRAMES, Pictures, embed, find_pictures
 from reports.store import Store, flat
-from reports.tables import NONE, THIN, folded_lists, headline_tables, number, ranges, table
+from reports.tables import NONE, THIN, folded_lists, headline_tables, number, prose, ranges, table
 
 NOTES = (
-    "environment", "device", "warning", "rare", "published", "as_published", "skipped", "skip", "saved", "scene",
+    "environment", "device", "warning", "rare", "published", "skipped", "skip", "saved", "scene",
     "prepare_ms",
 )  # fmt: skip
 PARTS = ("page.css", "tables.js", "charts.js", "viewer.js")
@@ -36,11 +37,8 @@ def write_report(folder: Path) -> Path:
         rows, stages = store.rows(), store.stages()
         statistics = measured_statistics(rows, store.statistics())
         notes = {name: store.notes.under(name) for name in NOTES}
-        plan = flat(store.plan() or {})
+        plan, labels = flat(store.plan() or {}), read_labels(store)
     pictures = find_pictures(folder)
-    labels = charts.method_labels(
-        list({(row["method"], row["variant"]) for row in rows}), notes["as_published"].items()
-    )
     embedded = embed(pictures, chosen_frames(pictures, rows), labels)
     summaries = summarise(rows)
     spent = budgets(rows, labels)
@@ -157,7 +155,7 @@ def section(name: str, title: str, *content: str) -> str:
 
 
 def caption(text: str) -> str:
-    return f'<p class="caption">{escape(text)}</p>'
+    return f'<p class="caption">{prose(text)}</p>'
 
 
 def _warnings(notes: dict[str, dict[str, str]], rows: list[Row]) -> str:
@@ -166,7 +164,7 @@ def _warnings(notes: dict[str, dict[str, str]], rows: list[Row]) -> str:
     bad = {(row["method"], row["variant"], row["frame"]) for row in rows if row["status"] not in ("ok", "skipped")}
     if bad:
         texts.append(f"{len(bad)} of the frames are not ok: see Failures. Of these, only overflows enter medians.")
-    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    items = "".join(f"<li>{prose(text)}</li>" for text in texts)
     return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
 
 
@@ -174,7 +172,7 @@ def _results(
     rows: list[Row],
     summaries: list[Row],
     statistics: list[Row],
-    labels: charts.Labels,
+    labels: Labels,
     notes: dict[str, dict[str, str]],
 ) -> str:
     if not rows:
@@ -183,14 +181,14 @@ def _results(
         "results",
         "Results",
         *(caption(text) + html for text, html in headline_tables(rows, summaries, labels)),
-        *(f"<p>{escape(text)}</p>" for text in notes["published"].values()),
+        *(f"<p>{prose(text)}</p>" for text in notes["published"].values()),
         _speed(statistics, labels),
         caption("Error over server time: the best methods are at the lower left. Rings are without video coding."),
         '<div class="chart" data-figure="error"></div>',
     )
 
 
-def _speed(statistics: list[Row], labels: charts.Labels) -> str:
+def _speed(statistics: list[Row], labels: Labels) -> str:
     """The ratios that compare from machine to machine, where times do not."""
     lines = []
     found = _by_name(statistics)
@@ -244,7 +242,7 @@ def _viewer(embedded: dict) -> str:
     )
 
 
-def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: charts.Labels) -> str:
+def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: Labels) -> str:
     if not rows:
         return ""
     measures = "".join(f"<option>{name}</option>" for name in charts.per_frame(rows, labels))
@@ -277,7 +275,7 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: ch
     return "".join(parts)
 
 
-def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: charts.Labels) -> dict[str, Any]:
+def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: Labels) -> dict[str, Any]:
     return {
         "error": charts.error_over_time(summaries, labels),
         "stages": charts.stage_times(stages, labels),
@@ -286,13 +284,14 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: c
     }
 
 
-def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
+def _statistics(statistics: list[Row], labels: Labels) -> str:
     """Median and range over the frames of what each method reports of itself."""
     found = _by_name(statistics)
     if not found:
         return ""
     lines = []
-    for (key, name), values in sorted(found.items()):
+    for key, name in sorted(found, key=lambda place: (labels[place[0]], place[1])):
+        values = found[key, name]
         whole = all(value == int(value) for value in values)
         shown = [number(value, whole) for value in (median(values), min(values), max(values))]
         lines.append([labels[key], name, *shown, str(len(values))])
@@ -304,16 +303,16 @@ def _statistics(statistics: list[Row], labels: charts.Labels) -> str:
     )
 
 
-def _by_name(statistics: list[Row]) -> dict[tuple[charts.Key, str], list[float]]:
+def _by_name(statistics: list[Row]) -> dict[tuple[Key, str], list[float]]:
     """The values over the frames of each method's statistics."""
-    found: dict[tuple[charts.Key, str], list[float]] = {}
+    found: dict[tuple[Key, str], list[float]] = {}
     for row in statistics:
         if row["value"] is not None:
             found.setdefault(((row["method"], row["variant"]), row["name"]), []).append(row["value"])
     return found
 
 
-def _failures(rows: list[Row], labels: charts.Labels) -> str:
+def _failures(rows: list[Row], labels: Labels) -> str:
     lines = _reasons([row for row in rows if row["status"] not in ("ok", "skipped")], labels)
     if not lines:
         return section("failures", "Failures", '<p class="fine">No frame of any method failed.</p>')
@@ -327,7 +326,7 @@ def _failures(rows: list[Row], labels: charts.Labels) -> str:
     )
 
 
-def _reasons(rows: list[Row], labels: charts.Labels) -> list[list[str]]:
+def _reasons(rows: list[Row], labels: Labels) -> list[list[str]]:
     """Method, status, frames and reason, one line for all frames that share them."""
 
     def what(row: Row) -> tuple[str, str, str]:
@@ -337,7 +336,7 @@ def _reasons(rows: list[Row], labels: charts.Labels) -> list[list[str]]:
     return [[key[0], key[1], ranges({row["frame"] for row in group}), key[2]] for key, group in groups]
 
 
-def _skipped(notes: dict[str, dict[str, str]], rows: list[Row], labels: charts.Labels) -> str:
+def _skipped(notes: dict[str, dict[str, str]], rows: list[Row], labels: Labels) -> str:
     """What did not run because nothing needs it, why, where, and what that saved where it was measured."""
     methods = _reasons([row for row in rows if row["status"] == "skipped"], labels)
     lines = [[method, reason, f"frames {frames}", ""] for method, _, frames, reason in methods]
@@ -363,12 +362,13 @@ def _skipped(notes: dict[str, dict[str, str]], rows: list[Row], labels: charts.L
     )
 
 
-def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: charts.Labels) -> str:
+def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: Labels) -> str:
     """The plan, the parameters of every variant, and what was found in the scene, folded away."""
+    named = {f"{method}[{variant}]": label for (method, variant), label in labels.items()}
     lists = {
         "Scene": notes["scene"],
         "Parameters": {label: variant or "none" for (_, variant), label in labels.items()},
-        "Preparation, once per scene (ms)": notes["prepare_ms"],
+        "Preparation, once per scene (ms)": {named.get(name, name): ms for name, ms in notes["prepare_ms"].items()},
         "Plan": {name: json.dumps(value, ensure_ascii=False) for name, value in plan.items()},
         "Device": notes["device"],
         "Machine and software": notes["environment"],

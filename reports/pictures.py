@@ -107,11 +107,10 @@ def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], s
     reference = pictures.references.get(frame)
     entry: dict = {"frame": frame, "reference": reference and _data_url(reference, exact), "methods": {}}
     asked = []
-    for key, by_frame in sorted(pictures.methods.items()):
-        files = by_frame.get(frame, {})
+    for key, label in labels.items():
+        files = pictures.methods.get(key, {}).get(frame, {})
         names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
-        if key in labels:
-            asked += [(labels[key], name, files[name]) for name in names]
+        asked += [(label, name, files[name]) for name in names]
     with ThreadPoolExecutor(WORKERS) as pool:
         coded = [
             pool.submit(_data_url, path, exact and name not in REDUCED, ATLAS_SIDE if name in REDUCED else None)

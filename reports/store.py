@@ -235,8 +235,9 @@ class Notes(MutableMapping[str, str]):
 
     Keys are PREFIX/NAME. The report shows `environment/...` (machine, device, versions), `warning/...`,
     `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...`,
-    `prepare_ms/METHOD`, `rare/METHOD/STATISTIC` (what a method does in a few frames only, and did in none of these) and
-    `published/METHOD` (what changes where its parameters are as published; `as_published/METHOD` is that variant).
+    `label/METHOD[VARIANT]` (what it is called), `prepare_ms/METHOD[VARIANT]`, `rare/METHOD[VARIANT]/STATISTIC` (what a
+    method does in a few frames only, and did in none of these) and `published/METHOD` (what changes where its
+    parameters are as published).
     """
 
     def __init__(self, connection: sqlite3.Connection) -> None:

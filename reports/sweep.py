@@ -20,6 +20,7 @@ from reports.columns import (
 )
 from reports.csv_files import measure_statistics, spread, write_csv
 from reports.fronts import Candidate, pareto_front
+from reports.labels import NOTES
 from reports.store import Store, StoreError
 
 FILE = "sweep.json"
@@ -56,9 +57,12 @@ class Point:
 def read_sweep(folder: Path) -> dict[str, Any]:
     """The content of sweep.json. Raises StoreError if there is none."""
     try:
-        return json.loads((folder / FILE).read_text(encoding="utf-8"))
+        sweep = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, json.JSONDecodeError) as error:
         raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote.") from error
+    for cell in sweep["cells"]:
+        cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not their fixed parameters
+    return sweep
 
 
 def is_sweep(folder: Path) -> bool:
@@ -80,17 +84,23 @@ def read_points(folder: Path) -> list[Point]:
     return points
 
 
+TOLD = ("warning/budget", "warning/full")  # notes of runs that a sweep sums up, as warnings
+
+
 def read_told(folder: Path, prefix: str) -> list[str]:
     """What runs of cells tell of methods in their notes of this prefix, and of how many cells: `rare`, what they do in
-    a few frames only and did in none; `warning/budget`, sample budgets that they did not meet."""
+    a few frames only and did in none; of TOLD, budgets of samples that they did not meet, and full atlases."""
     cells = read_sweep(folder)["cells"]
-    of_method = Counter(cell["method"] for cell in cells)
+    of_contender = Counter(cell["contender"] for cell in cells)
     counts: Counter[tuple[str, str]] = Counter()
-    for place in dict.fromkeys(cell["folder"] for cell in cells):
-        if (folder / place / "results.sqlite").is_file():
-            with Store(folder / place, must_exist=True) as store:
-                counts.update((key.partition("[")[0], text) for key, text in store.notes.under(prefix).items())
-    return [f"{text} ({count} of {of_method[method]} cells)" for (method, text), count in counts.items()]
+    for cell in cells:
+        place, name = folder / cell["folder"], f"{cell['method']}[{cell['variant']}]"
+        if (place / "results.sqlite").is_file():
+            with Store(place, must_exist=True) as store:
+                label = store.notes.under(NOTES).get(name, cell["method"])  # which the sentences begin with
+                told = [text for key, text in store.notes.under(prefix).items() if f"{key}/".startswith(f"{name}/")]
+            counts.update((cell["contender"], text.removeprefix(label)) for text in told)
+    return [f"{name}{text} ({count} of {of_contender[name]} cells)" for (name, text), count in counts.items()]
 
 
 def write_sweep_csv(folder: Path, points: list[Point]) -> None:
@@ -174,13 +184,13 @@ def _points(sweep: dict[str, Any], cell: dict[str, Any], run: _Run) -> list[Poin
 
 
 def _label(cell: dict[str, Any]) -> str:
-    return ", ".join(f"{name}={value}" for name, value in cell["varied"].items()) or "defaults"
+    return ", ".join(f"{name}={value}" for name, value in cell["varied"].items()) or "as it is"
 
 
 def _row(sweep: dict[str, Any], cell: dict[str, Any], coding: list, rows: list[Row]) -> tuple[Row, Numbers]:
     """The columns of sweep.csv but those of time, and the measures by frame."""
     status, reason = _status(rows, sweep["frames"])
-    fixed = {"method": cell["method"], "variant": cell["variant"], "codec": coding[0], "crf": coding[1]}
+    fixed = {name: cell[name] for name in ("method", "variant", "contender")} | {"codec": coding[0], "crf": coding[1]}
     row: Row = {column.name: None for column in SWEEP_COLUMNS}
     row |= {name: _typed(name, cell["settings"][name]) for name in SWEEP_SETTINGS} | fixed
     row["scene"] = rows[0]["scene"] if rows else row["scene"]
@@ -244,7 +254,7 @@ def candidates(points: Sequence[Point], cost: str, error: str) -> tuple[list[Poi
         middle = point.row[cost_column(cost)]
         low, high = (point.row[f"{cost}_{end}"] if cost == "server_ms" else middle for end in ("low", "high"))
         errors = {frame: sign * value for frame, value in point.numbers[error].items()}
-        found.append(Candidate(point.row["method"], low, middle, high, sign * point.row[f"{error}_median"], errors))
+        found.append(Candidate(point.row["contender"], low, middle, high, sign * point.row[f"{error}_median"], errors))
     return usable, found
 
 
@@ -257,14 +267,14 @@ def groups(points: Sequence[Point]) -> dict[tuple[str, str], list[Point]]:
 
 
 def _mark_fronts(points: list[Point], cost: str) -> None:
-    """Fill the pareto columns: `all` on the front of all methods, `method` only on its own, `no` on neither."""
+    """Fill the pareto columns: `all` on the front of all contenders, `method` only on its own, `no` on neither."""
     column = f"pareto_{COSTS[cost]}"
     for of_group in groups(points).values():
         usable, found = candidates(of_group, cost, "flip")
         places = [(candidate.cost, candidate.error) for candidate in found]
         marks = dict.fromkeys(range(len(found)), "no")
-        for method in {candidate.method for candidate in found}:
-            own = [index for index, candidate in enumerate(found) if candidate.method == method]
+        for contender in {candidate.method for candidate in found}:
+            own = [index for index, candidate in enumerate(found) if candidate.method == contender]
             marks |= {own[index]: "method" for index in pareto_front([places[index] for index in own])}
         marks |= dict.fromkeys(pareto_front(places), "all")
         for index, point in enumerate(usable):

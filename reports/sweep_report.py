@@ -17,6 +17,7 @@ from reports.store import Store, flat
 from reports.sweep import (
     COSTS,
     ERRORS,
+    TOLD,
     Point,
     candidates,
     cost_column,
@@ -27,7 +28,7 @@ from reports.sweep import (
     write_sweep_csv,
 )
 from reports.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
-from reports.tables import NONE, folded_lists, number, table
+from reports.tables import NONE, folded_lists, number, prose, table
 
 HEAD = (
     "server ms", "samples", "kB/frame", "kbit/s", "largest kB", "keyframe kB", "MB", "FLIP",
@@ -45,11 +46,12 @@ def write_sweep(folder: Path) -> list[Point]:
         notes = {name: store.notes.under(name) for name in ("environment", "device", "warning", "skipped", "scene")}
         plan = flat(store.plan() or {})
     write_sweep_csv(folder, points)
-    colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(sorted({p.row["method"] for p in points}))}
+    contenders = sorted({point.row["contender"] for point in points})
+    colours = {name: COLOURS[i % len(COLOURS)] for i, name in enumerate(contenders)}
     sections = [
         _warnings(
             sweep,
-            [*notes["warning"].values(), *read_told(folder, "warning/budget"), *read_told(folder, "rare")],
+            [*notes["warning"].values(), *(text for each in (*TOLD, "rare") for text in read_told(folder, each))],
             points,
         ),
         _plot(sweep, points),
@@ -96,18 +98,19 @@ def _figure(points: Sequence[Point], cost: str, error: str, colours: dict[str, s
         and (cost != "server_ms" or point.row["comparable"] == "yes")
     ]
     traces = []
-    for method, colour in colours.items():
-        own = [index for index, point in enumerate(usable) if point.row["method"] == method]
+    for contender, colour in colours.items():
+        own = [index for index, point in enumerate(usable) if point.row["contender"] == contender]
         front = [own[i] for i in pareto_front([(known[index].cost, known[index].error) for index in own])]
         if own:
-            traces.append(_line([usable[index] for index in front], cost, error, method, colour))
-            traces.append(_marks([usable[index] for index in own], cost, error, method, colour))
-        lost = [point for point in overflows if point.row["method"] == method]
+            traces.append(_line([usable[index] for index in front], cost, error, contender, colour))
+            traces.append(_marks([usable[index] for index in own], cost, error, contender, colour))
+        lost = [point for point in overflows if point.row["contender"] == contender]
         if lost:
-            traces.append(_marks(lost, cost, error, method, colour, overflow=True, alone=not own))
+            traces.append(_marks(lost, cost, error, contender, colour, overflow=True, alone=not own))
     if not traces:
         return None
-    return {"data": traces, "layout": _layout([*usable, *overflows], cost, error), "says": verdict(known, cost, error)}
+    layout, says = _layout([*usable, *overflows], cost, error), prose(verdict(known, cost, error))
+    return {"data": traces, "layout": layout, "says": says}
 
 
 def _values(points: Sequence[Point], name: str) -> list[float]:
@@ -115,10 +118,10 @@ def _values(points: Sequence[Point], name: str) -> list[float]:
     return [point.row[cost_column(name)] * scale for point in points]
 
 
-def _line(points: Sequence[Point], cost: str, error: str, method: str, colour: str) -> dict[str, Any]:
+def _line(points: Sequence[Point], cost: str, error: str, contender: str, colour: str) -> dict[str, Any]:
     """A method's Pareto front: the lowest error within each budget, so a step at every cell."""
     return {
-        "type": "scatter", "mode": "lines", "name": method, "legendgroup": method, "hoverinfo": "skip",
+        "type": "scatter", "mode": "lines", "name": contender, "legendgroup": contender, "hoverinfo": "skip",
         "x": _values(points, cost), "y": _values(points, error), "showlegend": False,
         "line": {"color": colour, "width": 2.5, "shape": "hv"},
     }  # fmt: skip
@@ -128,22 +131,22 @@ def _marks(
     points: Sequence[Point],
     cost: str,
     error: str,
-    method: str,
+    contender: str,
     colour: str,
     overflow: bool = False,
     alone: bool = False,
 ) -> dict[str, Any]:
     """A method's cells with their intervals; those with overflow as faint crosses."""
     symbol = {"symbol": "x-thin-open", "size": 9, "line": {"width": 2}} if overflow else {"symbol": "circle", "size": 8}
-    name = f"{method}, overflow" if overflow else method
+    name = f"{contender}, overflow" if overflow else contender
     cost_name, unit, _ = COST_NAMES[cost]
     return {
-        "type": "scatter", "mode": "markers", "name": name, "legendgroup": name if overflow else method,
+        "type": "scatter", "mode": "markers", "name": name, "legendgroup": name if overflow else contender,
         "x": _values(points, cost), "y": _values(points, error), "showlegend": True,
         "error_x": _whiskers(points, cost, colour), "error_y": _whiskers(points, error, colour),
         "marker": {"color": colour, **symbol}, "opacity": 0.7 if overflow else 0.9,
         "customdata": [_hover(point) for point in points],
-        "hovertemplate": f"<b>{method}</b><br>%{{customdata}}<br>{cost_name} %{{x:,.4~g}} {unit}, "
+        "hovertemplate": f"<b>{contender}</b><br>%{{customdata}}<br>{cost_name} %{{x:,.4~g}} {unit}, "
         f"{NAMES[error]} %{{y:.4~g}}<extra></extra>",
     }  # fmt: skip
 
@@ -247,7 +250,7 @@ def _warnings(sweep: dict[str, Any], texts: list[str], points: Sequence[Point]) 
     unfinished = {(p.condition, p.row["varied"], p.row["variant"]) for p in points if p.row["status"] == "unfinished"}
     if unfinished:
         texts.append(f"{len(unfinished)} cells are not finished: the same command goes on with them.")
-    items = "".join(f"<li>{escape(text)}</li>" for text in texts)
+    items = "".join(f"<li>{prose(text)}</li>" for text in texts)
     return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
 
 
@@ -312,7 +315,7 @@ def _fronts(points: Sequence[Point]) -> str:
 
 def _sorted(points: Sequence[Point], name: str) -> list[Point]:
     cost = next(cost for cost, short in COSTS.items() if short == name)
-    return sorted(points, key=lambda point: (point.row["method"], point.row[cost_column(cost)] or 0))
+    return sorted(points, key=lambda point: (point.row["contender"], point.row[cost_column(cost)] or 0))
 
 
 def _line_of(point: Point) -> list[str]:
@@ -320,7 +323,7 @@ def _line_of(point: Point) -> list[str]:
     time = _with_interval(row, "server_ms") if row["comparable"] == "yes" else ""
     best = row["pareto_time" if row["comparable"] == "yes" else "pareto_samples"] == "all"
     return [
-        row["method"],
+        row["contender"],
         point.label,
         time,
         _number(row, "samples_median"),
@@ -353,14 +356,14 @@ def _troubles(points: Sequence[Point]) -> str:
         if row["status"] != "ok":
             key = (row["method"], row["variant"], point.condition, point.label)
             frames = f"{row['frames'] - row['frames_ok']} of {row['frames']}"
-            lines.setdefault(key, [row["method"], point.label, row["status"], frames, row["reason"] or ""])
+            lines.setdefault(key, [row["contender"], point.label, row["status"], frames, row["reason"] or ""])
     stopped = {
         (p.row["method"], p.row["variant"], p.condition, p.label): p
         for p in points
         if p.row["status"] == "ok" and p.row["stop"].startswith(("failed", "timeout"))
     }
     for key, point in stopped.items():
-        lines[key] = [point.row["method"], point.label, "timing", "", f"Timing stopped: {point.row['stop']}."]
+        lines[key] = [point.row["contender"], point.label, "timing", "", f"Timing stopped: {point.row['stop']}."]
     if not lines:
         return section("failures", "Cells without a point", '<p class="fine">All frames of all cells are ok.</p>')
     return section(

@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass
 from html import escape
 from typing import Any
 
-from reports.charts import Key, Labels, arrow, coding_label, displayed_codings
+from reports.charts import arrow, coding_label, displayed_codings
 from reports.columns import BY_NAME, MEASURED_STATUSES, summary_columns
 from reports.csv_files import after_keyframe, median_interval
+from reports.labels import Key, Labels
 
 Row = dict[str, Any]
 SUMMARY_BY_NAME = {column.name: column for column in summary_columns()}
 NONE = "\u2013"  # an en dash, as between the ends of an interval
+OPTION = re.compile(r"(?<![\w-])--[a-z][a-z-]*(?: [\d.]*\d)?")
+BETWEEN_PARTS = re.compile(r"(?<=\w)(?=[@\[])|(?<=,)(?=[a-z])")  # of a label: name, @published, [a=1, b=2]
 THIN = "\u202f"  # between groups of three digits
 
 
@@ -140,7 +144,7 @@ def _measures(
         rivals = [o for o in lines if o.key != line.key and (o.coding == line.coding or not several)]
         second = f"<td>{escape(coding_label(*line.coding))}</td>" if coding else frames[line.key]
         cells = [_cell(line, column, rivals) for column in columns]
-        body.append(f"<tr><th>{escape(labels[line.key])}</th>{second}{''.join(cells)}</tr>")
+        body.append(f"<tr><th>{prose(labels[line.key])}</th>{second}{''.join(cells)}</tr>")
     return _wrap(head, body, "numbers")
 
 
@@ -181,10 +185,15 @@ def _beats(line: Line, rival: Line, name: str) -> bool:
     return low is not None and low > 0
 
 
+def prose(text: str) -> str:
+    """Text as HTML: options, `--frames 61`, are not broken at their hyphens, and methods' labels only between parts."""
+    return OPTION.sub(r'<span class="option">\g<0></span>', BETWEEN_PARTS.sub("<wbr>", escape(text)))
+
+
 def table(head: list[str], lines: list[list[str]], texts: int) -> str:
     """A plain table; the first `texts` columns are words, the others numbers."""
     cells = [f"<th>{escape(text)}</th>" for text in head]
-    body = ["<tr>" + "".join(f"<td>{escape(text)}</td>" for text in line) + "</tr>" for line in lines]
+    body = ["<tr>" + "".join(f"<td>{prose(text)}</td>" for text in line) + "</tr>" for line in lines]
     return _wrap(cells, body, f"words words-{texts}")
 
 

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 
 from rich.markup import escape
 
-from harness.console import make_console, make_table
+from harness.console import NARROWEST, folded, make_console, make_table
 from harness.plan import check_folder, duration, expected_pace
 from harness.session import open_head_motion, open_path, open_scene
 from harness.skips import skipped_stages
 from harness.sweep.grid import make_grid
 from kernels.device import Device
-from reports.sweep import candidates, groups, read_told
+from reports.sweep import TOLD, candidates, groups, read_told
 from reports.sweep_words import CODING_NAMES, COST_NAMES, verdict
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
 
     from harness.sweep.grid import Grid
     from harness.sweep.run import Wanted
@@ -56,15 +57,15 @@ def show_grid(wanted: Wanted, out: Path | None) -> None:
 
 
 def _show_axes(console: Console, grid: Grid) -> None:
-    """What is varied per method, and what was left out and why."""
+    """What is varied per contender, and what was left out and why."""
     table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
-    for name in dict.fromkeys(cell.packer.name for cell in grid.cells):
-        own = [cell for cell in grid.cells if cell.packer.name == name]
+    for contender in dict.fromkeys(cell.contender for cell in grid.cells):
+        own = [cell for cell in grid.cells if cell.contender == contender]
         axes: dict[str, dict[str, None]] = {}
         for axis, text in (item for cell in own for item in cell.varied.items()):
             axes.setdefault(axis, {})[text] = None
         varied = "; ".join(f"{axis} {', '.join(texts)}" for axis, texts in axes.items())
-        table.add_row(name, str(len(own)), escape(varied or "as it is"))
+        table.add_row(escape(contender), str(len(own)), escape(varied or "as it is"))
     console.print(table)
     if grid.left_out:
         left = make_table("left out", "what", "why")
@@ -84,35 +85,46 @@ def show_sweep(points: list[Point], folder: Path) -> None:
             continue
         what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
         console.print(f"[bold]Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {escape(what)}[/]")
-        table = make_table("", "method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
-        for column in table.columns[2:]:
-            column.justify, column.no_wrap = "right", True
-        for point in sorted(lines, key=lambda point: (point.row["method"], point.row[f"{cost}_median"])):
-            row = point.row
-            time = f"{row['server_ms_median']:.1f}" if timed else ""
-            if timed and row["server_ms_low"] is not None:
-                time += f" ±{50 * (row['server_ms_high'] - row['server_ms_low']) / row['server_ms_median']:.0f} %"
-            sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
-            sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
-            samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
-            table.add_row(row["method"], escape(point.label), time, *sizes, samples, flip)
-        console.print(table)
-        console.print(verdict(candidates(own, cost, "flip")[1], cost, "flip"))
+        console.print(_front_table(lines, cost, timed, console))
+        console.print(escape(verdict(candidates(own, cost, "flip")[1], cost, "flip")))
         console.print()
     _show_troubles(console, points)
-    for prefix, word in (("warning/budget", "warning"), ("rare", "not seen")):
+    for prefix, word in (*((told, "warning") for told in TOLD), ("rare", "not seen")):
         for text in read_told(folder, prefix):
             console.print(f"[yellow]{word}[/] {escape(text)}")
     console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
 
 
+def _front_table(points: list[Point], cost: str, timed: bool, console: Console) -> Table:
+    """The cells on fronts, contender by contender, in order of their cost."""
+    headings = ("method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
+    found = []
+    for point in sorted(points, key=lambda point: (point.row["contender"], point.row[f"{cost}_median"])):
+        row = point.row
+        time = f"{row['server_ms_median']:.1f}" if timed else ""
+        if timed and row["server_ms_low"] is not None:
+            time += f" ±{50 * (row['server_ms_high'] - row['server_ms_low']) / row['server_ms_median']:.0f} %"
+        sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
+        sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
+        samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
+        found.append((row["contender"], point.label, time, *sizes, samples, flip))
+    table = make_table("", *headings)
+    for column in table.columns[2:]:
+        column.justify, column.no_wrap = "right", True
+    widths = [max(map(len, column)) for column in zip(headings, *found, strict=True)]
+    room = console.width - sum(widths[1:]) - 2 * (len(widths) - 1)
+    for contender, label, *cells in found:
+        table.add_row(folded(contender, max(room, NARROWEST)), escape(label), *cells)
+    return table
+
+
 def _show_troubles(console: Console, points: list[Point]) -> None:
-    """How many cells are not ok, with the first reason of each status and method; why timing stopped."""
+    """How many cells are not ok, with the first reason of each status and contender; why timing stopped."""
     cells = {(p.condition, p.row["method"], p.row["variant"], p.row["varied"]): p.row for p in points}.values()
-    counts = Counter((row["method"], row["status"]) for row in cells if row["status"] != "ok")
-    for (method, status), count in counts.items():
-        reason = next(row["reason"] for row in cells if (row["method"], row["status"]) == (method, status))
+    counts = Counter((row["contender"], row["status"]) for row in cells if row["status"] != "ok")
+    for (contender, status), count in counts.items():
+        reason = next(row["reason"] for row in cells if (row["contender"], row["status"]) == (contender, status))
         colour = "dim" if status == "skipped" else "red"
-        console.print(f"[{colour}]{status}[/] {count} cells of {method}: {escape(reason or '')}")
+        console.print(f"[{colour}]{status}[/] {count} cells of {escape(contender)}: {escape(reason or '')}")
     stops = Counter(row["stop"].partition(":")[0] for row in cells if row["stop"])
     console.print("timing stopped: " + ", ".join(f"{count} {stop}" for stop, count in stops.most_common()))

@@ -10,7 +10,7 @@ from itertools import product
 from typing import Any
 
 from harness.console import InputError
-from harness.plugins import nearest, parse_value, value_text, variant_string
+from harness.plugins import label_of, nearest, parse_value, value_text, variant_string
 from harness.session import find_methods
 from harness.settings import CELLS, Settings, SettingsError, parse_pair, parse_size
 from packers.interface import Packer
@@ -85,9 +85,11 @@ ALIASES = {"display_crf": "crf", "density": "pvs_density"}
 class Cell:
     """One cell of the grid: a method with its parameters, under one set of settings.
 
+    contender: what the method is called without what is varied, so that two settings of one method compete.
     varied: what was varied, by name, as text; only what concerns this method. work: the part of it that sets the work.
     """
 
+    contender: str
     packer: Packer
     settings: Settings
     varied: dict[str, str]
@@ -147,7 +149,7 @@ def make_grid(settings: Settings, vary: Iterable[str]) -> Grid:
         raise SettingsError(f"--vary crf is for --codec h264, not {settings.codec}: leave it out.")
     settings = replace(settings, crf=(settings.display_crf,), repeat=1, dump=False)
     if not axes:
-        return Grid(_once(Cell(packer, settings, varied, {}) for varied, packer in _one_by_one(packers)), [])
+        return _once(_one_by_one(packers, settings), [])
     found: list[Cell] = []
     left_out: list[tuple[str, str]] = []
     for name in axes:
@@ -164,7 +166,7 @@ def make_grid(settings: Settings, vary: Iterable[str]) -> Grid:
                 left_out.append((", ".join(f"{name}={value}" for name, value in combination.items()), str(error)))
     left_out = list(dict.fromkeys(left_out))
     _refuse_useless(axes, found, left_out)
-    return Grid(_once(found), left_out)
+    return _once(found, left_out)
 
 
 def read_axes(vary: Iterable[str], packers: list[Packer]) -> dict[str, list[str]]:
@@ -221,7 +223,8 @@ def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> Ce
             continue
         varied[name] = text
     work = {name: text for name, text in varied.items() if name in SETTINGS and SETTINGS[name].work}
-    return Cell(_made(packer, parameters), replace(settings, **fields), varied, work)
+    contender = label_of(packer, [name for name in combination if name not in SETTINGS])
+    return Cell(contender, _made(packer, parameters), replace(settings, **fields), varied, work)
 
 
 def _parameter(packer: Packer, name: str, text: str) -> Any:
@@ -238,23 +241,33 @@ def _made(packer: Packer, parameters: Values) -> Packer:
         raise InputError(str(error)) from error
 
 
-def _one_by_one(packers: list[Packer]) -> Iterable[tuple[dict[str, str], Packer]]:
+def _one_by_one(packers: list[Packer], settings: Settings) -> list[Cell]:
     """Each packer as it is, then with one parameter at a time at each of its sweep values."""
+    found = []
     for packer in packers:
-        own = {name: getattr(packer, name) for name in packer.parameters}
-        yield {}, packer
+        own, contender = {name: getattr(packer, name) for name in packer.parameters}, label_of(packer)
+        found.append(Cell(contender, packer, settings, {}, {}))
         for name, parameter in packer.parameters.items():
             for value in parameter.sweep:
                 if value != own[name]:
-                    yield {name: value_text(value)}, _made(packer, own | {name: value})
+                    varied = {name: value_text(value)}
+                    found.append(Cell(contender, _made(packer, own | {name: value}), settings, varied, {}))
+    return found
 
 
-def _once(cells: Iterable[Cell]) -> list[Cell]:
-    """Each method, variant and settings once, in their order."""
-    found: dict[tuple, Cell] = {}
+def _once(cells: list[Cell], left_out: list[tuple[str, str]]) -> Grid:
+    """Each method, variant and settings once, in their order. What two contenders have is of the one in which nothing
+    is varied, else of the first; the other's is left out."""
+    owners: dict[tuple, Cell] = {}
+    for cell in sorted(cells, key=lambda cell: bool(cell.varied)):
+        owners.setdefault((cell.key, cell.settings), cell)
+    shared = []
     for cell in cells:
-        found.setdefault((cell.key, cell.settings), cell)
-    return list(found.values())
+        owner = owners[cell.key, cell.settings]
+        if owner.contender != cell.contender:
+            varied = ", ".join(f"{name}={text}" for name, text in cell.varied.items())
+            shared.append((f"{cell.contender}, {varied}", f"it is a cell of {owner.contender}"))
+    return Grid([cell for cell in cells if owners[cell.key, cell.settings] is cell], left_out + shared)
 
 
 def _refuse_useless(axes: dict[str, list[str]], cells: list[Cell], left_out: list[tuple[str, str]]) -> None:

@@ -203,6 +203,7 @@ def _describe(cell: Cell, folder: str) -> dict[str, Any]:
         "folder": folder,
         "method": method,
         "variant": variant,
+        "contender": cell.contender,
         "varied": cell.varied,
         "condition": ", ".join(f"{name} {cell.work[name]}" for name in SETTINGS if name in cell.work),
         "codings": displayed | {"lossless": lossless},

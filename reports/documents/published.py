@@ -11,6 +11,7 @@ from typing import Any
 from reports.columns import BY_NAME
 from reports.documents.digests import Lanes
 from reports.documents.kept import DocumentError, Parts, Row
+from reports.labels import read_labels
 from reports.store import Store
 
 FILE = Path(__file__).parents[1] / "published.toml"
@@ -101,7 +102,9 @@ def published_parts(folders: Sequence[Path]) -> Parts:
 
 def _measured(usual: Path, equal: Path) -> Measured:
     with Store(usual, must_exist=True) as store:
-        published = store.notes.under("as_published")
+        published = {
+            method: variant for (method, variant), label in read_labels(store).items() if label == f"{method}@published"
+        }
     return Measured(Lanes(usual), Lanes(equal), published)
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from harness.console import show_comparison, show_summary
+from harness.console import show_catalogue, show_comparison, show_summary
 from harness.plan import show_plan
 from harness.settings import Settings
 from reports.store import Store
@@ -55,6 +55,17 @@ def test_a_frame_that_failed_leaves_cells_empty(tmp_path: Path, capsys: pytest.C
     out = capsys.readouterr().out
     assert [line.split() for line in out.splitlines() if line.startswith("sas")] == [["sas", "h264", "25"]] * 2
     assert "out of memory" in out
+
+
+def test_the_catalogue_fits_the_console(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    monkeypatch.setattr("kernels.runtime.opencl.find_devices", list)  # drivers' names are as long as they like
+    show_catalogue()
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) <= 80
+    (first,) = [n for n, line in enumerate(lines) if "snakebinning@published:" in line]
+    assert lines[first].rstrip().endswith(",")
+    assert "average_clear=true" in lines[first + 1]
 
 
 def test_a_comparison_names_the_same_sizes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

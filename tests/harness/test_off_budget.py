@@ -9,6 +9,14 @@ from reports.store import Store
 from tests.reports.synthetic import COMMON
 
 
+def test_each_is_called_by_its_label(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        commit(store, "more", 0, 2000, 1000)
+        store.notes["label/more[]"] = "more@published"
+        note_off_budget(store)
+        assert store.notes[f"{NOTES}/more[]"].startswith("more@published computes up to 100% more samples")
+
+
 def commit(store: Store, method: str, frame: int, samples: int | None, budget: int | None) -> None:
     status = "ok" if samples is not None else "failed"
     row = COMMON | {"codec": "none", "status": status, "samples": samples, "sample_budget": budget}

@@ -5,16 +5,20 @@ from pathlib import Path
 from textwrap import dedent
 
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from harness import plugins
 from harness.plugins import (
     find_packers,
     folder_name,
+    label_of,
     load_packer,
     packer_names,
     published_values,
     variant_string,
 )
+from packers.interface import Packer
 
 SOURCE = """
     from packers.interface import Packer, Paper, Parameter
@@ -147,6 +151,60 @@ def test_what_is_published_is_a_value_that_can_be_set_and_stands_in_the_methods_
         assert all(f"| `{key}` |" in defaults for key in published), name
         assert f"`{name}@published`" in defaults
     assert len(load_packer("all@published")) == len(find_packers())
+
+
+@pytest.mark.parametrize(
+    ("spec", "label"),
+    [
+        ("snakebinning", "snakebinning"),
+        ("snakebinning@published", "snakebinning@published"),
+        ("snakebinning@published[assignment=best]", "snakebinning@published[assignment=best]"),
+        ("snakebinning[points=false,enlarge=exact]", "snakebinning[points=false]"),
+        ("tss[order=arrival]", "tss@published"),
+        ("tss@published[strategy=lpacking,order=primitive]", "tss[strategy=lpacking]"),
+        ("tss@published[strategy=lpacking]", "tss@published[strategy=lpacking]"),
+        ("ppll[mipmaps=false,merge=paper]", "ppll@published[mipmaps=false]"),
+    ],
+)
+def test_labels_name_what_differs_from_the_nearer_of_defaults_and_published(spec: str, label: str):
+    assert label_of(*load_packer(spec)) == label
+
+
+def test_equally_near_are_called_after_the_defaults(file: Path):
+    text = file.read_text(encoding="utf-8")
+    file.write_text(text.replace('"texels"', '"texels", published=16'), encoding="utf-8")
+    assert label_of(*load_packer(f"{file}:Grid[cell=2]")) == "grid[cell=2]"
+    assert label_of(*load_packer(f"{file}:Grid[cell=16,scale=0.5]")) == "grid@published[scale=0.5]"
+    assert label_of(*load_packer(f"{file}:Grid[cell=16,scale=0.5]"), ["cell"]) == "grid[scale=0.5]"
+    assert label_of(*load_packer(f"{file}:Grid[cell=16]"), ["cell"]) == "grid"
+
+
+@st.composite
+def packers(draw: st.DrawFn) -> Packer:
+    """Any of the suite's packers with any of its parameters' known values."""
+    kind = find_packers()[draw(st.sampled_from(packer_names()))]
+    base = draw(st.sampled_from([{}, published_values(kind)]))
+    changed = draw(st.lists(st.sampled_from(sorted(kind.parameters)), max_size=5))
+    known = {name: kind.parameters[name] for name in changed}
+    own = {name: draw(st.sampled_from([*one.sweep, one.default])) for name, one in known.items()}
+    try:
+        return kind(**base | own)
+    except ValueError:  # a combination that cannot be
+        return assume(False)
+
+
+@settings(max_examples=80, deadline=None)
+@given(packer=packers())
+def test_a_label_is_the_method_argument_of_its_packer_alone(packer: Packer):
+    (meant,) = load_packer(label_of(packer))
+    assert (meant.name, variant_string(meant)) == (packer.name, variant_string(packer))
+
+
+@settings(max_examples=30, deadline=None)
+@given(found=st.lists(packers(), max_size=12))
+def test_labels_are_unique(found: list[Packer]):
+    variants = {(packer.name, variant_string(packer)) for packer in found}
+    assert len({label_of(packer) for packer in found}) == len(variants)
 
 
 def test_empty_brackets_mean_the_defaults(file: Path):

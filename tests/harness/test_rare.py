@@ -45,6 +45,9 @@ def test_what_was_seen_is_not_told_and_what_was_not_is() -> None:
     assert "none of its 12 frames holds a new mapping of all bins" in texts["remappings"]
     assert "--frames 61 would show it" in texts["remappings"]
     assert "the path decides" in texts["resets"]
+    published = ShadingAtlasStreaming(complete=True)
+    (named,) = unseen_costs([published], rows(published, resets=[0, 0])).values()
+    assert named.startswith("sas@published: none of its 2 frames")
     (alone,) = unseen_costs([sas], rows(sas, resets=[0])).values()
     assert "its only frame does not hold" in alone
 

@@ -3,6 +3,7 @@
 import csv
 import json
 import os
+import re
 import sqlite3
 import subprocess
 import sys
@@ -193,9 +194,10 @@ def test_repeats_are_kept_and_change_nothing_else(whole: Path, tmp_path: Path):
 
 
 def test_a_dry_run_says_what_would_run_and_runs_nothing(tmp_path: Path):
-    done = bench("run", *SMALL, "--dry-run", "--out", str(tmp_path / "run"))
+    done = bench("run", *SMALL, "--method", "sas@published", "--dry-run", "--out", str(tmp_path / "run"))
     assert done.returncode == 0, done.stderr
-    assert "sas" in done.stdout
+    named = [name for name in re.findall(r"^\S+", done.stdout, re.MULTILINE) if "sas" in name]
+    assert named == ["sas", "sas@published"]
     assert "alpha mask" in done.stdout
     assert not (tmp_path / "run").exists()
 

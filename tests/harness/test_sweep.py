@@ -149,6 +149,31 @@ def test_methods_that_fail_or_hang_are_rows_and_stop_nobody_else(tmp_path: Path)
     assert "one too many" in page
 
 
+def test_a_method_in_two_settings_competes_with_itself(tmp_path: Path):
+    folder = tmp_path / "out"
+    methods = ["--method", "sas@published", "--method", "sas"]
+    small = ["--size", "160x90", "--frames", "2", "--atlas", "256x256", "--codec", "none", "--vary", "samples=1,2"]
+    done = bench("sweep", *methods, *small, "--repetitions", "1", "--out", str(folder))
+    assert done.returncode == 0, done.stdout + done.stderr
+    fronts = {line.split()[0] for line in done.stdout.splitlines() if " samples=" in line}
+    assert fronts == {"sas", "sas@published"}
+    cells = {(row["contender"], row["varied"]): row for row in rows_of(folder)}
+    assert list(cells) == [(name, f"samples={n}") for name in ("sas@published", "sas") for n in (1, 2)]
+    assert {row["method"] for row in cells.values()} == {"sas"}
+    for contender in ("sas", "sas@published"):
+        own = [row["pareto_samples"] for (name, _), row in cells.items() if name == contender]
+        assert set(own) & {"method", "all"}, contender
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    (text,) = re.findall(r'<script type="application/json" id="figures">(.*?)</script>', page, re.DOTALL)
+    traces = json.loads(text)["sweep"]["flip/samples/lossless/"]["data"]
+    assert {trace["name"]: trace["marker"]["color"] for trace in traces if trace["mode"] == "markers"}.keys() == {
+        "sas", "sas@published"
+    }  # fmt: skip
+    assert len({trace["line"]["color"] for trace in traces if trace["mode"] == "lines"}) == 2
+    assert "<td>sas<wbr>@published</td>" in page
+    assert "Only sas has points here" not in done.stdout + page
+
+
 def test_another_device_does_not_go_on_with_a_sweep(whole: Path, tmp_path: Path):
     folder = tmp_path / "out"
     shutil.copytree(whole, folder)

@@ -51,6 +51,24 @@ def test_without_vary_each_parameter_takes_its_own_values_in_turn():
     assert [cell.packer.fit for cell in named] == list(parameters["fit"].sweep)
 
 
+def test_fixed_parameters_make_contenders_and_varied_ones_do_not():
+    methods = ("sas@published", "sas", "sas[reuse=true]", "sas[reuse=true,fit=0.9]", "ppll")
+    by_samples = make_grid(Settings(methods=methods), ["samples=1,8"]).cells
+    names = ["sas@published", "sas", "sas[reuse=true]", "sas[fit=0.9,reuse=true]"]
+    assert [cell.contender for cell in by_samples] == [name for name in names for _ in range(2)] + ["ppll"]
+    by_reuse = make_grid(Settings(methods=methods), ["reuse=true,false", "complete=true,false"]).cells
+    assert [cell.contender for cell in by_reuse] == ["sas"] * 4 + ["sas[fit=0.9]"] * 4 + ["ppll"]
+
+
+def test_a_cell_of_two_contenders_is_of_the_one_in_which_nothing_is_varied():
+    grid = make_grid(Settings(methods=("sas", "sas@published")), [])
+    own = [cell.contender for cell in grid.cells if not cell.varied]
+    assert own == ["sas", "sas@published"]
+    assert ("sas, complete=true", "it is a cell of sas@published") in grid.left_out
+    assert ("sas@published, complete=false", "it is a cell of sas") in grid.left_out
+    assert len({cell.key for cell in grid.cells}) == len(grid.cells)
+
+
 def test_combinations_that_cannot_be_are_left_out_with_their_reason():
     grid = make_grid(Settings(methods=("sas",)), ["fov=60,100", "cell=0.08/80,0.2/125"])
     assert len(grid.cells) == 3

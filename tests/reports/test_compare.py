@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.compare import CompareError, Comparison, compare
+from reports.compare import CompareError, Comparison, compare, differences
 from reports.store import Store, StoreError
 from tests.reports.synthetic import COMMON, make_store
 
@@ -105,6 +105,20 @@ def test_single_variants_are_matched_across_runs(tmp_path: Path) -> None:
     b = one_method(tmp_path / "b", np.linspace(1, 2, 20) / 2, variant="block=2")
     flip = only(compare(a, b), "flip")
     assert (flip.variant, flip.verdict) == ("block=1 -> block=2", "better")
+
+
+def test_variants_are_called_as_their_runs_call_them(tmp_path: Path) -> None:
+    values = np.linspace(1, 2, 20)
+    a = one_method(tmp_path / "a", values, variant="block=1")
+    b = one_method(tmp_path / "b", values, variant="block=2")
+    assert only(compare(a, b), "flip").label == "sas"
+    for folder, variant, label in ((a, "block=1", "sas"), (b, "block=2", "sas@published"), (b, "block=3", "sas[c=3]")):
+        with Store(folder) as store:
+            store.notes[f"label/sas[{variant}]"] = label
+    assert only(compare(a, b), "flip").label == "sas -> sas@published"
+    assert only(compare(b, b), "flip").label == "sas@published"
+    one_method(b, values, variant="block=3")
+    assert differences(b, a) == ["only A has sas@published, sas[c=3]"]
 
 
 def test_different_work_is_refused(tmp_path: Path) -> None:

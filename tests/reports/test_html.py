@@ -12,12 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.charts import method_labels
 from reports.csv_files import write_all
 from reports.html import chosen_frames, write_report
 from reports.pictures import find_pictures
 from reports.store import Store, StoreError
-from reports.tables import number, ranges
+from reports.tables import number, prose, ranges
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -175,21 +174,12 @@ def test_an_empty_store_has_a_report_and_no_store_has_none(tmp_path: Path) -> No
         write_report(tmp_path / "none")
 
 
-def test_labels_name_only_what_differs() -> None:
-    keys = [("sas", "a=1,b=2"), ("sas", "a=1,b=3"), ("grid", "cell=8")]
-    assert method_labels(keys) == {
-        ("grid", "cell=8"): "grid", ("sas", "a=1,b=2"): "sas[b=2]", ("sas", "a=1,b=3"): "sas[b=3]"
-    }  # fmt: skip
-
-
-def test_the_published_variant_is_named_so_and_names_nothing_of_the_others() -> None:
-    keys = [("sas", "a=1,b=2"), ("sas", "a=9,b=9"), ("sas", "a=1,b=3"), ("tss", "c=1")]
-    assert method_labels(keys, [("sas", "a=9,b=9")]) == {
-        ("sas", "a=9,b=9"): "sas@published", ("sas", "a=1,b=2"): "sas[b=2]", ("sas", "a=1,b=3"): "sas[b=3]",
-        ("tss", "c=1"): "tss",
-    }  # fmt: skip
-    assert method_labels(keys[:2], [("sas", "a=9,b=9")])["sas", "a=1,b=2"] == "sas"
-    assert method_labels(keys[:1], keys[:1]) == {keys[0]: "sas@published"}
+def test_labels_and_options_are_broken_only_where_words_end() -> None:
+    assert prose("sas@published[a=1,b=x<y]") == "sas<wbr>@published<wbr>[a=1,<wbr>b=x&lt;y]"
+    assert prose("With --frames 61 <or more>: a-b--c.") == (
+        'With <span class="option">--frames 61</span> &lt;or more&gt;: a-b--c.'
+    )
+    assert prose("(--no-skip)") == '(<span class="option">--no-skip</span>)'
 
 
 def test_numbers_and_ranges_read_well() -> None:

@@ -44,8 +44,8 @@ def measured_run(folder: Path, samples: dict[tuple[str, str], float]) -> None:
         for (method, variant), value in samples.items():
             row = COMMON | {"codec": "none", "status": "ok", "scene": "viking_village", "samples": value}
             store.commit_frame(method, variant, 0, [row | {"iwssim": 0.9, "flip": 0.1}])
-            if variant == "paper":
-                store.notes[f"as_published/{method}"] = variant
+            end = "@published" if variant == "paper" else ""
+            store.notes[f"label/{method}[{variant}]"] = f"{method}{end}"
 
 
 def test_settings_are_told_apart_and_numbers_unlike_the_published_are_bold(tmp_path: Path) -> None:
