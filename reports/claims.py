@@ -33,7 +33,7 @@ HALVES = ("first", "second")
 TABLES = ("frames", "layers")
 OFF_BUDGET = 0.05  # share by which samples may differ from what a run asks for, as packers.budget.TOLERANCE
 FEWEST = 6  # values that have a 95 % interval
-OPERAND = ("value", "method", "crf", "table", "where", "from", "half")
+OPERAND = ("value", "method", "crf", "table", "where", "from", "half", "when")
 COMBINED = ("over", "minus", "exponent")
 TEXTS = ("id", "paper", "source", "claim", "published", "kind", "why")
 OPTIONAL = ("methods", "runs", "measure", "rule", "not_measurable", "undecided")
@@ -60,6 +60,7 @@ class Operand:
     values: names of columns, statistics or stages (those have a slash), summed. method: as `--method` takes it; empty
     for an experiment whose rows have no method. crf: the rate whose rows count, None for those without video coding.
     where: other columns that rows must match. start: the first frame that counts. half: of the frames, one of HALVES.
+    when: statistics and the value that they must have in every frame: otherwise it is not what the claim is about.
     """
 
     values: tuple[str, ...]
@@ -69,6 +70,7 @@ class Operand:
     where: tuple[tuple[str, Any], ...] = ()
     start: int = 0
     half: str = ""
+    when: tuple[tuple[str, float], ...] = ()
 
 
 @dataclass(frozen=True)
@@ -355,6 +357,7 @@ def _operand(table: Mapping[str, Any], where: str) -> Operand:
         (isinstance(filters, dict), "where", "a table of columns and values"),
         (type(table.get("from", 0)) is int and table.get("from", 0) >= 0, "from", "a frame's number"),
         (table.get("half", "") in ("", *HALVES), "half", f"one of {', '.join(HALVES)}"),
+        (isinstance(table.get("when", {}), dict), "when", "a table of statistics and numbers"),
         (bool(table.get("method")) != bool(filters), "method", "a method, or where for an experiment, and not both"),
     ]
     for fine, name, wanted in checks:
@@ -365,7 +368,7 @@ def _operand(table: Mapping[str, Any], where: str) -> Operand:
         raise ClaimsError(f"{where} has value {measured[0]!r}: that column is no measure.")
     return Operand(
         tuple(values), table.get("method", ""), table.get("crf"), table.get("table", TABLES[0]),
-        tuple(filters.items()), table.get("from", 0), table.get("half", ""),
+        tuple(filters.items()), table.get("from", 0), table.get("half", ""), tuple(table.get("when", {}).items()),
     )  # fmt: skip
 
 
@@ -435,6 +438,7 @@ def values_of(operand: Operand, run: RunRows, variants: Mapping[str, Variant]) -
         _refuse_failed(rows, operand)
         rows = [row for row in rows if row["status"] in MEASURED_STATUSES]
         _refuse_off_budget(rows, operand)
+        _refuse_otherwise(rows, operand, run)
     found: dict[Key, float] = {}
     for row in rows:
         numbers = [_number(name, row, run) for name in operand.values]
@@ -459,6 +463,14 @@ def _refuse_off_budget(rows: Sequence[Row], operand: Operand) -> None:
     shares = [row["samples"] / row["sample_budget"] - 1 for row in budgeted]
     if shares and abs(median(shares)) > OFF_BUDGET:
         raise UnmeasuredError(f"{operand.method} has {median(shares):+.0%} samples against those asked for.")
+
+
+def _refuse_otherwise(rows: Sequence[Row], operand: Operand, run: RunRows) -> None:
+    """Frames in which a statistic has another value than `when` says."""
+    for name, wanted in operand.when:
+        other = [value for value in (_number(name, row, run) for row in rows) if value not in (None, wanted)]
+        if other:
+            raise UnmeasuredError(f"{operand.method} has {name} {other[0]:g}, where the claim is about {wanted:g}.")
 
 
 def _number(name: str, row: Row, run: RunRows) -> float | None:

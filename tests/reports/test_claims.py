@@ -253,6 +253,15 @@ def test_unequal_samples_are_not_compared_as_equal_ones(tmp_path: Path, runs):
     assert OFF_BUDGET == TOLERANCE
 
 
+def test_frames_that_the_claim_is_not_about_are_not_measured(tmp_path: Path, runs):
+    measure = '{ value = "samples", method = "sas", when = { atlas_full = 0 } }'
+    for full, expected in (((0.0, 0.0), CONFIRMED), ((0.0, 1.0), NOT_MEASURED)):
+        extra = {("sas", VARIANTS["sas"][1], frame): {"atlas_full": full[frame % 2]} for frame in range(12)}
+        judged = verdict(tmp_path, {"one": RunRows(runs["one"].tables, extra)}, measure, "{ above = 0 }")
+        assert judged.verdict == expected
+    assert judged.reason == "sas has atlas_full 1, where the claim is about 0."
+
+
 def test_statistics_stages_and_tables_of_an_experiment_are_read(tmp_path: Path, runs):
     extra = {("sas", VARIANTS["sas"][1], frame): {"blocks": 40.0 + frame, "structs/bias": 2.0} for frame in range(12)}
     own = {"one": RunRows(runs["one"].tables, extra)}
