@@ -26,10 +26,7 @@ CODED = ("flip_mean", "dssim_mean", "iwssim_mean", "bytes_total_mean")  # measur
 
 def note_as_published(store: Store, packers: Iterable[Packer]) -> None:
     """Write a sentence about every method that ran at its defaults and as published, in place of earlier ones."""
-    for key in store.notes.under(NOTES):
-        del store.notes[f"{NOTES}/{key}"]
-    for method, text in differences(summarise(store.rows()), list(packers)).items():
-        store.notes[f"{NOTES}/{method}"] = text
+    store.notes.replace(NOTES, differences(summarise(store.rows()), list(packers)))
 
 
 def differences(summaries: list[dict[str, Any]], packers: list[Packer]) -> dict[str, str]:

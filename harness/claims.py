@@ -84,9 +84,9 @@ class NamedRun:
 
     def methods(self) -> tuple[str, ...]:
         """The methods that it makes, as --method takes them. Raises SettingsError."""
-        return (
-            tuple(self.options.get("method", ("ppll",))) if self.of_linked_lists else settings_of(self.options).methods
-        )
+        if self.of_linked_lists:
+            return tuple(self.options.get("method", ("ppll",)))
+        return settings_of(self.options).methods
 
     def settings(self) -> Settings:
         """Its options as settings, the scene's file where it is found. Raises SettingsError or SceneError."""

@@ -13,10 +13,7 @@ NOTES = "warning/full"  # where the store keeps the sentences
 
 def note_full_atlas(store: Store) -> None:
     """Write a sentence about every method whose atlas was full, in place of earlier ones."""
-    for key in store.notes.under(NOTES):
-        del store.notes[f"{NOTES}/{key}"]
-    for key, text in full_atlases(store).items():
-        store.notes[f"{NOTES}/{key}"] = text
+    store.notes.replace(NOTES, full_atlases(store))
 
 
 def full_atlases(store: Store) -> dict[str, str]:

@@ -11,10 +11,7 @@ NOTES = "warning/budget"  # where the store keeps the sentences
 
 def note_off_budget(store: Store) -> None:
     """Write a warning about every method with frames off their sample budget, in place of earlier ones."""
-    for key in store.notes.under(NOTES):
-        del store.notes[f"{NOTES}/{key}"]
-    for key, text in off_budget(store).items():
-        store.notes[f"{NOTES}/{key}"] = text
+    store.notes.replace(NOTES, off_budget(store))
 
 
 def off_budget(store: Store) -> dict[str, str]:

@@ -267,6 +267,12 @@ class Notes(MutableMapping[str, str]):
         start = f"{prefix.rstrip('/')}/"
         return {key.removeprefix(start): self[key] for key in self if key.startswith(start)}
 
+    def replace(self, prefix: str, texts: Mapping[str, str]) -> None:
+        """Make these the notes under `prefix`/, by the rest of their key, in place of all that were there."""
+        for key in self.under(prefix):
+            del self[f"{prefix}/{key}"]
+        self.update({f"{prefix}/{key}": text for key, text in texts.items()})
+
 
 def _of_frames(table: str, values: str, order: str) -> str:
     """A query of a table of frames, with the scene and path that the frames belong to."""
