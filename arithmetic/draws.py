@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import exp
+from shading_atlas_bench.arithmetic.functions import exp
 
 # Where the ziggurats of NumPy's normal and exponential draws end. Inside, a draw is an integer times a number of a
 # table; beyond, it is a logarithm of the C library, whose last bits depend on the processor.

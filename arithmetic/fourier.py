@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from arithmetic.functions import sin_cos
+from shading_atlas_bench.arithmetic.functions import sin_cos
 
 BLOCK = 64  # rows or columns that are transformed together: their samples stay in a processor's cache
 

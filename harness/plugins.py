@@ -16,8 +16,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from packers.interface import COMMON, Packer, Parameter
-from reports.names import ALLOWED, fits_everywhere
+from shading_atlas_bench.packers.interface import COMMON, Packer, Parameter
+from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 
 GROUP = "shading_atlas_packers"
 SPEC = re.compile(  # folders may have brackets and at signs
@@ -181,7 +181,7 @@ def _import_file(path: Path) -> ModuleType:
 
 def _checked(found: Any, what: str) -> type[Packer]:
     if not (inspect.isclass(found) and issubclass(found, Packer)):
-        raise ValueError(f"{what} is not a packer: it must be a subclass of packers.interface.Packer.")
+        raise ValueError(f"{what} is not a packer: it must be a subclass of shading_atlas_bench.Packer.")
     if inspect.isabstract(found):
         raise ValueError(f"{what} is unfinished: it lacks {', '.join(sorted(found.__abstractmethods__))}.")
     missing = [name for name in ("name", "paper") if not hasattr(found, name)]

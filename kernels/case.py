@@ -1,6 +1,7 @@
 """What it takes to measure a kernel stage: inputs, a launch, its twin, and formulas for the work of each kernel.
 
-Each folder of kernels has a `cases.py` with one case per stage; `bench kernels` runs them all.
+Each folder of kernels, shared ones and a method's, has a `cases.py` with one case per stage; `bench kernels` runs them
+all.
 """
 
 from __future__ import annotations
@@ -8,15 +9,16 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arithmetic.functions import log2
-from kernels.device import ROOT
+from shading_atlas_bench.arithmetic.functions import log2
+from shading_atlas_bench.kernels.device import METHOD_KERNELS, ROOT
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 INPUTS = ("typical", "adversarial")
 # What formulas may call.
@@ -116,7 +118,8 @@ def case(
     bounds = dict(zip(INPUTS, (typical, typical if adversarial is None else adversarial), strict=True))
 
     def wrap(make: Callable[[Device, str, int], Trial]) -> Case:
-        folder = make.__module__.split(".")[-2]
+        *_, method, folder, _ = ("", *make.__module__.split("."))
+        folder = method if folder == METHOD_KERNELS else folder
         named = {f"{folder}/{kernel}": cost for kernel, cost in costs.items()}
         return Case(f"{folder}/{make.__name__}", make, named, size, checked or size, bounds)
 
@@ -159,10 +162,15 @@ def _ratio(error: float, bound: float) -> float:
     return error / bound if bound else np.inf if error else 0.0
 
 
-def find_cases() -> list[Case]:
-    """The cases of all folders, by name."""
-    modules = [import_module(f"kernels.{file.parent.name}.cases") for file in sorted(ROOT.glob("*/cases.py"))]
-    return [value for module in modules for value in vars(module).values() if isinstance(value, Case)]
+def cases_in(module: ModuleType) -> list[Case]:
+    """The cases that a module holds, in its order."""
+    return [value for value in vars(module).values() if isinstance(value, Case)]
+
+
+def shared_cases() -> list[Case]:
+    """The cases of all stages that methods share, folder by folder."""
+    files = sorted(ROOT.glob("*/cases.py"))
+    return [one for file in files for one in cases_in(import_module(f"{__package__}.{file.parent.name}.cases"))]
 
 
 def evaluate(formula: str, counts: Mapping[str, float]) -> float:

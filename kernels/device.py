@@ -19,10 +19,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kernels.cache import cache_folder, cache_root, read_checked, write_checked
-from kernels.journal import journal
-from kernels.runtime import kernel_cache
-from kernels.runtime.opencl import (
+from shading_atlas_bench.kernels.cache import cache_folder, cache_root, read_checked, write_checked
+from shading_atlas_bench.kernels.journal import journal
+from shading_atlas_bench.kernels.runtime import kernel_cache
+from shading_atlas_bench.kernels.runtime.opencl import (
     SPEAKING,
     DeviceError,
     FoundDevice,
@@ -33,13 +33,14 @@ from kernels.runtime.opencl import (
     opencl,
     pocl_cache,
 )
-from kernels.runtime.vendors import how_to_get_one
+from shading_atlas_bench.kernels.runtime.vendors import how_to_get_one
 
 if TYPE_CHECKING:
     import pyopencl as cl
     from pyopencl.array import Array
 
 ROOT = Path(__file__).parent
+METHOD_KERNELS = "kernels"  # the folder of a method where its kernels lie
 CONTRACT = "#pragma OPENCL FP_CONTRACT"
 INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
 KERNEL = re.compile(r"^\s*(?:__)?kernel\s+void\s+(\w+)", re.MULTILINE)
@@ -83,27 +84,43 @@ INLINED_BUILTINS = """#if defined(__x86_64__) && defined(__AVX512F__) && !define
 """
 
 
-def source_with_includes(path: str, seen: set[str] | None = None) -> str:
-    """A kernel file's text (path below `kernels/`) with every `#include "..."` put in its place, once each.
+def source_with_includes(file: Path, seen: set[Path] | None = None) -> str:
+    """A kernel file's text with every `#include "..."` put in its place, once each: a file beside it, or one of those
+    that methods share, by its path below `kernels/`.
 
-    Done here and not by the driver, because drivers that cache by source miss changes in included files.
+    Done here and not by the driver, because drivers that cache by source miss changes in included files. Raises
+    DeviceError for a file that is missing.
     """
     seen = set() if seen is None else seen
-    if path in seen:
+    if file in seen:
         return ""
-    seen.add(path)
-    file = ROOT / path
+    seen.add(file)
     if not file.is_file():
-        raise DeviceError(f"The kernel file kernels/{path} is missing: reinstall the package.")
-    return INCLUDE.sub(lambda match: source_with_includes(match.group(1), seen), file.read_text(encoding="utf-8"))
+        raise DeviceError(f"The kernel file {file} is missing: reinstall the package that it belongs to.")
+
+    def included(match: re.Match[str]) -> str:
+        beside = file.parent / match.group(1)
+        return source_with_includes(beside if beside.is_file() else ROOT / match.group(1), seen)
+
+    return INCLUDE.sub(included, file.read_text(encoding="utf-8"))
+
+
+def stage_name(file: Path) -> str:
+    """What a stage is called by its file: `folder/stage`, where the folder of a method's kernels is the method's."""
+    folder = file.parent.parent if file.parent.name == METHOD_KERNELS else file.parent
+    return f"{folder.name}/{file.stem}"
+
+
+def kernel_files() -> list[Path]:
+    """The OpenCL files of the suite: those that methods share, and its own methods'."""
+    return sorted([*ROOT.rglob("*.cl"), *(ROOT.parent / "packers").rglob("*.cl")], key=stage_name)
 
 
 def kernel_names() -> list[str]:
-    """Every kernel of the suite as folder/file.function, as in `Record.kernels`."""
-    files = sorted(ROOT.rglob("*.cl"))
+    """Every kernel of the suite as folder/stage.function, as in `Record.kernels`."""
     return [
-        f"{file.relative_to(ROOT).with_suffix('').as_posix()}.{name}"
-        for file in files
+        f"{stage_name(file)}.{name}"
+        for file in kernel_files()
         for name in KERNEL.findall(file.read_text(encoding="utf-8"))
     ]
 
@@ -112,8 +129,8 @@ def kernel_names() -> list[str]:
 def kernels_digest() -> str:
     """A hash of every kernel file of the suite: results and cached results say which kernels they came from."""
     digest = hashlib.sha256()
-    for file in sorted(ROOT.rglob("*.cl")):
-        digest.update(file.relative_to(ROOT).as_posix().encode() + file.read_bytes())
+    for file in kernel_files():
+        digest.update(stage_name(file).encode() + file.read_bytes())
     return digest.hexdigest()[:16]
 
 
@@ -260,43 +277,48 @@ class Device:
             "compute_units": str(device.max_compute_units),
         }
 
-    def build(self, path: str, options: Sequence[str] = (), **defines: Any) -> Kernels:
-        """Build `kernels/<path>` with preprocessor `defines`; built once per (path, options, defines).
+    def build(self, source: str | Path, options: Sequence[str] = (), **defines: Any) -> Kernels:
+        """Build an OpenCL file with preprocessor `defines`; built once per (source, options, defines).
 
-        Multiplications and additions are not fused, so that integers and shared vertices
-        come out the same everywhere.
+        source: a file, as `Path(__file__).parent / "stage.cl"`, or one of those that methods share, by its path below
+        `kernels/`. Multiplications and additions are not fused, so that integers and shared vertices come out the same
+        everywhere. Raises DeviceError for a missing file, or what the compiler says.
         """
-        arithmetic = VARIANTS[self.variant]
+        arithmetic, file = VARIANTS[self.variant], ROOT / source
         given = [option for option in arithmetic.options if option != EXACT or self._is_exact]
         flags = [*given, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
-        key = (path, *flags)
+        key = (file, *flags)
         with self._building:
             if key not in self._programs:
-                files: set[str] = set()
-                source = source_with_includes(path, files)
-                source = f"{CONTRACT} {arithmetic.contract}\n{source}"
-                source = INLINED_BUILTINS.replace("{source}", source)
-                self.announce(path)
-                with journal().building(f"kernels/{path}"):
-                    built = self._compiled(path, source, flags)
-                digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
-                kernels = Kernels({kernel.function_name: kernel for kernel in built}, digest)
-                self._programs[key] = kernels
-                self._asked.append((path, options, defines))
-                self._names |= {
-                    kernels.by_name[name]: f"{file.removesuffix('.cl')}.{name}"
-                    for file in files
-                    for name in KERNEL.findall((ROOT / file).read_text(encoding="utf-8"))
-                    if name in kernels.by_name  # included files may leave some out
-                }
+                self._programs[key] = self._built(file, flags, arithmetic.contract)
+                self._asked.append((str(source), options, defines))
             return self._programs[key]
 
-    def _compiled(self, path: str, source: str, flags: Sequence[str]) -> list[cl.Kernel]:
+    def _built(self, file: Path, flags: Sequence[str], contract: str) -> Kernels:
+        """A program's kernels, whose names are known to records from then on."""
+        files: set[Path] = set()
+        source = f"{CONTRACT} {contract}\n{source_with_includes(file, files)}"
+        source = INLINED_BUILTINS.replace("{source}", source)
+        stage = stage_name(file)
+        self.announce(stage)
+        with journal().building(stage):
+            built = self._compiled(stage, source, flags)
+        digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
+        kernels = Kernels({kernel.function_name: kernel for kernel in built}, digest)
+        self._names |= {
+            kernels.by_name[name]: f"{stage_name(one)}.{name}"
+            for one in files
+            for name in KERNEL.findall(one.read_text(encoding="utf-8"))
+            if name in kernels.by_name  # included files may leave some out
+        }
+        return kernels
+
+    def _compiled(self, stage: str, source: str, flags: Sequence[str]) -> list[cl.Kernel]:
         cl = opencl()
         try:
             program = cl.Program(self.context, source).build(["-cl-std=CL1.2", "-w", *flags], cache_dir=False)
         except cl.RuntimeError as error:
-            raise DeviceError(f"kernels/{path} does not build on {self.name}: {error}") from error
+            raise DeviceError(f"{stage}.cl does not build on {self.name}: {error}") from error
         return program.all_kernels()
 
     def launch(self, stage: str, kernel: cl.Kernel, items: int, *args: Any, local: int | None = None) -> None:

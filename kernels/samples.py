@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 WIDTH = 16  # samples per step of the widest kernel; lists are allocated in whole steps
 

@@ -8,23 +8,23 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from kernels.atlas.locate import locate
-from kernels.atlas.lookup import look_up
-from kernels.atlas.opacity import fragment_opacity
-from kernels.fragments.blend import blend_layers
-from kernels.fragments.layered import LayeredRasteriser, numbered
-from kernels.raster.rasteriser import Rasteriser
-from kernels.raster.resolve import resolve
-from kernels.samples import Samples
-from kernels.triangles import Triangles
-from packers.geometry import GeometryDecoder, GeometryEncoder
-from packers.interface import ALPHA, Client, ClientScene, Decoded, Image, ServerScene, View
+from shading_atlas_bench.kernels.atlas.locate import locate
+from shading_atlas_bench.kernels.atlas.lookup import look_up
+from shading_atlas_bench.kernels.atlas.opacity import fragment_opacity
+from shading_atlas_bench.kernels.fragments.blend import blend_layers
+from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser, numbered
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.raster.resolve import resolve
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.triangles import Triangles
+from shading_atlas_bench.packers.geometry import GeometryDecoder, GeometryEncoder
+from shading_atlas_bench.packers.interface import ALPHA, Client, ClientScene, Decoded, Image, ServerScene, View
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.fragments.build import Fragments
-    from kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.fragments.build import Fragments
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
 
 class LookupClient(Client):

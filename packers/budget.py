@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from arithmetic.functions import log2, power
+from shading_atlas_bench.arithmetic.functions import log2, power
 
 TOLERANCE = 0.05  # share by which the samples of a frame may differ from its budget
 CLOSE = 0.01  # share within which a search ends, so that the next frames need none

@@ -11,8 +11,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from arithmetic.matrices import product, turned
-from packers.interface import View
+from shading_atlas_bench.arithmetic.matrices import product, turned
+from shading_atlas_bench.packers.interface import View
 
 
 def owners(views: Sequence[View], rays: np.ndarray) -> np.ndarray:

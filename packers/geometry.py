@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.triangles import Triangles
 
 
 def shuffle(values: np.ndarray) -> bytes:

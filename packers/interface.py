@@ -13,21 +13,21 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from arithmetic.matrices import product, turned
-from packers.skips import Skips
+from shading_atlas_bench.arithmetic.matrices import product, turned
+from shading_atlas_bench.packers.skips import Skips
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.fragments.layers import Layers
-    from kernels.raster.rasteriser import Rasteriser
-    from kernels.samples import Samples
-    from kernels.shade.shader import Shader
-    from kernels.shade.sky import Sky
-    from kernels.texture.mask import AlphaMask
-    from kernels.triangles import Triangles
-    from scenes.model import Scene
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.fragments.layers import Layers
+    from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+    from shading_atlas_bench.kernels.samples import Samples
+    from shading_atlas_bench.kernels.shade.shader import Shader
+    from shading_atlas_bench.kernels.shade.sky import Sky
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.triangles import Triangles
+    from shading_atlas_bench.scenes.model import Scene
 
 
 ALPHA = "alpha"  # the name of a plane that holds opacities

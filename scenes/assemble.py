@@ -8,12 +8,12 @@ from typing import TypeVar
 
 import numpy as np
 
-from arithmetic.matrices import determinant, dot, transform
-from scenes.model import Camera, CameraAnimation, Light, Material, Scene, SceneError
-from scenes.normals import perpendicular, tangents, with_normals
-from scenes.raw import Part, RawScene
-from scenes.repair import decimated, repaired
-from scenes.transforms import normal_matrices
+from shading_atlas_bench.arithmetic.matrices import determinant, dot, transform
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Light, Material, Scene, SceneError
+from shading_atlas_bench.scenes.normals import perpendicular, tangents, with_normals
+from shading_atlas_bench.scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.repair import decimated, repaired
+from shading_atlas_bench.scenes.transforms import normal_matrices
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 _LARGEST = 1e18  # beyond it squared lengths leave float32's range

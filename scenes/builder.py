@@ -13,12 +13,12 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from arithmetic.functions import cos, sin_cos
-from arithmetic.matrices import dot, transform
-from scenes.features import content_digest, find_features
-from scenes.model import Material, Scene, Texture
-from scenes.normals import tangents
-from scenes.transforms import normal_matrices
+from shading_atlas_bench.arithmetic.functions import cos, sin_cos
+from shading_atlas_bench.arithmetic.matrices import dot, transform
+from shading_atlas_bench.scenes.features import content_digest, find_features
+from shading_atlas_bench.scenes.model import Material, Scene, Texture
+from shading_atlas_bench.scenes.normals import tangents
+from shading_atlas_bench.scenes.transforms import normal_matrices
 
 # Face order of `boxes`: the outward axis and side of each face.
 FACES = ("-x", "+x", "-y", "+y", "-z", "+z")

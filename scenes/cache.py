@@ -20,10 +20,9 @@ from pathlib import Path
 
 import numpy as np
 
-import arithmetic
-import scenes
-from scenes.files import is_file
-from scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
+from shading_atlas_bench import arithmetic, scenes
+from shading_atlas_bench.scenes.files import is_file
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
 _ARRAYS = (
     "positions",

@@ -12,9 +12,9 @@ from pathlib import Path
 
 import numpy as np
 
-from arithmetic.functions import arctan, tan
-from scenes.model import Camera, SceneError
-from scenes.units import UNITS
+from shading_atlas_bench.arithmetic.functions import arctan, tan
+from shading_atlas_bench.scenes.model import Camera, SceneError
+from shading_atlas_bench.scenes.units import UNITS
 
 
 def read_cameras(file: Path) -> tuple[list[Camera], float | None]:

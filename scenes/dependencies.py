@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenes.files import file_text, named_file
-from scenes.gltf_document import named_files
-from scenes.mtl import map_files
-from scenes.obj import library_files
-from scenes.ply import ply_textures
+from shading_atlas_bench.scenes.files import file_text, named_file
+from shading_atlas_bench.scenes.gltf_document import named_files
+from shading_atlas_bench.scenes.mtl import map_files
+from shading_atlas_bench.scenes.obj import library_files
+from shading_atlas_bench.scenes.ply import ply_textures
 
 
 def input_files(path: Path) -> list[Path]:

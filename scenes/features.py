@@ -7,7 +7,7 @@ from dataclasses import astuple, fields
 
 import numpy as np
 
-from scenes.model import Features, Material, Scene
+from shading_atlas_bench.scenes.model import Features, Material, Scene
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
 MATT = 0.8  # roughness from which on a surface shows the sky's light only, see kernels/shade/environment.py

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import power
-from scenes.raw import RawScene
+from shading_atlas_bench.arithmetic.functions import power
+from shading_atlas_bench.scenes.raw import RawScene
 
 
 def linear_colours(raw: RawScene, *channels: np.ndarray) -> np.ndarray:

@@ -13,17 +13,17 @@ from pathlib import Path
 
 import numpy as np
 
-from arithmetic.functions import arctan, tan
-from arithmetic.matrices import product, turned
-from scenes.gltf_document import GltfDocument
-from scenes.gltf_materials import GltfMaterials, UvSource
-from scenes.gltf_motion import camera_animations
-from scenes.gltf_nodes import AT_REST, GltfNodes
-from scenes.gltf_values import number, numbers, picked
-from scenes.gltf_vertices import Vertices, attribute
-from scenes.model import Camera, Light
-from scenes.raw import Part, RawScene
-from scenes.transforms import compose, normal_matrices
+from shading_atlas_bench.arithmetic.functions import arctan, tan
+from shading_atlas_bench.arithmetic.matrices import product, turned
+from shading_atlas_bench.scenes.gltf_document import GltfDocument
+from shading_atlas_bench.scenes.gltf_materials import GltfMaterials, UvSource
+from shading_atlas_bench.scenes.gltf_motion import camera_animations
+from shading_atlas_bench.scenes.gltf_nodes import AT_REST, GltfNodes
+from shading_atlas_bench.scenes.gltf_values import number, numbers, picked
+from shading_atlas_bench.scenes.gltf_vertices import Vertices, attribute
+from shading_atlas_bench.scenes.model import Camera, Light
+from shading_atlas_bench.scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.transforms import compose, normal_matrices
 
 
 def read_gltf(path: Path) -> RawScene:

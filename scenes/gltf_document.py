@@ -10,9 +10,9 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from scenes.files import beside
-from scenes.gltf_values import picked, whole
-from scenes.model import SceneError
+from shading_atlas_bench.scenes.files import beside
+from shading_atlas_bench.scenes.gltf_values import picked, whole
+from shading_atlas_bench.scenes.model import SceneError
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3)}

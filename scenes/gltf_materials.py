@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from arithmetic.functions import sin_cos
-from arithmetic.matrices import transform
-from scenes.gltf_document import GltfDocument
-from scenes.gltf_values import number, numbers, whole
-from scenes.images import decode_image
-from scenes.model import Material, Texture
-from scenes.raw import RawScene
+from shading_atlas_bench.arithmetic.functions import sin_cos
+from shading_atlas_bench.arithmetic.matrices import transform
+from shading_atlas_bench.scenes.gltf_document import GltfDocument
+from shading_atlas_bench.scenes.gltf_values import number, numbers, whole
+from shading_atlas_bench.scenes.images import decode_image
+from shading_atlas_bench.scenes.model import Material, Texture
+from shading_atlas_bench.scenes.raw import RawScene
 
 _NEAREST = {"magFilter": (9728,), "minFilter": (9728, 9984, 9986)}
 _ALPHA_MODES = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}

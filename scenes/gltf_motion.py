@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import arctan2, sin
-from arithmetic.matrices import dot, product
-from scenes.gltf_document import GltfDocument
-from scenes.gltf_nodes import AT_REST, GltfNodes
-from scenes.gltf_values import numbers, picked
-from scenes.model import CameraAnimation
-from scenes.quaternions import from_matrix
-from scenes.transforms import compose
+from shading_atlas_bench.arithmetic.functions import arctan2, sin
+from shading_atlas_bench.arithmetic.matrices import dot, product
+from shading_atlas_bench.scenes.gltf_document import GltfDocument
+from shading_atlas_bench.scenes.gltf_nodes import AT_REST, GltfNodes
+from shading_atlas_bench.scenes.gltf_values import numbers, picked
+from shading_atlas_bench.scenes.model import CameraAnimation
+from shading_atlas_bench.scenes.quaternions import from_matrix
+from shading_atlas_bench.scenes.transforms import compose
 
 _STEP_MS = 1000 / 60  # rotations between keys are not straight lines, so they are sampled at 60 Hz at least
 _LONGEST = 36_000  # frames: ten minutes

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.matrices import product
-from scenes.gltf_document import GltfDocument
-from scenes.gltf_values import numbers
-from scenes.transforms import compose
+from shading_atlas_bench.arithmetic.matrices import product
+from shading_atlas_bench.scenes.gltf_document import GltfDocument
+from shading_atlas_bench.scenes.gltf_values import numbers
+from shading_atlas_bench.scenes.transforms import compose
 
 AT_REST = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}  # of nodes that say nothing
 _IDENTITY = tuple(np.eye(4).ravel().tolist())

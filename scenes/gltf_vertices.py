@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from scenes.gltf_document import GltfDocument
-from scenes.raw import RawScene
+from shading_atlas_bench.scenes.gltf_document import GltfDocument
+from shading_atlas_bench.scenes.raw import RawScene
 
 _KINDS = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "TANGENT": ("VEC4",), "TEXCOORD": ("VEC2",)}
 _KINDS |= {"COLOR": ("VEC3", "VEC4"), "JOINTS": ("VEC4",), "WEIGHTS": ("VEC4",)}

@@ -11,9 +11,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arithmetic.functions import cos, sin
-from scenes import surfaces
-from scenes.builder import (
+from shading_atlas_bench.arithmetic.functions import cos, sin
+from shading_atlas_bench.scenes import surfaces
+from shading_atlas_bench.scenes.builder import (
     WHITE,
     WITHOUT_BOTTOM,
     Mesh,
@@ -36,7 +36,7 @@ from scenes.builder import (
     struts,
     tube,
 )
-from scenes.model import Camera, Light, Scene, SceneError, Sky
+from shading_atlas_bench.scenes.model import Camera, Light, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 60_000
 LEAST_DETAIL, MOST_DETAIL = 40_000, 2_000_000

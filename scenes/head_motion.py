@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from arithmetic import draws
-from arithmetic.functions import exp, log, sin
-from scenes.paths import CameraPath, Poses, read_numbers
-from scenes.quaternions import about, conjugate, multiply, rotate
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.functions import exp, log, sin
+from shading_atlas_bench.scenes.paths import CameraPath, Poses, read_numbers
+from shading_atlas_bench.scenes.quaternions import about, conjugate, multiply, rotate
 
 # A standing person's head: root mean square speed along x, y, z (m/s) and about x, y, z (rad/s); its band in hertz.
 SPEEDS = (0.10, 0.04, 0.08)

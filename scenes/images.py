@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.files import is_utf8
+from shading_atlas_bench.scenes.files import is_utf8
 
 _LARGEST = 1 << 28  # texels; anything above is a damaged header, not a texture
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import arctan2, cos, power, sin, sin_cos
-from arithmetic.matrices import dot, eigenvectors, product
-from scenes.features import triangle_shapes
-from scenes.model import Camera, Light, Scene, Sky
-from scenes.rays import Rays
+from shading_atlas_bench.arithmetic.functions import arctan2, cos, power, sin, sin_cos
+from shading_atlas_bench.arithmetic.matrices import dot, eigenvectors, product
+from shading_atlas_bench.scenes.features import triangle_shapes
+from shading_atlas_bench.scenes.model import Camera, Light, Scene, Sky
+from shading_atlas_bench.scenes.rays import Rays
 
 _SUN = (3.6, 3.35, 2.95)  # irradiance facing the sun: somewhat warm, about three times that of the sky
 _SUN_HEIGHT = 50.0  # degrees above the horizon

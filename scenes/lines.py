@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import exp
+from shading_atlas_bench.arithmetic.functions import exp
 
 
 def smoothed(values: np.ndarray, deviation: float) -> np.ndarray:

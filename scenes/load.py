@@ -10,17 +10,17 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.assemble import assemble
-from scenes.cache import fetch, scene_key, store
-from scenes.cameras import read_cameras
-from scenes.dependencies import input_files
-from scenes.features import content_digest, find_features
-from scenes.gltf import read_gltf
-from scenes.lights import add_lights
-from scenes.mesh_files import read_mesh_file
-from scenes.model import Scene, SceneError
-from scenes.raw import RawScene
-from scenes.standing import NARROWEST, Standing, decide
+from shading_atlas_bench.scenes.assemble import assemble
+from shading_atlas_bench.scenes.cache import fetch, scene_key, store
+from shading_atlas_bench.scenes.cameras import read_cameras
+from shading_atlas_bench.scenes.dependencies import input_files
+from shading_atlas_bench.scenes.features import content_digest, find_features
+from shading_atlas_bench.scenes.gltf import read_gltf
+from shading_atlas_bench.scenes.lights import add_lights
+from shading_atlas_bench.scenes.mesh_files import read_mesh_file
+from shading_atlas_bench.scenes.model import Scene, SceneError
+from shading_atlas_bench.scenes.raw import RawScene
+from shading_atlas_bench.scenes.standing import NARROWEST, Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
 _READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
@@ -99,11 +99,11 @@ def _through_cache(cache: Path | None, options: dict, files: list[Path], load: C
 
 def _make(name: str, detail: int | None, seed: int) -> Scene:
     if name == "hall":
-        from scenes.hall import make_hall as make
+        from shading_atlas_bench.scenes.hall import make_hall as make
     elif name == "village":
-        from scenes.village import make_village as make
+        from shading_atlas_bench.scenes.village import make_village as make
     else:
-        from scenes.shells import make_shells as make
+        from shading_atlas_bench.scenes.shells import make_shells as make
     return make(seed=seed) if detail is None else make(detail=detail, seed=seed)
 
 

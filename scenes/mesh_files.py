@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from scenes.model import Material
-from scenes.obj import read_obj
-from scenes.off import read_off
-from scenes.ply import read_ply
-from scenes.raw import RawScene
-from scenes.stl import read_stl
+from shading_atlas_bench.scenes.model import Material
+from shading_atlas_bench.scenes.obj import read_obj
+from shading_atlas_bench.scenes.off import read_off
+from shading_atlas_bench.scenes.ply import read_ply
+from shading_atlas_bench.scenes.raw import RawScene
+from shading_atlas_bench.scenes.stl import read_stl
 
 _READERS = {".obj": read_obj, ".off": read_off, ".ply": read_ply, ".stl": read_stl}
 

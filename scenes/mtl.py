@@ -10,10 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.files import file_text, find_beside, is_file, named_file, shown, written_differently
-from scenes.images import read_image
-from scenes.model import Material, Texture
-from scenes.raw import RawScene
+from shading_atlas_bench.scenes.files import file_text, find_beside, is_file, named_file, shown, written_differently
+from shading_atlas_bench.scenes.images import read_image
+from shading_atlas_bench.scenes.model import Material, Texture
+from shading_atlas_bench.scenes.raw import RawScene
 
 _NUMBER = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _SWITCH = re.compile(rb"(on|off)$", re.IGNORECASE)

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import arctan2, cos
-from arithmetic.matrices import dot
-from scenes.raw import Part
+from shading_atlas_bench.arithmetic.functions import arctan2, cos
+from shading_atlas_bench.arithmetic.matrices import dot
+from shading_atlas_bench.scenes.raw import Part
 
 CREASE_DEGREES = 50.0  # faces that meet at more keep a sharp edge; a cylinder of 8 sides is still smooth
 _LARGEST_FAN = 64  # corners at a vertex beyond which pairs are not compared

@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.file_colours import linear_colours, whole
-from scenes.files import file_text, find_beside, shown, written_differently
-from scenes.model import Material
-from scenes.mtl import LibraryMaterial, read_mtl
-from scenes.polygons import distinct, triangulated
-from scenes.raw import Part, RawScene
-from scenes.text_lines import TextLines, numbers
+from shading_atlas_bench.scenes.file_colours import linear_colours, whole
+from shading_atlas_bench.scenes.files import file_text, find_beside, shown, written_differently
+from shading_atlas_bench.scenes.model import Material
+from shading_atlas_bench.scenes.mtl import LibraryMaterial, read_mtl
+from shading_atlas_bench.scenes.polygons import distinct, triangulated
+from shading_atlas_bench.scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.text_lines import TextLines, numbers
 
 _NUMERIC = (b"v", b"vt", b"vn", b"f")
 # Statements without a say in how the surface looks.

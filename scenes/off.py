@@ -12,12 +12,12 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.file_colours import linear_colours, whole
-from scenes.files import file_text
-from scenes.model import SceneError
-from scenes.polygons import triangulated, usable_polygons, vertex_numbers
-from scenes.raw import Part, RawScene
-from scenes.text_lines import TextLines, numbers
+from shading_atlas_bench.scenes.file_colours import linear_colours, whole
+from shading_atlas_bench.scenes.files import file_text
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.polygons import triangulated, usable_polygons, vertex_numbers
+from shading_atlas_bench.scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.text_lines import TextLines, numbers
 
 _SIZES = re.compile(rb"\s*(\d+)\s+(\d+)(?!\S)(?:[ \t]+\d+(?!\S)|\s+\d+(?=[ \t]*\n))?")
 

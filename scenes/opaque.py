@@ -6,8 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from scenes.features import content_digest, find_features
-from scenes.model import Scene
+from shading_atlas_bench.scenes.features import content_digest, find_features
+from shading_atlas_bench.scenes.model import Scene
 
 
 def opaque_version(scene: Scene) -> Scene:

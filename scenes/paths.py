@@ -14,14 +14,14 @@ from pathlib import Path
 
 import numpy as np
 
-from arithmetic import draws
-from arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
-from scenes.lines import curve, smoothed
-from scenes.model import Scene
-from scenes.quaternions import about, looking, multiply, slerp
-from scenes.rays import Rays
-from scenes.standing import FOUND, decide
-from scenes.walking import EYE_HEIGHT, route_from
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
+from shading_atlas_bench.scenes.lines import curve, smoothed
+from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.quaternions import about, looking, multiply, slerp
+from shading_atlas_bench.scenes.rays import Rays
+from shading_atlas_bench.scenes.standing import FOUND, decide
+from shading_atlas_bench.scenes.walking import EYE_HEIGHT, route_from
 
 RATE = 60.0  # frames per second
 WALK_FRAMES, ORBIT_FRAMES = 660, 300

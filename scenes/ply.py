@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.file_colours import linear_colours
-from scenes.files import find_beside, named_file, shown, written_differently
-from scenes.images import read_image
-from scenes.model import Material, Texture
-from scenes.polygons import distinct, triangulated, usable_polygons, vertex_numbers
-from scenes.raw import Part, RawScene
-from scenes.text_lines import count_words, numbers
+from shading_atlas_bench.scenes.file_colours import linear_colours
+from shading_atlas_bench.scenes.files import find_beside, named_file, shown, written_differently
+from shading_atlas_bench.scenes.images import read_image
+from shading_atlas_bench.scenes.model import Material, Texture
+from shading_atlas_bench.scenes.polygons import distinct, triangulated, usable_polygons, vertex_numbers
+from shading_atlas_bench.scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.text_lines import count_words, numbers
 
 _TYPES = {"char": "b", "uchar": "B", "short": "h", "ushort": "H", "int": "i", "uint": "I", "float": "f", "double": "d"}
 _TYPES |= {"int8": "b", "uint8": "B", "int16": "h", "uint16": "H", "int32": "i", "uint32": "I", "int64": "q"}

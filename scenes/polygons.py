@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.matrices import dot
-from scenes.raw import RawScene
+from shading_atlas_bench.arithmetic.matrices import dot
+from shading_atlas_bench.scenes.raw import RawScene
 
 _MOST_CORNERS = 256  # clipping takes time with the square of them
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import arctan2, sin_cos
-from arithmetic.matrices import dot
+from shading_atlas_bench.arithmetic.functions import arctan2, sin_cos
+from shading_atlas_bench.arithmetic.matrices import dot
 
 
 def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from scenes.model import Camera, CameraAnimation, Light, Material, Texture
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Light, Material, Texture
 
 
 @dataclass

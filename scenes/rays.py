@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arithmetic.matrices import transform
-from scenes.model import Scene
+from shading_atlas_bench.arithmetic.matrices import transform
+from shading_atlas_bench.scenes.model import Scene
 
 _SLACK = 1e-4  # of the distance: what float32 may lose before a bounding sphere is taken as missed
 _CHUNK = 1 << 15  # triangles at a time: temporaries stay in the processor's cache

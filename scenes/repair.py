@@ -10,9 +10,9 @@ from types import ModuleType
 
 import numpy as np
 
-from scenes.model import SceneError
-from scenes.raw import Part, RawScene
-from scenes.system_libraries import missing_library
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.system_libraries import missing_library
 
 _SMALLEST = 16  # triangles of a part below which decimation would only make holes
 

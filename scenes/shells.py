@@ -8,11 +8,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic import draws
-from arithmetic.functions import power, sin, sin_cos
-from arithmetic.matrices import transform
-from scenes.builder import Mesh, Palette, lattice_indices, mesh, without_slivers
-from scenes.model import Camera, Light, Scene, SceneError, Sky
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.functions import power, sin, sin_cos
+from shading_atlas_bench.arithmetic.matrices import transform
+from shading_atlas_bench.scenes.builder import Mesh, Palette, lattice_indices, mesh, without_slivers
+from shading_atlas_bench.scenes.model import Camera, Light, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 60_000
 LEAST_DETAIL, MOST_DETAIL = 2_000, 5_000_000

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arithmetic.functions import arctan2
-from arithmetic.matrices import dot
-from scenes.model import Camera, Scene
-from scenes.rays import SLOPES, TURNS, Rays, lattice_pairs, panorama_directions
-from scenes.walking import EYE_HEIGHT, HEADROOM, KNEE, carries
+from shading_atlas_bench.arithmetic.functions import arctan2
+from shading_atlas_bench.arithmetic.matrices import dot
+from shading_atlas_bench.scenes.model import Camera, Scene
+from shading_atlas_bench.scenes.rays import SLOPES, TURNS, Rays, lattice_pairs, panorama_directions
+from shading_atlas_bench.scenes.walking import EYE_HEIGHT, HEADROOM, KNEE, carries
 
 LATTICE, FINEST = 160, 0.1  # columns along the longer side of a scene; metres between them at least
 MOST_HITS = 4e6  # about: tests of vertical rays against triangles; heaps of large triangles get fewer columns

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from scenes.model import SceneError
-from scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.raw import Part, RawScene
 
 _HEAD, _TRIANGLE = 84, 50  # bytes: 80 of any text and the count; a normal, three corners, and 2 of attributes
 _MARKS = (b"\xff\xfe", b"\xfe\xff")  # of UTF-16, a text with zeros

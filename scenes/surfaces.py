@@ -10,9 +10,9 @@ import zlib
 
 import numpy as np
 
-from arithmetic import draws
-from arithmetic.fourier import inverse_real
-from arithmetic.functions import cos, exp, hypot, log, sin, sin_cos
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.fourier import inverse_real
+from shading_atlas_bench.arithmetic.functions import cos, exp, hypot, log, sin, sin_cos
 
 # A 5 x 7 font, seven rows of five bits each, top row first.
 GLYPHS = {

@@ -6,7 +6,7 @@ import warnings
 
 import numpy as np
 
-from scenes.files import shown
+from shading_atlas_bench.scenes.files import shown
 
 _BLANK = 32  # it and all bytes below it separate words
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.matrices import cofactors, dot
+from shading_atlas_bench.arithmetic.matrices import cofactors, dot
 
 
 def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arithmetic.functions import arctan, arctan2, cos, exp, hypot, power, sin
-from arithmetic.matrices import product
-from scenes import surfaces
-from scenes.builder import (
+from shading_atlas_bench.arithmetic.functions import arctan, arctan2, cos, exp, hypot, power, sin
+from shading_atlas_bench.arithmetic.matrices import product
+from shading_atlas_bench.scenes import surfaces
+from shading_atlas_bench.scenes.builder import (
     ALL_FACES,
     WHITE,
     WITHOUT_BOTTOM,
@@ -40,7 +40,7 @@ from scenes.builder import (
     tube,
     without_slivers,
 )
-from scenes.model import Camera, Light, Scene, SceneError, Sky
+from shading_atlas_bench.scenes.model import Camera, Light, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 200_000
 LEAST_DETAIL, MOST_DETAIL = 130_000, 8_000_000

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arithmetic.functions import hypot
-from arithmetic.matrices import dot, product
-from scenes.lines import smoothed
-from scenes.model import Scene
+from shading_atlas_bench.arithmetic.functions import hypot
+from shading_atlas_bench.arithmetic.matrices import dot, product
+from shading_atlas_bench.scenes.lines import smoothed
+from shading_atlas_bench.scenes.model import Scene
 
 CELL = 0.1  # metres
 REACH = 8.0  # metres around the viewpoint that are explored

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from kernels.device import Device
-from scenes.model import SceneError
-from scenes.repair import load_pymeshlab
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.repair import load_pymeshlab
 
 # A folder of real scenes, used where it is present; tests that need it are skipped without it.
 REAL_SCENES = Path(os.environ.get("BENCH_SCENES", Path(__file__).parents[2] / "shared" / "scenes"))

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
+NAME = "shading_atlas_bench"
 PACKAGES = ("arithmetic", "kernels", "scenes", "packers", "harness", "reports")
 FILES = ("pyproject.toml", "README.md", "LICENSE", "CITATION.cff", "CHANGELOG.md")
 PICTURES = (".jpg", ".png", ".svg")  # of the documentation
@@ -32,6 +33,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
     copy = tmp_path_factory.mktemp("sources")
     for package in PACKAGES:
         shutil.copytree(ROOT / package, copy / package, ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(ROOT / NAME, copy / NAME, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
     for name in FILES:
         shutil.copy(ROOT / name, copy / name)
     run_python("from setuptools import build_meta; build_meta.build_wheel('dist')", copy)
@@ -41,7 +43,7 @@ def wheel(tmp_path_factory: pytest.TempPathFactory) -> zipfile.ZipFile:
 
 def test_the_wheel_ships_every_file_of_the_packages(wheel: zipfile.ZipFile):
     sources = {
-        path.relative_to(ROOT).as_posix()
+        f"{NAME}/{path.relative_to(ROOT).as_posix()}"
         for package in PACKAGES
         for path in (ROOT / package).rglob("*")
         if path.is_file() and "__pycache__" not in path.parts and path.suffix not in PICTURES
@@ -54,7 +56,7 @@ def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.Zi
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
     (entries,) = (wheel.read(name).decode() for name in names if name.endswith("entry_points.txt"))
-    assert "bench = harness.supervisor:main" in entries
+    assert "bench = shading_atlas_bench.harness.cli.supervisor:main" in entries
     assert "[shading_atlas_packers]" in entries
     assert [name for name in names if name.startswith("tests/")] == []
 
@@ -74,7 +76,7 @@ def test_help_imports_nothing_heavy(arguments: list[str], tmp_path: Path):
     code = f"""
 import sys
 sys.argv = ["bench", *{arguments!r}]
-from harness.cli import main
+from shading_atlas_bench.harness.cli.main import main
 try:
     main()
 except SystemExit as end:

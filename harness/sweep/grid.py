@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from itertools import product
 from typing import Any
 
-from harness.console import InputError
-from harness.plugins import label_of, nearest, parse_value, value_text, variant_string
-from harness.session import find_methods
-from harness.settings import CELLS, Settings, SettingsError, parse_pair, parse_size
-from packers.interface import Packer
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.plugins import label_of, nearest, parse_value, value_text, variant_string
+from shading_atlas_bench.harness.workload.session import find_methods
+from shading_atlas_bench.harness.workload.settings import CELLS, Settings, SettingsError, parse_pair, parse_size
+from shading_atlas_bench.packers.interface import Packer
 
 Values = dict[str, Any]
 

@@ -8,14 +8,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from harness.lane import Lane
-from harness.session import Session
-from harness.sweep.grid import Cell
-from harness.watchdog import PackTimeoutError, ended_steps, time_limit
-from reports.columns import MEASURED_STATUSES
-from reports.csv_files import median_interval
-from reports.store import Store
-from reports.sweep import passes
+from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.sweep.grid import Cell
+from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
+from shading_atlas_bench.harness.workload.session import Session
+from shading_atlas_bench.reports.analysis.sweep import passes
+from shading_atlas_bench.reports.store.columns import MEASURED_STATUSES
+from shading_atlas_bench.reports.store.csv_files import median_interval
+from shading_atlas_bench.reports.store.results import Store
 
 PREPARE = 10  # packings' time that preparing may take, as in a run
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from harness.settings import Settings, SettingsError
-from harness.sweep.timing import Rule
+from shading_atlas_bench.harness.sweep.timing import Rule
+from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
 
 
 @dataclass(frozen=True)

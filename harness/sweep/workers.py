@@ -17,18 +17,17 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from harness.console import InputError
-from harness.run import show_progress
-from harness.supervisor import crashed, ended_by, name_of, overdue_steps
-from harness.sweep.grid import Grid, make_grid, shuffled
-from harness.watchdog import ENDED, ended_steps
-from kernels.journal import VARIABLE, read_journal
-from reports.store import Store
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.progress import Progress
+from shading_atlas_bench.harness.sweep.cells import Sessions, SweepRun
+from shading_atlas_bench.harness.sweep.grid import Grid, make_grid, shuffled
+from shading_atlas_bench.harness.watch.ends import crashed, ended_by, name_of, overdue_steps
+from shading_atlas_bench.harness.watch.watchdog import ENDED, ended_steps
+from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
+from shading_atlas_bench.reports.store.results import Store
 
 if TYPE_CHECKING:
-    from rich.progress import Progress
-
-    from harness.sweep.wanted import Wanted
+    from shading_atlas_bench.harness.sweep.wanted import Wanted
 
 TICK = 0.5  # seconds between looks at the workers
 
@@ -74,9 +73,11 @@ def _work_through(
     count = min(wanted.workers, len(left))
     for number in [*left, *[None] * count]:
         cells.put(number)
-    task = progress.add_task(f"cells, {count} at a time", total=len(left))
     ended = []
-    with tempfile.TemporaryDirectory(prefix="bench-") as place:
+    with (
+        tempfile.TemporaryDirectory(prefix="bench-") as place,
+        progress.task(f"cells, {count} at a time", len(left)) as task,
+    ):
         known = Path(place) / "ended"
         known.write_text(json.dumps(before), encoding="utf-8")
         journals = [Path(place) / f"journal-{number}" for number in range(count)]
@@ -94,7 +95,7 @@ def _work_through(
                         worker.kill()
                 with contextlib.suppress(queue.Empty):
                     done.get(timeout=TICK)
-                    progress.advance(task)
+                    task.advance()
             for worker, journal in zip(workers, journals, strict=True):
                 state = read_journal(journal)
                 if crashed(worker.exitcode) and state:
@@ -106,14 +107,12 @@ def _work_through(
             for worker in workers:
                 worker.join()
             cells.cancel_join_thread()
-            progress.remove_task(task)
     return ended
 
 
 def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path, known: Path) -> None:
     """Measure cells until there are no more; ends with its parent, however that ends."""
     os.environ |= {VARIABLE: str(journal), ENDED: str(known)}  # its own, not those of its parent
-    from harness.sweep.run import Sessions, SweepRun
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -121,12 +120,10 @@ def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path, 
     for name in ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"):  # of newer and of older PoCL
         os.environ.setdefault(name, share)
     grid = make_grid(wanted.settings, wanted.vary)
-    run = SweepRun(wanted, grid, folder, Sessions())
-    with show_progress() as progress:
-        progress.disable = True
-        while (number := cells.get()) is not None:
-            run.once(grid.cells[number], progress)
-            done.put(number)
+    run = SweepRun(wanted, grid, folder, Sessions(), Progress())
+    while (number := cells.get()) is not None:
+        run.once(grid.cells[number])
+        done.put(number)
 
 
 def _end_with_parent() -> None:

@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.atlas.locate import locate, locate_twin
-from kernels.atlas.lookup import look_up, look_up_twin
-from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
-from kernels.case import Bound, Cost, Result, Trial, case, seeded
-from kernels.fragments.opacity import VARIES
-from kernels.samples import WIDTH, Samples
+from shading_atlas_bench.kernels.atlas.locate import locate, locate_twin
+from shading_atlas_bench.kernels.atlas.lookup import look_up, look_up_twin
+from shading_atlas_bench.kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
+from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.fragments.opacity import VARIES
+from shading_atlas_bench.kernels.samples import WIDTH, Samples
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 SIDE, TRIANGLES = 2048, 5000
 

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.samples import WIDTH, Samples
+from shading_atlas_bench.kernels.samples import WIDTH, Samples
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def locate(device: Device, samples: Samples, corners: Array, stage: str) -> Array:

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.fragments.opacity import VARIES
+from shading_atlas_bench.kernels.fragments.opacity import VARIES
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def fragment_opacity(

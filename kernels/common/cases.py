@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
-from kernels.common.rank import rank_by_class, rank_by_class_twin
-from kernels.common.scan import exclusive_scan, exclusive_scan_twin
+from shading_atlas_bench.kernels.case import Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.common.rank import rank_by_class, rank_by_class_twin
+from shading_atlas_bench.kernels.common.scan import exclusive_scan, exclusive_scan_twin
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 @case({"scan.run_sums": Cost("n", "4*n", "n"), "scan.run_offsets": Cost("n", "8*n", "n")}, 1 << 22)

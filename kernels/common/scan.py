@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 RUNS_ON_A_GPU = 16384  # enough work-items to fill one; a CPU is best served by `Device.chunks` long runs
 

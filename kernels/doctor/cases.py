@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Bound, Cost, Result, Trial, case, seeded
-from kernels.doctor.elementary import elementary, elementary_twin
-from kernels.doctor.smoke import DEGREE, smoke, smoke_twin
+from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.doctor.elementary import elementary, elementary_twin
+from shading_atlas_bench.kernels.doctor.smoke import DEGREE, smoke, smoke_twin
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 # The bound of the adversarial input is that of terms of up to 924, beside values of at most 10^-12.

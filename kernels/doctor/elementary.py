@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 # Largest errors in units of the last place of float32: of log2 (of at least 2^-10), of 2^x, and of pi for angles.
 LOG2_ULP, EXP2_ULP, ANGLE_ULP = 3.0, 2.0, 2.0

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 DEGREE = 12
 ERROR_BOUND = 4e-6  # absolute, for |x| <= 1 and |coefficients| <= 1: 2 roundings of 2^-24 per step on sums up to 13

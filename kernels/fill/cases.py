@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from kernels.case import Cost, Result, Trial, case, seeded
-from kernels.fill.fill import Filler, fill_twin
-from kernels.inputs.atlases import random_atlas
+from shading_atlas_bench.kernels.case import Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.fill.fill import Filler, fill_twin
+from shading_atlas_bench.kernels.inputs.atlases import random_atlas
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 COSTS = {
     "fill.pull": Cost("4*n/3", "4*n*5/3"),

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 PIECE = 16
 

@@ -10,8 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.fragments.build import Fragments
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.fragments.build import Fragments
 
 
 def blend_lists(

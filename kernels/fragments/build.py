@@ -7,22 +7,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.common.scan import exclusive_scan
-from kernels.raster.camera import Camera
-from kernels.raster.clusters import EVER
-from kernels.raster.picture import Picture
-from kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
-from kernels.raster.resolve import locate_samples
-from kernels.raster.setup import Bins, Scratch, set_up
-from kernels.samples import Samples
-from kernels.texture.mask import mask_defines
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.common.scan import exclusive_scan
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.clusters import EVER
+from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
+from shading_atlas_bench.kernels.raster.resolve import locate_samples
+from shading_atlas_bench.kernels.raster.setup import Bins, Scratch, set_up
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.texture.mask import mask_defines
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Kernels
-    from kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.device import Kernels
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
 
 TILE = 64  # pixels

@@ -6,20 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Bound, Cost, Result, Trial, case, seeded
-from kernels.fragments.blend import blend_layers, blend_lists, blend_twin, nearest_twin
-from kernels.fragments.build import Builder, Fragments, build_twin
-from kernels.fragments.layered import LayeredRasteriser, numbered
-from kernels.fragments.layers import Layers, mark_layers_twin
-from kernels.fragments.opacity import opacity_twin
-from kernels.fragments.order import order_fragments, order_twin
-from kernels.inputs.fragments import glass_opacity, random_lists
-from kernels.raster.cases import PROJECTION, VIEW, camera, room
-from kernels.raster.rasteriser import Rasteriser
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.fragments.blend import blend_layers, blend_lists, blend_twin, nearest_twin
+from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, build_twin
+from shading_atlas_bench.kernels.fragments.inputs import glass_opacity
+from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser, numbered
+from shading_atlas_bench.kernels.fragments.layers import Layers, mark_layers_twin
+from shading_atlas_bench.kernels.fragments.opacity import opacity_twin
+from shading_atlas_bench.kernels.fragments.order import order_fragments, order_twin
+from shading_atlas_bench.kernels.inputs.lists import random_rows
+from shading_atlas_bench.kernels.raster.cases import PROJECTION, VIEW, camera, room
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def fragments_of(device: Device, kind: str, width: int) -> tuple[Triangles, Fragments]:
@@ -120,19 +121,20 @@ def most_layers(kind: str) -> int:
 @case({"blend.blend_lists": Cost("n", "4*words*n + 12*pixels", "7*n")}, 480, 120, typical=Bound(wrong=6e-5))
 def blending(device: Device, kind: str, size: int) -> Trial:
     rng = seeded(kind)
-    lists = random_lists(device, rng, size, size * 2 // 3, most_layers(kind))
-    background = rng.integers(0, 256, (lists.pixels, 4)).astype(np.uint8)
-    uploaded, picture = device.upload(background), device.empty((lists.pixels, 4), np.uint8)
+    offsets, rows = random_rows(rng, size, size * 2 // 3, most_layers(kind))
+    (count, words), pixels = rows.shape, len(offsets) - 1
+    background = rng.integers(0, 256, (pixels, 4)).astype(np.uint8)
+    lists = device.upload(offsets.astype(np.int32)), device.upload(rows), words
+    uploaded, picture = device.upload(background), device.empty((pixels, 4), np.uint8)
 
     def run() -> None:
-        blend_lists(device, lists.pixels, lists.offsets, lists.rows, lists.words, uploaded, picture, "blend")
+        blend_lists(device, pixels, *lists, uploaded, picture, "blend")
 
     def results() -> list[Result]:
         run()
-        offsets, rows = lists.host()
         return [Result(picture.get(), blend_twin(offsets, rows[:, :1].copy().view(np.uint8), background))]
 
-    return Trial({"n": lists.count, "words": lists.words, "pixels": lists.pixels}, run, results)
+    return Trial({"n": count, "words": words, "pixels": pixels}, run, results)
 
 
 LAYERING = {

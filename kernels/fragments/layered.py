@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.fragments.build import Builder, Fragments, Front
-from kernels.raster.camera import Camera
-from kernels.raster.rasteriser import Rasteriser, Visibility
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, Front
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, Visibility
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
 
 class LayeredRasteriser:

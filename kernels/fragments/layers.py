@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.fragments.blend import blend_layers
-from kernels.fragments.layered import LayeredRasteriser
-from kernels.fragments.order import order_fragments
+from shading_atlas_bench.kernels.fragments.blend import blend_layers
+from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser
+from shading_atlas_bench.kernels.fragments.order import order_fragments
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.fragments.build import Fragments
-    from kernels.fragments.opacity import Opacity
-    from kernels.raster.rasteriser import Visibility
-    from kernels.shade.shader import Shader
-    from kernels.texture.buffers import TextureBuffers
+    from shading_atlas_bench.kernels.fragments.build import Fragments
+    from shading_atlas_bench.kernels.fragments.opacity import Opacity
+    from shading_atlas_bench.kernels.raster.rasteriser import Visibility
+    from shading_atlas_bench.kernels.shade.shader import Shader
+    from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
 
 def shade_fragments(shader: Shader, fragments: Fragments, eye: np.ndarray, stage: str) -> Array:

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from kernels.texture.sample import bilinear
+from shading_atlas_bench.kernels.texture.sample import bilinear
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.samples import Samples
-    from kernels.shade.shader import Shader
-    from kernels.texture.buffers import TextureBuffers, TextureImage
-    from kernels.triangles import Triangles
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.samples import Samples
+    from shading_atlas_bench.kernels.shade.shader import Shader
+    from shading_atlas_bench.kernels.texture.buffers import TextureBuffers, TextureImage
+    from shading_atlas_bench.kernels.triangles import Triangles
 
 VARIES = 256  # in place of a material's opacity: it is not the same all over its triangles
 LET_THROUGH = 0.9  # of the light that a material transmits; the rest keeps clear glass visible

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.samples import Samples
+from shading_atlas_bench.kernels.samples import Samples
 
 if TYPE_CHECKING:
-    from kernels.device import Device
-    from kernels.fragments.build import Fragments
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.fragments.build import Fragments
 
 TILE = 32  # pixels
 BUCKETS = 256  # triangles whose numbers differ by a multiple of this are not told apart; a power of two

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.triangles import Triangles
 
 NEAR = 0.1
 FAR_EYE = np.array([1000.5, -20.25, 300.125])

@@ -6,18 +6,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import EXACT, Bound, Cost, Result, Trial, case, seeded
-from kernels.inputs.pictures import damaged, on_device, rendering
-from kernels.metrics.ciede2000 import Ciede2000, ciede2000, ciede2000_twin
-from kernels.metrics.colour import lab_from_srgb, luma
-from kernels.metrics.flip import PIXELS_PER_DEGREE, Filters, Flip, flip_twin
-from kernels.metrics.iwssim import IwSsim, bands_twin, iwssim_twin
-from kernels.metrics.mse import SquaredError, mse_twin
-from kernels.metrics.ssim import RADIUS, Ssim, similarity_twin
-from kernels.metrics.stretch import stretch, stretch_twin
+from shading_atlas_bench.kernels.case import EXACT, Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.inputs.pictures import damaged, on_device, rendering
+from shading_atlas_bench.kernels.metrics.ciede2000 import Ciede2000, ciede2000, ciede2000_twin
+from shading_atlas_bench.kernels.metrics.colour import lab_from_srgb, luma
+from shading_atlas_bench.kernels.metrics.flip import PIXELS_PER_DEGREE, Filters, Flip, flip_twin
+from shading_atlas_bench.kernels.metrics.iwssim import IwSsim, bands_twin, iwssim_twin
+from shading_atlas_bench.kernels.metrics.mse import SquaredError, mse_twin
+from shading_atlas_bench.kernels.metrics.ssim import RADIUS, Ssim, similarity_twin
+from shading_atlas_bench.kernels.metrics.stretch import stretch, stretch_twin
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 WHOLE = Filters.at(PIXELS_PER_DEGREE)
 SHARP, BLUR, FEATURE = (len(taps) for taps in (WHOLE.luminance, WHOLE.yellow_1, WHOLE.smooth))

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.metrics.colour import RGB_TO_RELATIVE, linear_values
-from kernels.metrics.planes import PIECE, Layout, total
+from shading_atlas_bench.kernels.metrics.colour import RGB_TO_RELATIVE, linear_values
+from shading_atlas_bench.kernels.metrics.planes import PIECE, Layout, total
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 class Ciede2000:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arithmetic.functions import power
-from arithmetic.matrices import dot, transform
+from shading_atlas_bench.arithmetic.functions import power
+from shading_atlas_bench.arithmetic.matrices import dot, transform
 
 # The sRGB primaries and white D65 as published with FLIP (IEC 61966-2-1 in exact fractions), rows X, Y, Z.
 RGB_TO_XYZ = np.array(

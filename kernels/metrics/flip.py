@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import exp, hypot, log, power
-from arithmetic.matrices import inverse
-from kernels.metrics.colour import RGB_TO_RELATIVE, lab_from_relative, linear_values
-from kernels.metrics.planes import MARGIN, Layout, padded_taps, total
+from shading_atlas_bench.arithmetic.functions import exp, hypot, log, power
+from shading_atlas_bench.arithmetic.matrices import inverse
+from shading_atlas_bench.kernels.metrics.colour import RGB_TO_RELATIVE, lab_from_relative, linear_values
+from shading_atlas_bench.kernels.metrics.planes import MARGIN, Layout, padded_taps, total
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 PIXELS_PER_DEGREE = 67.02  # 0.7 m from a display 0.7 m and 3840 pixels wide
 COLOUR_EXPONENT = 0.7

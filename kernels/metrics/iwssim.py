@@ -12,16 +12,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import power
-from arithmetic.matrices import eigenvectors
-from kernels.metrics.colour import luma
-from kernels.metrics.planes import Layout, padded_taps
-from kernels.metrics.ssim import C1, C2, ORIGIN, RADIUS, similarity_twin, window
+from shading_atlas_bench.arithmetic.functions import power
+from shading_atlas_bench.arithmetic.matrices import eigenvectors
+from shading_atlas_bench.kernels.metrics.colour import luma
+from shading_atlas_bench.kernels.metrics.planes import Layout, padded_taps
+from shading_atlas_bench.kernels.metrics.ssim import C1, C2, ORIGIN, RADIUS, similarity_twin, window
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 WEIGHTS = np.array([0.0448, 0.2856, 0.3001, 0.2363, 0.1333])
 SCALES = len(WEIGHTS)

@@ -6,13 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import log
-from kernels.metrics.planes import Layout
+from shading_atlas_bench.arithmetic.functions import log
+from shading_atlas_bench.kernels.metrics.planes import Layout
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 LOG_10 = 2.302585092994046  # the natural logarithm of 10

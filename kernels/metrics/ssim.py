@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import exp
-from kernels.metrics.colour import luma
-from kernels.metrics.planes import Layout, padded_taps, total
+from shading_atlas_bench.arithmetic.functions import exp
+from shading_atlas_bench.kernels.metrics.colour import luma
+from shading_atlas_bench.kernels.metrics.planes import Layout, padded_taps, total
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 RADIUS = 5
 SMALLEST_SIDE = 2 * RADIUS + 1

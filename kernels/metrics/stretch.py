@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.metrics.planes import Layout
+from shading_atlas_bench.kernels.metrics.planes import Layout
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 DEGENERATE = 1e-6  # |det J| below this share of the sum of squares: a collapsed map
 

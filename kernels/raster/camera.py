@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from arithmetic.matrices import inverse, product, transform, turned
+from shading_atlas_bench.arithmetic.matrices import inverse, product, transform, turned
 
 SUBPIXELS = 256  # positions on screen are snapped to 1/256 pixel
 LARGEST_SIZE = 8192

@@ -6,21 +6,21 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Bound, Cost, Result, Trial, case, seeded
-from kernels.inputs.soups import look_at, perspective, random_soup, soup
-from kernels.raster.camera import Camera
-from kernels.raster.clusters import EVER, NEVER, Clusters, boxes_twin, in_frustum_twin
-from kernels.raster.mark import mark_visible, mark_visible_twin
-from kernels.raster.picture import Picture
-from kernels.raster.rasteriser import CLUSTER, TILE, Rasteriser
-from kernels.raster.resolve import resolve, resolve_twin
-from kernels.raster.setup import RECORD, Scratch, set_up, set_up_twin
-from kernels.raster.tiles import draw_tiles, draw_tiles_twin
-from kernels.samples import Samples
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, random_soup, soup
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.clusters import EVER, NEVER, Clusters, boxes_twin, in_frustum_twin
+from shading_atlas_bench.kernels.raster.mark import mark_visible, mark_visible_twin
+from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.rasteriser import CLUSTER, TILE, Rasteriser
+from shading_atlas_bench.kernels.raster.resolve import resolve, resolve_twin
+from shading_atlas_bench.kernels.raster.setup import RECORD, Scratch, set_up, set_up_twin
+from shading_atlas_bench.kernels.raster.tiles import draw_tiles, draw_tiles_twin
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 WIDTH, HEIGHT = 960, 540
 VIEW, PROJECTION = look_at((1, 2, 9), (0, 0, 0)), perspective(80, WIDTH / HEIGHT)

@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from kernels.raster.camera import Camera
-from kernels.raster.picture import Picture
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 NEVER = -(1 << 30)  # long before the first draw
 EVER = np.iinfo(np.int32).max  # a recall that leaves no cluster out

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels.raster.camera import SUBPIXELS
+from shading_atlas_bench.kernels.raster.camera import SUBPIXELS
 
 
 def covers_twin(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:

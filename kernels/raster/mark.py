@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.raster.rasteriser import Visibility
+from shading_atlas_bench.kernels.raster.rasteriser import Visibility
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def mark_visible(device: Device, visibility: Visibility, flags: Array, stage: str = "raster/mark") -> None:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.camera import Camera
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 BLOCK = 8  # pixels; the hierarchical Z's block and the width of a row in the kernels
 

@@ -14,18 +14,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.raster.camera import SUBPIXELS, Camera
-from kernels.raster.clusters import EVER, Chosen, Clusters
-from kernels.raster.picture import BLOCK, Picture
-from kernels.raster.setup import Scratch, set_up
-from kernels.raster.tiles import draw_tiles
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
+from shading_atlas_bench.kernels.raster.clusters import EVER, Chosen, Clusters
+from shading_atlas_bench.kernels.raster.picture import BLOCK, Picture
+from shading_atlas_bench.kernels.raster.setup import Scratch, set_up
+from shading_atlas_bench.kernels.raster.tiles import draw_tiles
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
 # Speed only; any others give the same picture.
 CLUSTER = 64  # triangles, a multiple of 8

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.common.scan import exclusive_scan
-from kernels.raster.camera import Camera
-from kernels.raster.rasteriser import Visibility
-from kernels.samples import Samples
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.common.scan import exclusive_scan
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.rasteriser import Visibility
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def resolve(

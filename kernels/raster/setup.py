@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.raster.camera import SUBPIXELS, Camera
-from kernels.raster.clusters import Chosen, Clusters
-from kernels.raster.coverage import covers_twin
-from kernels.raster.picture import Picture
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
+from shading_atlas_bench.kernels.raster.clusters import Chosen, Clusters
+from shading_atlas_bench.kernels.raster.coverage import covers_twin
+from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 RECORD = 12  # ints; see record.cl
 MASK_BIT = 1 << 30

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.raster.camera import SUBPIXELS
-from kernels.raster.coverage import covers_twin
-from kernels.raster.picture import Picture
-from kernels.raster.setup import MASK_BIT, Bins
-from kernels.texture.mask import mask_defines
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.raster.camera import SUBPIXELS
+from shading_atlas_bench.kernels.raster.coverage import covers_twin
+from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.setup import MASK_BIT, Bins
+from shading_atlas_bench.kernels.texture.mask import mask_defines
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
-    from kernels.device import Device
-    from kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
 
 def draw_tiles(

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Bound, Cost, Result, Trial, case, seeded
-from kernels.roofline.roofline import CHAINS, STEPS, copy, multiply_add, multiply_add_twin
+from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.roofline.roofline import CHAINS, STEPS, copy, multiply_add, multiply_add_twin
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def _values(kind: str, size: int) -> np.ndarray:

@@ -22,7 +22,7 @@ from dataclasses import dataclass
 from importlib.util import find_spec
 from pathlib import Path
 
-from kernels.cache import cache_folder, read_checked, write_checked
+from shading_atlas_bench.kernels.cache import cache_folder, read_checked, write_checked
 
 # What a library's code needs of the processor, as the compiler's macros name it; the widest first.
 NEEDS = {

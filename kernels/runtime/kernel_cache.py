@@ -15,7 +15,7 @@ from pathlib import Path
 
 import psutil
 
-from kernels.cache import write_atomically
+from shading_atlas_bench.kernels.cache import write_atomically
 
 SEAL = "seal.json"
 SEALED = (".bc", ".so")  # PoCL rewrites the others: logs and times of access

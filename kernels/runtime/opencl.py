@@ -15,9 +15,9 @@ from pathlib import Path
 from threading import RLock
 from typing import TYPE_CHECKING, Any
 
-from kernels.cache import CacheError, cache_folder, read_checked, write_checked
-from kernels.runtime import kernel_cache
-from kernels.runtime.vendors import Vendors, find_vendors
+from shading_atlas_bench.kernels.cache import CacheError, cache_folder, read_checked, write_checked
+from shading_atlas_bench.kernels.runtime import kernel_cache
+from shading_atlas_bench.kernels.runtime.vendors import Vendors, find_vendors
 
 if TYPE_CHECKING:
     import numpy as np

@@ -18,8 +18,13 @@ import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from kernels.cache import CacheError, cache_folder
-from kernels.runtime.builtins_library import Package, fitting, installed_package, remembered_answer
+from shading_atlas_bench.kernels.cache import CacheError, cache_folder
+from shading_atlas_bench.kernels.runtime.builtins_library import (
+    Package,
+    fitting,
+    installed_package,
+    remembered_answer,
+)
 
 # Below an environment's prefix; the .icd files that Intel ships name a path of their build machine.
 INTEL = ("lib/libintelocl.so", "Library/bin/intelocl64.dll", "Library/lib/intelocl64.dll")

@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.matrices import turned
-from kernels.raster.resolve import resolve
-from kernels.shade.colour import sky_radiance
-from kernels.shade.radiance import radiance
+from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.kernels.raster.resolve import resolve
+from shading_atlas_bench.kernels.shade.colour import sky_radiance
+from shading_atlas_bench.kernels.shade.radiance import radiance
 
 if TYPE_CHECKING:
-    from kernels.device import Device
-    from kernels.raster.rasteriser import Rasteriser
-    from kernels.shade.shader import Shader
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+    from shading_atlas_bench.kernels.shade.shader import Shader
 
 SIDE = 256  # pixels of each face of the cube around the point
 # Of what the exposure turns into white, a few times over. A lamp's shell, centimetres from its light, sends thousands.

@@ -6,18 +6,27 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Bound, Cost, Result, Trial, case, seeded
-from kernels.inputs.surfaces import CASES, EYE, FULL, LIGHTS, PLAIN, TRIANGLES, make_samples, make_shader
-from kernels.samples import Samples
-from kernels.shade.colour import encode
-from kernels.shade.faces import face_rows, uv_scale_twin
-from kernels.shade.radiance import radiance as shaded_radiance
-from kernels.shade.radiance import radiance_twin
-from kernels.shade.shader import Shader
-from kernels.shade.sky import paint_sky_twin
+from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.shade.colour import encode
+from shading_atlas_bench.kernels.shade.faces import face_rows, uv_scale_twin
+from shading_atlas_bench.kernels.shade.inputs import (
+    CASES,
+    EYE,
+    FULL,
+    LIGHTS,
+    PLAIN,
+    TRIANGLES,
+    make_samples,
+    make_shader,
+)
+from shading_atlas_bench.kernels.shade.radiance import radiance as shaded_radiance
+from shading_atlas_bench.kernels.shade.radiance import radiance_twin
+from shading_atlas_bench.kernels.shade.shader import Shader
+from shading_atlas_bench.kernels.shade.sky import paint_sky_twin
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:

@@ -13,7 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from arithmetic.matrices import dot
+from shading_atlas_bench.arithmetic.matrices import dot
 
 SIDE = 128  # texels of a map, without its border
 SIZES = (SIDE, 64, 32, 16, 8)  # texels along the side of the square that a level is computed on

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.shade.shade import shade8_twin
+from shading_atlas_bench.kernels.shade.shade import shade8_twin
 
 if TYPE_CHECKING:
-    from kernels.samples import Samples
-    from kernels.shade.shader import Shader
+    from shading_atlas_bench.kernels.samples import Samples
+    from shading_atlas_bench.kernels.shade.shader import Shader
 
 STEP = 8  # samples shaded at once
 

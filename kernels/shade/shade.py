@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
-from kernels.shade.environment import look_up, map_share
-from kernels.shade.faces import uv_scale_twin
-from kernels.shade.shadow_lookup import lit_share
-from kernels.shade.tables import KINDS, Tables
-from kernels.texture.sample import trilinear
+from shading_atlas_bench.kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
+from shading_atlas_bench.kernels.shade.environment import look_up, map_share
+from shading_atlas_bench.kernels.shade.faces import uv_scale_twin
+from shading_atlas_bench.kernels.shade.shadow_lookup import lit_share
+from shading_atlas_bench.kernels.shade.tables import KINDS, Tables
+from shading_atlas_bench.kernels.texture.sample import trilinear
 
 if TYPE_CHECKING:
-    from kernels.texture.buffers import TextureBuffers
+    from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
 SIDELESS = 0.25  # as in shade.cl
 

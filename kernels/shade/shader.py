@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.shade.faces import face_rows
-from kernels.shade.shadow import ShadowMaps
-from kernels.shade.sky import Sky
-from kernels.shade.tables import Lighting, Surface, make_tables
+from shading_atlas_bench.kernels.shade.faces import face_rows
+from shading_atlas_bench.kernels.shade.shadow import ShadowMaps
+from shading_atlas_bench.kernels.shade.sky import Sky
+from shading_atlas_bench.kernels.shade.tables import Lighting, Surface, make_tables
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.samples import Samples
-    from kernels.texture.buffers import TextureBuffers
-    from kernels.triangles import Triangles
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.samples import Samples
+    from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
+    from shading_atlas_bench.kernels.triangles import Triangles
 
 CHUNKS = 512  # on a CPU: enough for balance where some samples cost several times others
 STEP = 8  # samples shaded at once

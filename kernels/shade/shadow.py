@@ -8,17 +8,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import tan
-from arithmetic.matrices import product, transform, turned
-from kernels.raster.rasteriser import Rasteriser
-from kernels.shade.tables import LightLike
-from kernels.triangles import Triangles
+from shading_atlas_bench.arithmetic.functions import tan
+from shading_atlas_bench.arithmetic.matrices import product, transform, turned
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.shade.tables import LightLike
+from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
-    from kernels.texture.mask import AlphaMask
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
 ROW_FLOATS = 28  # of a light's record, from its 20th float on; layout in shadow_lookup.cl
 DIRECTIONAL_SIZE, LARGE_SIZE, SPOT_SIZE = 2048, 4096, 1024  # texels

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.matrices import product
-from kernels.shade.colour import encode, sky_radiance
+from shading_atlas_bench.arithmetic.matrices import product
+from shading_atlas_bench.kernels.shade.colour import encode, sky_radiance
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 STEP = 8  # pixels painted at once
 

@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from arithmetic.functions import cos
+from shading_atlas_bench.arithmetic.functions import cos
 
 MATERIAL_FLOATS = 24
 MOST_FURTHER_UVS = 4  # one for each kind of texture beside the base colour's

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from kernels.device import DeviceError
-from kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain
+from shading_atlas_bench.kernels.device import DeviceError
+from shading_atlas_bench.kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
 FULL = 65535  # texels are uint16 in linear light: 8 bits of sRGB need 12 bits or more there

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.case import Cost, Result, Trial, case, seeded
-from kernels.inputs.masks import masked_soup
-from kernels.texture.mask import margin_twin, mask_defines
+from shading_atlas_bench.kernels.case import Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.texture.inputs import masked_soup
+from shading_atlas_bench.kernels.texture.mask import margin_twin, mask_defines
 
 if TYPE_CHECKING:
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 
 @case({"mask.alpha_test": Cost("n", "20*n", "40*n")}, 1 << 20, 1 << 17)

@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from arithmetic.functions import log2
-from kernels.texture.buffers import WRAP, TextureImage
-from kernels.texture.mipmap import mip_chain
-from kernels.texture.sample import neighbours
+from shading_atlas_bench.arithmetic.functions import log2
+from shading_atlas_bench.kernels.texture.buffers import WRAP, TextureImage
+from shading_atlas_bench.kernels.texture.mipmap import mip_chain
+from shading_atlas_bench.kernels.texture.sample import neighbours
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device
 
 FADED = 8  # effective cutoffs, from the material's to 255, at which thresholds are known where vertices fade
 OFFSETS = np.array([0.125, 0.375, 0.625, 0.875], np.float32)  # where `between` looks, in texels

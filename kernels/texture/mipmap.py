@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from arithmetic.functions import power
+from shading_atlas_bench.arithmetic.functions import power
 
 
 def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from kernels.texture.buffers import TextureBuffers
+    from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
 
 def neighbours(u: np.ndarray, size: np.ndarray, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

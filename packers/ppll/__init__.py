@@ -1,5 +1,5 @@
 """Streaming of per-pixel linked lists."""
 
-from packers.ppll.packer import PerPixelLinkedLists
+from shading_atlas_bench.packers.ppll.packer import PerPixelLinkedLists
 
 __all__ = ["PerPixelLinkedLists"]

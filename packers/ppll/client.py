@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels.ppll.lists import Lists, splice_lists
-from kernels.ppll.match import merge_differences, move_lists, turning
-from kernels.ppll.rows import COLOUR_WORDS
-from kernels.ppll.splat import draw_lists
-from packers.interface import Client, ClientScene, Decoded, HeldLists, Image, View
-from packers.ppll.wire import Message, WireError, decode
+from shading_atlas_bench.packers.interface import Client, ClientScene, Decoded, HeldLists, Image, View
+from shading_atlas_bench.packers.ppll.kernels.lists import Lists, splice_lists
+from shading_atlas_bench.packers.ppll.kernels.match import merge_differences, move_lists, turning
+from shading_atlas_bench.packers.ppll.kernels.rows import COLOUR_WORDS
+from shading_atlas_bench.packers.ppll.kernels.splat import draw_lists
+from shading_atlas_bench.packers.ppll.wire import Message, WireError, decode
 
 
 class ListClient(Client):

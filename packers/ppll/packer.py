@@ -11,15 +11,30 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.fragments.blend import blend_lists
-from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD
-from kernels.ppll.lists import Lists, changed_colours, changed_lists, count_deleted, splice_lists
-from kernels.ppll.match import apply_differences, find_differences, move_lists, turning
-from kernels.ppll.wire import LAYOUTS, write_lists
-from packers.interface import ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene, View
-from packers.ppll.client import ListClient
-from packers.ppll.server import Depth, ListRenderer, NodeLists
-from packers.ppll.wire import MERGES, MODES, MOST_NODES, Head, decode, encode
+from shading_atlas_bench.kernels.fragments.blend import blend_lists
+from shading_atlas_bench.packers.interface import (
+    ClientScene,
+    Frame,
+    Packer,
+    Paper,
+    Parameter,
+    Payload,
+    ServerScene,
+    View,
+)
+from shading_atlas_bench.packers.ppll.client import ListClient
+from shading_atlas_bench.packers.ppll.kernels.limit import EVERY_LAYER, NO_THRESHOLD
+from shading_atlas_bench.packers.ppll.kernels.lists import (
+    Lists,
+    changed_colours,
+    changed_lists,
+    count_deleted,
+    splice_lists,
+)
+from shading_atlas_bench.packers.ppll.kernels.match import apply_differences, find_differences, move_lists, turning
+from shading_atlas_bench.packers.ppll.kernels.wire import LAYOUTS, write_lists
+from shading_atlas_bench.packers.ppll.server import Depth, ListRenderer, NodeLists
+from shading_atlas_bench.packers.ppll.wire import MERGES, MODES, MOST_NODES, Head, decode, encode
 
 if TYPE_CHECKING:
     from pyopencl.array import Array

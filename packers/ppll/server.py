@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.fragments.blend import blend_lists
-from kernels.fragments.build import Builder, Fragments
-from kernels.fragments.layers import shade_fragments
-from kernels.ppll.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
-from kernels.ppll.lists import Lists
-from kernels.ppll.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows
-from kernels.raster.camera import Camera
-from packers.cell_views import owned_pixels, owned_spans
-from packers.interface import ServerScene, View
+from shading_atlas_bench.kernels.fragments.blend import blend_lists
+from shading_atlas_bench.kernels.fragments.build import Builder, Fragments
+from shading_atlas_bench.kernels.fragments.layers import shade_fragments
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.packers.cell_views import owned_pixels, owned_spans
+from shading_atlas_bench.packers.interface import ServerScene, View
+from shading_atlas_bench.packers.ppll.kernels.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
+from shading_atlas_bench.packers.ppll.kernels.lists import Lists
+from shading_atlas_bench.packers.ppll.kernels.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows
 
 if TYPE_CHECKING:
     from pyopencl.array import Array

@@ -21,7 +21,7 @@ The lists, view after view and node after node:
 `paper` sends the header and one structure after the other. `shuffled` sends, for the header and then each field, first
 all lowest bytes, then all second ones and so on; as fragments lie pixel after pixel, nearest first, its header only
 says which pixels have any (1), and its `next` which fragments are followed by another of their pixel (1). The lists are
-written on the device (kernels/ppll/wire.py); here are their head and the reading.
+written on the device (packers/ppll/kernels/wire.py); here are their head and the reading.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from kernels.ppll.wire import LAYOUTS
-from packers.geometry import unshuffle
+from shading_atlas_bench.packers.geometry import unshuffle
+from shading_atlas_bench.packers.ppll.kernels.wire import LAYOUTS
 
 MODES = ("full", "depth-limited", "difference", "bilateral")
 MERGES = ("exact", "paper")
@@ -57,7 +57,7 @@ class Head:
     """What is said of the lists of one view in one frame.
 
     words: uint32 of a fragment without `next`. counts: fragments of each node. merge, threshold: how bilateral
-    differences are applied, see kernels.ppll.match.
+    differences are applied, see packers.ppll.kernels.match.
     """
 
     mode: str

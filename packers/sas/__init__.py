@@ -1,5 +1,5 @@
 """Shading Atlas Streaming."""
 
-from packers.sas.packer import ShadingAtlasStreaming
+from shading_atlas_bench.packers.sas.packer import ShadingAtlasStreaming
 
 __all__ = ["ShadingAtlasStreaming"]

@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.sas.corners import locate_corners
-from packers.atlas_client import AtlasClient
-from packers.geometry import shuffle, unshuffle
-from packers.interface import ClientScene
+from shading_atlas_bench.packers.atlas_client import AtlasClient
+from shading_atlas_bench.packers.geometry import shuffle, unshuffle
+from shading_atlas_bench.packers.interface import ClientScene
+from shading_atlas_bench.packers.sas.kernels.corners import locate_corners
 
 if TYPE_CHECKING:
     from pyopencl.array import Array

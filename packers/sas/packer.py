@@ -9,22 +9,32 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import log2, power
-from kernels.sas.allocate import Allocator, Grid
-from kernels.sas.bias import needed_superblocks
-from kernels.sas.emit import Unfolded, count_asked, emit_samples
-from kernels.sas.footprint import SIZES, STEPS, measure_sides
-from kernels.sas.visible import visible_patches
-from packers.atlas_client import geometry_encoder
-from packers.budget import ALL, BudgetedRate
-from packers.interface import FULL, ClientScene, Frame, Packer, Paper, Parameter, Payload, RareCost, ServerScene
-from packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
-from packers.sas.patches import cached_patches
+from shading_atlas_bench.arithmetic.functions import log2, power
+from shading_atlas_bench.packers.atlas_client import geometry_encoder
+from shading_atlas_bench.packers.budget import ALL, BudgetedRate
+from shading_atlas_bench.packers.interface import (
+    FULL,
+    ClientScene,
+    Frame,
+    Packer,
+    Paper,
+    Parameter,
+    Payload,
+    RareCost,
+    ServerScene,
+)
+from shading_atlas_bench.packers.sas.client import ATTRIBUTES, ShadingAtlasClient, encode_words
+from shading_atlas_bench.packers.sas.kernels.allocate import Allocator, Grid
+from shading_atlas_bench.packers.sas.kernels.bias import needed_superblocks
+from shading_atlas_bench.packers.sas.kernels.emit import Unfolded, count_asked, emit_samples
+from shading_atlas_bench.packers.sas.kernels.footprint import SIZES, STEPS, measure_sides
+from shading_atlas_bench.packers.sas.kernels.visible import visible_patches
+from shading_atlas_bench.packers.sas.patches import cached_patches
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.samples import Samples
+    from shading_atlas_bench.kernels.samples import Samples
 
 FEWEST_SUPERBLOCKS = 128  # of an atlas, when their side is chosen for it: the paper's settings give 128 to 256
 LARGEST_BIAS = (SIZES - 1) / STEPS  # every block is a single texel

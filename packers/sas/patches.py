@@ -18,11 +18,19 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from kernels.cache import cache_root, read_checked, write_checked
-from kernels.sas.layout import CENTRE, LEFT, RIGHT, ROLE_POINTS, ROLE_SLOT, SECOND, pack_role
+from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
+from shading_atlas_bench.packers.sas.kernels.layout import (
+    CENTRE,
+    LEFT,
+    RIGHT,
+    ROLE_POINTS,
+    ROLE_SLOT,
+    SECOND,
+    pack_role,
+)
 
 if TYPE_CHECKING:
-    from scenes.model import Scene
+    from shading_atlas_bench.scenes.model import Scene
 
 CHUNK = 1 << 18  # rows per step of the score computations, so that a large scene needs little memory
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels.sas.allocate import Grid
-from kernels.sas.layout import unpack_location
+from shading_atlas_bench.packers.sas.kernels.allocate import Grid
+from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
 
 
 def draw_allocation(grid: Grid, words: np.ndarray) -> np.ndarray:

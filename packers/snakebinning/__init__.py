@@ -1,5 +1,5 @@
 """SnakeBinning."""
 
-from packers.snakebinning.packer import SnakeBinning
+from shading_atlas_bench.packers.snakebinning.packer import SnakeBinning
 
 __all__ = ["SnakeBinning"]

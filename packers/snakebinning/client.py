@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.snakebinning.corners import locate_corners
-from kernels.snakebinning.split import piece_maps, split_samples
-from packers.atlas_client import AtlasClient
-from packers.geometry import shuffle, unshuffle
-from packers.interface import ClientScene
+from shading_atlas_bench.packers.atlas_client import AtlasClient
+from shading_atlas_bench.packers.geometry import shuffle, unshuffle
+from shading_atlas_bench.packers.interface import ClientScene
+from shading_atlas_bench.packers.snakebinning.kernels.corners import locate_corners
+from shading_atlas_bench.packers.snakebinning.kernels.split import piece_maps, split_samples
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.samples import Samples
+    from shading_atlas_bench.kernels.samples import Samples
 
 PIECE_BYTES = 4 + 24 + 16
-FIELDS = 4  # place, before | after << 16, height, weights and roles: see kernels.snakebinning.place
+FIELDS = 4  # place, before | after << 16, height, weights and roles: see packers.snakebinning.kernels.place
 
 
 def encode_records(records: np.ndarray, before: np.ndarray) -> bytes:

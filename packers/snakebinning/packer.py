@@ -9,12 +9,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic.functions import log2
-from kernels.snakebinning.bins import LARGEST_ATLAS, HeightBins
-from kernels.snakebinning.clear import clear_strips
-from kernels.snakebinning.count import BinCounts
-from kernels.snakebinning.emit import emit_samples
-from kernels.snakebinning.footprint import (
+from shading_atlas_bench.arithmetic.functions import log2
+from shading_atlas_bench.packers.atlas_client import geometry_encoder
+from shading_atlas_bench.packers.budget import BudgetedRate
+from shading_atlas_bench.packers.interface import (
+    FULL,
+    ClientScene,
+    Frame,
+    Packer,
+    Paper,
+    Payload,
+    RareCost,
+    ServerScene,
+    View,
+)
+from shading_atlas_bench.packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
+from shading_atlas_bench.packers.snakebinning.kernels.bins import LARGEST_ATLAS, HeightBins
+from shading_atlas_bench.packers.snakebinning.kernels.clear import clear_strips
+from shading_atlas_bench.packers.snakebinning.kernels.count import BinCounts
+from shading_atlas_bench.packers.snakebinning.kernels.emit import emit_samples
+from shading_atlas_bench.packers.snakebinning.kernels.footprint import (
     CLIPPED,
     KEPT,
     MOVED_BACK,
@@ -25,21 +39,23 @@ from kernels.snakebinning.footprint import (
     measure_triangles,
     pack_views,
 )
-from kernels.snakebinning.mapping import Mapping
-from kernels.snakebinning.place import Places, find_new, list_records, place_triangles
-from kernels.snakebinning.slices import MOST, Slices, screen_shares, slice_dominating, texel_steps
-from kernels.snakebinning.superblocks import Atlas, Superblocks
-from packers.atlas_client import geometry_encoder
-from packers.budget import BudgetedRate
-from packers.interface import FULL, ClientScene, Frame, Packer, Paper, Payload, RareCost, ServerScene, View
-from packers.snakebinning.client import FIELDS, SnakeBinningClient, encode_pieces, encode_records
-from packers.snakebinning.parameters import PARAMETERS
-from packers.snakebinning.picture import draw_packing
+from shading_atlas_bench.packers.snakebinning.kernels.mapping import Mapping
+from shading_atlas_bench.packers.snakebinning.kernels.place import Places, find_new, list_records, place_triangles
+from shading_atlas_bench.packers.snakebinning.kernels.slices import (
+    MOST,
+    Slices,
+    screen_shares,
+    slice_dominating,
+    texel_steps,
+)
+from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Atlas, Superblocks
+from shading_atlas_bench.packers.snakebinning.parameters import PARAMETERS
+from shading_atlas_bench.packers.snakebinning.picture import draw_packing
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.samples import Samples
+    from shading_atlas_bench.kernels.samples import Samples
 
 STEPS = 66  # ways to fill the atlas, from full rate on: see SnakeBinning.rate and its neighbours
 TIGHT_SPARE = 0.1  # largest `capacity` from the second step on; at the last there is none

@@ -1,6 +1,6 @@
 """The parameters of SnakeBinning; every part of the method can be switched off or changed."""
 
-from packers.interface import Parameter
+from shading_atlas_bench.packers.interface import Parameter
 
 PARAMETERS = {
     "shading_rate": Parameter(

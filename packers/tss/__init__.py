@@ -1,5 +1,5 @@
 """Tessellated Shading Streaming."""
 
-from packers.tss.packer import TessellatedShadingStreaming
+from shading_atlas_bench.packers.tss.packer import TessellatedShadingStreaming
 
 __all__ = ["TessellatedShadingStreaming"]

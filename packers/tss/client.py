@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from kernels.tss.bins import Bins
-from kernels.tss.footprint import measure_triangles
-from kernels.tss.locate import locate
-from kernels.tss.perspective import invert_depths
-from packers.atlas_client import LookupClient
-from packers.interface import ClientScene
-from packers.tss.message import decode
+from shading_atlas_bench.packers.atlas_client import LookupClient
+from shading_atlas_bench.packers.interface import ClientScene
+from shading_atlas_bench.packers.tss.kernels.bins import Bins
+from shading_atlas_bench.packers.tss.kernels.footprint import measure_triangles
+from shading_atlas_bench.packers.tss.kernels.locate import locate
+from shading_atlas_bench.packers.tss.kernels.perspective import invert_depths
+from shading_atlas_bench.packers.tss.message import decode
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from kernels.samples import Samples
+    from shading_atlas_bench.kernels.samples import Samples
 
 STAGE = "client/decode"
 

@@ -1,12 +1,12 @@
 """The metadata of a frame: what tells the client where each primitive lies.
 
-camera        float32 (21) the server's camera, see kernels.tss.footprint, and texels per pixel
+camera        float32 (21) the server's camera, see packers.tss.kernels.footprint, and texels per pixel
 pieces        uint32 (n) rows of the triangles that are cut into pieces, as differences, and uint8 (n) into how many
               along an edge
 strategies    a bit per primitive: 1 for Oversampling
 lpacking      uint32 per L or single texel: level | rank in the level's bin << 7
 oversampling  4 uint32 per primitive: two places; texels before | after the foot << 16; height | first corner << 16
-regions       int32 (65, 6) where the bins of the levels lie, see kernels.tss.layout
+regions       int32 (65, 6) where the bins of the levels lie, see packers.tss.kernels.layout
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from kernels.tss.bins import Bins
-from kernels.tss.forms import OVERSAMPLED
-from kernels.tss.layout import REGION, place_items_twin
-from kernels.tss.locate import UNPLACED
-from kernels.tss.pattern import TOP
-from packers.geometry import shuffle, unshuffle
+from shading_atlas_bench.packers.geometry import shuffle, unshuffle
+from shading_atlas_bench.packers.tss.kernels.bins import Bins
+from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
+from shading_atlas_bench.packers.tss.kernels.layout import REGION, place_items_twin
+from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED
+from shading_atlas_bench.packers.tss.kernels.pattern import TOP
 
 LOST = (1 << 25) - 1  # as a rank: no place
 CAMERA = 22
@@ -32,7 +32,7 @@ class Placement:
     """What the server decided, on the host.
 
     camera: float32 (21). scale: texels per pixel. pieces: int32 (rows). forms (m, 4), places (m, 2), firsts (m): int32,
-    see kernels.tss. ranks: int32 (m), of first items. regions: int32 (B, 6), of all bins.
+    see packers.tss.kernels. ranks: int32 (m), of first items. regions: int32 (B, 6), of all bins.
     """
 
     camera: np.ndarray
@@ -48,7 +48,7 @@ class Placement:
 @dataclass(frozen=True)
 class Records:
     """What the client knows of a frame: camera float32 (21), scale, pieces and starts int32 (rows), and records int32
-    (m, 4) as kernels.tss.locate reads them."""
+    (m, 4) as packers.tss.kernels.locate reads them."""
 
     camera: np.ndarray
     scale: float

@@ -10,22 +10,31 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arithmetic import draws
-from kernels.common.rank import rank_by_class
-from kernels.tss.bins import Bins
-from kernels.tss.emit import CellTable, build_kernels, count_samples, emit_samples
-from kernels.tss.footprint import camera_floats
-from kernels.tss.forms import OVERSAMPLED, choose_forms
-from kernels.tss.layout import lay_out, place_items
-from kernels.tss.perspective import invert_depths
-from kernels.tss.primitives import Primitives, list_primitives
-from packers.atlas_client import geometry_encoder
-from packers.budget import ALL, BudgetedRate
-from packers.interface import FULL, ClientScene, Frame, Packer, Paper, Parameter, Payload, ServerScene
-from packers.tss.client import TessellatedClient
-from packers.tss.message import Placement, encode
-from packers.tss.picture import draw_strategies
-from packers.tss.statistics import describe
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.kernels.common.rank import rank_by_class
+from shading_atlas_bench.packers.atlas_client import geometry_encoder
+from shading_atlas_bench.packers.budget import ALL, BudgetedRate
+from shading_atlas_bench.packers.interface import (
+    FULL,
+    ClientScene,
+    Frame,
+    Packer,
+    Paper,
+    Parameter,
+    Payload,
+    ServerScene,
+)
+from shading_atlas_bench.packers.tss.client import TessellatedClient
+from shading_atlas_bench.packers.tss.kernels.bins import Bins
+from shading_atlas_bench.packers.tss.kernels.emit import CellTable, build_kernels, count_samples, emit_samples
+from shading_atlas_bench.packers.tss.kernels.footprint import camera_floats
+from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED, choose_forms
+from shading_atlas_bench.packers.tss.kernels.layout import lay_out, place_items
+from shading_atlas_bench.packers.tss.kernels.perspective import invert_depths
+from shading_atlas_bench.packers.tss.kernels.primitives import Primitives, list_primitives
+from shading_atlas_bench.packers.tss.message import Placement, encode
+from shading_atlas_bench.packers.tss.picture import draw_strategies
+from shading_atlas_bench.packers.tss.statistics import describe
 
 if TYPE_CHECKING:
     from pyopencl.array import Array

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from kernels.tss.forms import OVERSAMPLED
-from packers.tss.statistics import samples_by_primitive
+from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
+from shading_atlas_bench.packers.tss.statistics import samples_by_primitive
 
 LPACKING, OVERSAMPLING, SINGLE = (70, 200, 90), (60, 110, 230), (230, 200, 80)
 

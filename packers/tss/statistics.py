@@ -7,10 +7,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from kernels.tss.emit import row_length
-from kernels.tss.forms import OVERSAMPLED
-from kernels.tss.pattern import TOP, cell_count, vertex_count
-from packers.tss.message import Placement
+from shading_atlas_bench.packers.tss.kernels.emit import row_length
+from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
+from shading_atlas_bench.packers.tss.kernels.pattern import TOP, cell_count, vertex_count
+from shading_atlas_bench.packers.tss.message import Placement
 
 CELLS = np.array([1, *(cell_count(level) for level in range(1, TOP + 1))])
 COPIES = CELLS - np.array([1, *(vertex_count(level) for level in range(1, TOP + 1))])

@@ -8,10 +8,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from reports.claims import DEFAULT_FILE, read_claims
-from reports.documents import digests, published
-from reports.documents.figure import draw_samples, draw_sweep
-from reports.documents.kept import ROWS, Column, Part, Source
+from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, read_claims
+from shading_atlas_bench.reports.documents import digests, published
+from shading_atlas_bench.reports.documents.figure import draw_samples, draw_sweep
+from shading_atlas_bench.reports.documents.kept import ROWS, Column, Part, Source
 
 METHODS = ("ppll", "sas", "snakebinning", "tss")
 ATLAS_METHODS = " ".join(f"--method {name}" for name in METHODS[1:])

@@ -10,16 +10,32 @@ from itertools import groupby, product
 from pathlib import Path
 from statistics import fmean, median
 
-from reports import sweep, sweep_words
-from reports.claims import CONFIRMED, NOT_CONFIRMED, NOT_MEASURABLE, NOT_MEASURED, UNDECIDED, Claim, Judged
-from reports.claims_report import short, why_not, write_claims
-from reports.columns import BY_NAME, KERNEL_COLUMNS, KEYFRAME, MEASURED_STATUSES, STRESS_COLUMNS, Column
-from reports.csv_files import after_keyframe, summarise
-from reports.documents.kept import ROWS, Parts, Row
-from reports.kernels import compare_variants
-from reports.store import FILE as RESULTS
-from reports.store import Store
-from reports.stress import magnitude, matrix
+from shading_atlas_bench.reports.analysis import sweep
+from shading_atlas_bench.reports.analysis.claims import (
+    CONFIRMED,
+    NOT_CONFIRMED,
+    NOT_MEASURABLE,
+    NOT_MEASURED,
+    UNDECIDED,
+    Claim,
+    Judged,
+)
+from shading_atlas_bench.reports.documents.kept import ROWS, Parts, Row
+from shading_atlas_bench.reports.pages import sweep_words
+from shading_atlas_bench.reports.pages.claims_report import short, why_not, write_claims
+from shading_atlas_bench.reports.pages.kernels import compare_variants
+from shading_atlas_bench.reports.pages.stress import magnitude, matrix
+from shading_atlas_bench.reports.store.columns import (
+    BY_NAME,
+    KERNEL_COLUMNS,
+    KEYFRAME,
+    MEASURED_STATUSES,
+    STRESS_COLUMNS,
+    Column,
+)
+from shading_atlas_bench.reports.store.csv_files import after_keyframe, summarise
+from shading_atlas_bench.reports.store.results import FILE as RESULTS
+from shading_atlas_bench.reports.store.results import Store
 
 BROKEN_STAGES = ("atlas/lookup", "sas/sides", "metrics/flip", "metrics/delta_e")  # by relaxed arithmetic
 

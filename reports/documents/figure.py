@@ -6,8 +6,8 @@ from collections.abc import Callable
 from itertools import groupby
 from math import log2, log10
 
-from reports.charts import COLOURS
-from reports.documents.kept import Row
+from shading_atlas_bench.reports.charts.figures import COLOURS
+from shading_atlas_bench.reports.documents.kept import Row
 
 WIDTH, HEIGHT, LEFT, RIGHT, TOP, BOTTOM = 760, 400, 60, 150, 20, 45
 METHODS = ("sas", "snakebinning", "tss")  # of figures over samples

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reports.csv_files import replace_file
+from shading_atlas_bench.reports.store.csv_files import replace_file
 
-ROOT = Path(__file__).parents[2]
+ROOT = Path(__file__).resolve().parents[2]  # of the repository
 FOLDER = "reports/data"
 ROWS = "rows"  # the part of a source that has only one
 

@@ -21,8 +21,18 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reports.csv_files import replace_file
-from reports.documents.kept import FOLDER, ROOT, ROWS, DocumentError, Kept, Part, Row, Source, read_kept
+from shading_atlas_bench.reports.documents.kept import (
+    FOLDER,
+    ROOT,
+    ROWS,
+    DocumentError,
+    Kept,
+    Part,
+    Row,
+    Source,
+    read_kept,
+)
+from shading_atlas_bench.reports.store.csv_files import replace_file
 
 DOCUMENTS = (
     "README.md", "reports/SWEEP.md", "reports/STRESS.md", "reports/KERNELS.md", "reports/CLAIMS.md",

@@ -8,11 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from reports.columns import BY_NAME
-from reports.documents.digests import Lanes
-from reports.documents.kept import DocumentError, Parts, Row
-from reports.labels import read_labels
-from reports.store import Store
+from shading_atlas_bench.reports.documents.digests import Lanes
+from shading_atlas_bench.reports.documents.kept import DocumentError, Parts, Row
+from shading_atlas_bench.reports.store.columns import BY_NAME
+from shading_atlas_bench.reports.store.labels import read_labels
+from shading_atlas_bench.reports.store.results import Store
 
 FILE = Path(__file__).parents[1] / "published.toml"
 CELLS = ("pvs1", "pvs2", "pvs3")  # of SnakeBinning's table 1

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from arithmetic import functions
+from shading_atlas_bench.arithmetic import functions
 
 MOST = np.finfo(np.longdouble).nmant  # 52 where there is nothing more precise than float64
 SLACK = 0.0 if MOST > 52 else 1.0  # what the reference itself may then be off

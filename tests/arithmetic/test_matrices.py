@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from arithmetic import draws
-from arithmetic.fourier import inverse_real
-from arithmetic.matrices import (
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.fourier import inverse_real
+from shading_atlas_bench.arithmetic.matrices import (
     cofactors,
     determinant,
     dot,

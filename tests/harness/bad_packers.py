@@ -5,9 +5,9 @@ import os
 import sys
 import time
 
-from kernels.runtime.opencl import SPEAKING
-from packers.interface import Packer, Paper
-from packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.kernels.runtime.opencl import SPEAKING
+from shading_atlas_bench.packers.interface import Packer, Paper
+from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 
 ENDLESS = "__kernel void endless(__global volatile int *stop) { while (!*stop) {} }"
 

@@ -4,7 +4,7 @@ import time
 
 import numpy as np
 
-from tests.packers.grid_packer import Grid
+from shading_atlas_bench.packers.example.grid import Grid
 
 
 class WrongTexel(Grid):

@@ -7,16 +7,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from arithmetic import draws
-from harness.verification.truth import CHOSEN
-from kernels.ppll.wire import write_twin
-from kernels.samples import Samples
-from packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
-from packers.ppll import PerPixelLinkedLists, server
-from packers.ppll.client import ListClient
-from packers.ppll.wire import Message, decode, encode
-from packers.sas import ShadingAtlasStreaming
-from packers.sas.client import ShadingAtlasClient
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.harness.measure.verification.truth import CHOSEN
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
+from shading_atlas_bench.packers.ppll import PerPixelLinkedLists, server
+from shading_atlas_bench.packers.ppll.client import ListClient
+from shading_atlas_bench.packers.ppll.kernels.wire import write_twin
+from shading_atlas_bench.packers.ppll.wire import Message, decode, encode
+from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.packers.sas.client import ShadingAtlasClient
 
 GLOBAL, NESTED = {}, {"inside": {}}  # what some of them hide things in
 
@@ -105,7 +105,7 @@ class Renderer(ShadingAtlasStreaming):
         self.scene = scene
 
     def client(self, scene):
-        from harness.reference import ForwardRenderer
+        from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 
         client, renderer = super().client(scene), ForwardRenderer(self.scene)
         client.draw = lambda view: renderer.draw(view)[0]

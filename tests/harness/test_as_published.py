@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.as_published import NOTES, note_as_published
-from harness.plugins import published_values, variant_string
-from packers.interface import Packer
-from packers.snakebinning.packer import SnakeBinning
-from packers.tss.packer import TessellatedShadingStreaming
-from reports.store import Store
+from shading_atlas_bench.harness.plugins import published_values, variant_string
+from shading_atlas_bench.harness.run.as_published import NOTES, note_as_published
+from shading_atlas_bench.packers.interface import Packer
+from shading_atlas_bench.packers.snakebinning.packer import SnakeBinning
+from shading_atlas_bench.packers.tss.packer import TessellatedShadingStreaming
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 

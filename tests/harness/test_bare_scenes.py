@@ -5,9 +5,9 @@ import csv
 import numpy as np
 import pytest
 
-from harness.plugins import packer_names
-from harness.run import run
-from harness.settings import Settings
+from shading_atlas_bench.harness.plugins import packer_names
+from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.workload.settings import Settings
 from tests.scenes.glb_files import SQUARE, SQUARE_INDICES, Glb
 
 LIGHTS = [
@@ -72,7 +72,7 @@ def test_every_method_ends_with_a_picture_like_the_reference(tmp_path, path_file
     scene = SCENES[name].write(tmp_path / "scene.glb")
     small = {"width": 64, "height": 48, "atlas_width": 256, "atlas_height": 256, "codec": "none", "latency": 0.0}
     settings = Settings(scene=scene, path=path_file, frames=1, metrics=("flip", "psnr"), unit=1.0, **small)
-    assert run(settings, tmp_path / "run")
+    assert run(settings, tmp_path / "run").well
     with open(tmp_path / "run" / "frames.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert sorted(row["method"] for row in rows) == packer_names()

@@ -13,16 +13,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness import plan, pvs, upload, walks
-from harness.environment import cached_environment_map
-from harness.settings import Settings
-from harness.views import Cell, CellFrustum, Pose
-from kernels.device import Device
-from kernels.shade.environment import SHAPE
-from packers.sas import patches
-from scenes import load
-from scenes.model import Light, Scene
-from scenes.paths import CameraPath
+from shading_atlas_bench.harness.run import plan
+from shading_atlas_bench.harness.workload import pvs, upload, walks
+from shading_atlas_bench.harness.workload.environment import cached_environment_map
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.shade.environment import SHAPE
+from shading_atlas_bench.packers.sas import patches
+from shading_atlas_bench.scenes import load
+from shading_atlas_bench.scenes.model import Light, Scene
+from shading_atlas_bench.scenes.paths import CameraPath
 
 SIDE = 12  # cells per side of the meshes that are cached here
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from harness import check
-from harness.check import CHECKS, Kit, guarded_run
-from harness.cli import app
+from shading_atlas_bench.harness.cli.main import app
+from shading_atlas_bench.harness.conformance import check
+from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
 from tests.harness import faulty_packers as faulty
 
 FAULTY = Path(faulty.__file__)

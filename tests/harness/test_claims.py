@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
-from harness.claims import Wanted, needs, variants_of
-from harness.console import InputError
-from reports.claims import DEFAULT_FILE, FEWEST
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.experiments.claims import Wanted, needs, variants_of
+from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, FEWEST
 from tests.harness.test_run import bench
 
 TINY = """

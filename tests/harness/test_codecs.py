@@ -5,7 +5,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.codecs import CodecError, Picture, VideoStream, encode_all, pack_lz4, unpack_lz4, yuv_to_rgb
+from shading_atlas_bench.harness.measure.codecs import (
+    CodecError,
+    Picture,
+    VideoStream,
+    encode_all,
+    pack_lz4,
+    unpack_lz4,
+    yuv_to_rgb,
+)
 
 PATCHES = np.array(
     [[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 0], [0, 255, 255], [255, 0, 255], [255] * 3, [0] * 3], np.uint8

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.coherence import AtlasHistory, AtlasUse
+from shading_atlas_bench.harness.measure.coherence import AtlasHistory, AtlasUse
 
 
 def atlas(owners: list[int], colour: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from harness.console import show_catalogue, show_comparison, show_summary
-from harness.plan import show_plan
-from harness.settings import Settings
-from reports.store import Store
+from shading_atlas_bench.harness.cli.catalogue import show_catalogue
+from shading_atlas_bench.harness.cli.comparison import show_comparison
+from shading_atlas_bench.harness.cli.dry_run import show_plan
+from shading_atlas_bench.harness.cli.summary import show_summary
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, make_store
 
 BYTES = (1_000_000, 20_000, 40_000, 90_000)  # the mean after the keyframe is 50 kB, at 60 per second 24,000 kbit/s
@@ -28,8 +30,7 @@ def fill(folder: Path, variant: str = "fit=0.75") -> Path:
 
 
 def test_the_first_size_is_everything_sent(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with Store(fill(tmp_path)) as store:
-        show_summary(store, tmp_path)
+    show_summary(fill(tmp_path))
     lines = capsys.readouterr().out.splitlines()
     (head,) = [n for n, line in enumerate(lines) if "kB/frame" in line]
     assert lines[head].split() == ["method", "codec", "kB/frame", "kbit/s", "largest", "keyframe", "video", "meta"]
@@ -37,10 +38,12 @@ def test_the_first_size_is_everything_sent(tmp_path: Path, capsys: pytest.Captur
     assert "not seen sas: none of its 4 frames holds an atlas reset." in lines
 
 
-def test_many_methods_fit_the_console(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_many_methods_fit_the_console(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     make_store(tmp_path)
-    with Store(tmp_path) as store:
-        show_summary(store, Path("run"))
+    monkeypatch.chdir(tmp_path.parent)
+    show_summary(Path(tmp_path.name))
     out = capsys.readouterr().out
     assert max(map(len, out.splitlines())) <= 80
     assert all(f"h264 {crf}" in out for crf in (5, 10, 25, 35))
@@ -51,7 +54,7 @@ def test_a_frame_that_failed_leaves_cells_empty(tmp_path: Path, capsys: pytest.C
     with Store(tmp_path) as store:
         row = COMMON | {"codec": "h264", "crf": 25, "status": "failed", "reason": "out of memory"}
         store.commit_frame("sas", "", 0, [row])
-        show_summary(store, tmp_path)
+    show_summary(tmp_path)
     out = capsys.readouterr().out
     assert [line.split() for line in out.splitlines() if line.startswith("sas")] == [["sas", "h264", "25"]] * 2
     assert "out of memory" in out
@@ -59,7 +62,9 @@ def test_a_frame_that_failed_leaves_cells_empty(tmp_path: Path, capsys: pytest.C
 
 def test_the_catalogue_fits_the_console(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    monkeypatch.setattr("kernels.runtime.opencl.find_devices", list)  # drivers' names are as long as they like
+    monkeypatch.setattr(
+        "shading_atlas_bench.kernels.runtime.opencl.find_devices", list
+    )  # drivers' names are as long as they like
     show_catalogue()
     lines = capsys.readouterr().out.splitlines()
     assert max(map(len, lines)) <= 80

@@ -8,9 +8,9 @@ from typing import Any
 
 import pytest
 
-from harness.run import run
-from harness.settings import Settings, SettingsError
-from reports.store import Store
+from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
+from shading_atlas_bench.reports.store.results import Store
 
 SMALL = Settings(
     methods=("all",), frames=2, width=160, height=90, atlas_width=256, atlas_height=256, crf=(25,), detail=40_000
@@ -36,7 +36,7 @@ def rows_of(folder: Path) -> list[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def rows(tmp_path_factory: pytest.TempPathFactory) -> list[dict[str, Any]]:
     folder = tmp_path_factory.mktemp("costs") / "run"
-    assert run(SMALL, folder)
+    assert run(SMALL, folder).well
     return rows_of(folder)
 
 
@@ -61,14 +61,14 @@ def test_only_coded_planes_are_filled(rows: list[dict[str, Any]]) -> None:
 
 
 def test_a_set_from_the_cache_keeps_the_time_it_took(rows: list[dict[str, Any]], tmp_path: Path) -> None:
-    assert run(replace(SMALL, methods=("sas",)), tmp_path / "again")
+    assert run(replace(SMALL, methods=("sas",)), tmp_path / "again").well
     times = {row["frame"]: row["pvs_ms"] for row in rows}
     assert min(times.values()) > 0
     assert {row["frame"]: row["pvs_ms"] for row in rows_of(tmp_path / "again")} == times
 
 
 def test_the_reference_is_shaded_for_the_eye_that_is_asked_for(rows: list[dict[str, Any]], tmp_path: Path) -> None:
-    assert run(replace(SMALL, methods=("sas",), reference_eye="server"), tmp_path / "server")
+    assert run(replace(SMALL, methods=("sas",), reference_eye="server"), tmp_path / "server").well
     server = [row for row in rows_of(tmp_path / "server") if row["codec"] == "none"]
     client = [row for row in rows if (row["method"], row["codec"]) == ("sas", "none")]
     assert [row["reference_eye"] for row in client + server] == ["client"] * 2 + ["server"] * 2
@@ -78,7 +78,7 @@ def test_the_reference_is_shaded_for_the_eye_that_is_asked_for(rows: list[dict[s
 
 
 def test_one_eye_in_one_place_depends_on_no_view(tmp_path: Path) -> None:
-    assert run(replace(SMALL, methods=("sas",), cell_radius=0.0, frames=1), tmp_path / "still")
+    assert run(replace(SMALL, methods=("sas",), cell_radius=0.0, frames=1), tmp_path / "still").well
     assert {row["view_dependence"] for row in rows_of(tmp_path / "still")} == {0.0}
 
 

@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from harness import device_check
-from harness.cli import app
-from harness.device_check import Report, check_devices, show_reports
-from harness.device_worker import Finding, examine_case
-from kernels.case import EXACT, INPUTS, Bound, Case, Result, Trial, distance, find_cases
-from kernels.device import Device, kernel_names
-from kernels.runtime.opencl import FoundDevice
+from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.harness.cli.main import app
+from shading_atlas_bench.harness.doctor import devices as device_check
+from shading_atlas_bench.harness.doctor.devices import Report, check_devices, show_reports
+from shading_atlas_bench.harness.doctor.worker import Finding, examine_case
+from shading_atlas_bench.kernels.case import EXACT, INPUTS, Bound, Case, Result, Trial, distance
+from shading_atlas_bench.kernels.device import Device, kernel_names
+from shading_atlas_bench.kernels.runtime.opencl import FoundDevice
 
 CASES = {case.name: case for case in find_cases()}
 SMALL = "sas/bias"
@@ -22,9 +23,10 @@ SMALL = "sas/bias"
 PLANTED = """
 import os, sys, threading
 from dataclasses import replace
-from harness import device_worker, watchdog
-from kernels.case import EXACT, INPUTS, Case, Trial
-from kernels.device import Device
+from shading_atlas_bench.harness.doctor import worker as device_worker
+from shading_atlas_bench.harness.watch import watchdog
+from shading_atlas_bench.kernels.case import EXACT, INPUTS, Case, Trial
+from shading_atlas_bench.kernels.device import Device
 
 ending, small = sys.argv[1], sys.argv[2]
 del sys.argv[1:3]

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from harness import digest
-from harness.digest import SHARED, method_digest, suite_digest
-from packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.harness.run import digest
+from shading_atlas_bench.harness.run.digest import SHARED, method_digest, suite_digest
+from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 
 SUITE, METHOD = "suite", "method"
 
@@ -33,18 +33,18 @@ def _digests() -> dict[str, str]:
     ("file", "changes"),
     [
         ("packers/sas/patches.py", {METHOD}),
-        ("kernels/sas/layout.py", {METHOD}),
-        ("kernels/sas/layout.cl", {METHOD}),
+        ("packers/sas/kernels/layout.py", {METHOD}),
+        ("packers/sas/kernels/layout.cl", {METHOD}),
         ("packers/tss/message.py", set()),
-        ("kernels/tss/emit.cl", set()),
+        ("packers/tss/kernels/emit.cl", set()),
         ("packers/budget.py", {SUITE}),
         ("packers/geometry.py", {SUITE}),
         ("kernels/raster/setup.py", {SUITE}),
         ("kernels/common/elementary.cl", {SUITE}),
         ("arithmetic/functions.py", {SUITE}),
         ("scenes/paths.py", {SUITE}),
-        ("harness/codecs.py", {SUITE}),
-        ("harness/verification/pictures.py", {SUITE}),
+        ("harness/measure/codecs.py", {SUITE}),
+        ("harness/measure/verification/pictures.py", {SUITE}),
         ("packers/sas/README.md", set()),
     ],
 )
@@ -56,7 +56,7 @@ def test_an_edit_changes_the_digest_of_what_goes_through_it(tree, file, changes)
     assert {name for name in after if after[name] != before[name]} == changes
 
 
-@pytest.mark.parametrize("file", ["packers/sas/added.py", "kernels/sas/added.cl"])
+@pytest.mark.parametrize("file", ["packers/sas/added.py", "packers/sas/kernels/added.cl"])
 def test_files_that_come_go_or_are_renamed_count(tree, file):
     before = _digests()[METHOD]
     (tree / file).write_text("", encoding="utf-8")

@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness import doctor, noise
-from kernels.device import Device
-from kernels.doctor.smoke import DEGREE, ERROR_BOUND, smoke, smoke_twin
-from kernels.runtime.opencl import POCL, FoundDevice
-from kernels.runtime.vendors import how_to_get_one
-from scenes.model import SceneError
+from shading_atlas_bench.harness.doctor import examine as doctor
+from shading_atlas_bench.harness.measure import noise
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.doctor.smoke import DEGREE, ERROR_BOUND, smoke, smoke_twin
+from shading_atlas_bench.kernels.runtime.opencl import POCL, FoundDevice
+from shading_atlas_bench.kernels.runtime.vendors import how_to_get_one
+from shading_atlas_bench.scenes.model import SceneError
 
 
 def findings(name: str) -> list[doctor.Finding]:
@@ -48,7 +49,7 @@ def test_a_kernel_that_computes_wrongly(monkeypatch: pytest.MonkeyPatch):
         values, hashes = smoke_twin(*arguments)
         return values + 1e-3, hashes
 
-    monkeypatch.setattr("kernels.doctor.smoke.smoke_twin", wrong)
+    monkeypatch.setattr("shading_atlas_bench.kernels.doctor.smoke.smoke_twin", wrong)
     (kernel,) = findings("kernel")
     assert kernel.ok is False
     assert "bound 4e-06" in kernel.detail
@@ -66,8 +67,8 @@ def test_no_linker(monkeypatch: pytest.MonkeyPatch):
 
 
 def test_no_device_at_all(monkeypatch: pytest.MonkeyPatch):
-    monkeypatch.setattr("kernels.runtime.opencl.find_devices", list)
-    monkeypatch.setattr("kernels.device.find_devices", list)
+    monkeypatch.setattr("shading_atlas_bench.kernels.runtime.opencl.find_devices", list)
+    monkeypatch.setattr("shading_atlas_bench.kernels.device.find_devices", list)
     (opencl,), (kernel,) = findings("OpenCL"), findings("kernel")
     assert (opencl.ok, kernel.ok) == (False, False)
     assert opencl.detail == f"No OpenCL device was found: {how_to_get_one()}."
@@ -82,7 +83,7 @@ def test_of_two_pocls_the_newest_is_recorded(monkeypatch: pytest.MonkeyPatch):
         return FoundDevice(device, version)
 
     two = [fake("OpenCL 3.0 PoCL 6.0"), fake("OpenCL 3.0 PoCL 3.0")]
-    monkeypatch.setattr("kernels.runtime.opencl.find_devices", lambda: two)
+    monkeypatch.setattr("shading_atlas_bench.kernels.runtime.opencl.find_devices", lambda: two)
     first, second, choice = doctor._devices()
     assert first.detail.startswith("default: cpu, OpenCL 3.0 PoCL 6.0")
     assert second.detail.startswith("also present")

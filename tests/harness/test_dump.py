@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.dump import bary_plane, dump_frame, dump_scene, owner_plane, write_png
-from harness.plugins import folder_name
-from packers.interface import Owners, View
-from scenes.model import Material, Scene
+from shading_atlas_bench.harness.measure.dump import bary_plane, dump_frame, dump_scene, owner_plane, write_png
+from shading_atlas_bench.harness.plugins import folder_name
+from shading_atlas_bench.packers.interface import Owners, View
+from shading_atlas_bench.scenes.model import Material, Scene
 
 
 def read_png(path: Path) -> np.ndarray:

@@ -8,18 +8,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.environment import cached_environment_map, standpoint
-from harness.session import Session, open_session
-from harness.settings import Settings
-from harness.upload import upload_scene
-from harness.views import Pose, client_view
-from kernels.device import Device
-from kernels.shade.environment import MATT, SHAPE, look_up
-from scenes import features
-from scenes.features import find_features
-from scenes.load import load_scene
-from scenes.model import Camera, Material, Scene, Texture
-from scenes.quaternions import looking
+from shading_atlas_bench.harness.workload.environment import cached_environment_map, standpoint
+from shading_atlas_bench.harness.workload.session import Session, open_session
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.harness.workload.views import Pose, client_view
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.shade.environment import MATT, SHAPE, look_up
+from shading_atlas_bench.scenes import features
+from shading_atlas_bench.scenes.features import find_features
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Camera, Material, Scene, Texture
+from shading_atlas_bench.scenes.quaternions import looking
 
 FLOOR = 1.5  # levels of 255, mean over the picture; with the sky in place of the map it is a sixth less
 CORNERS = np.array([[-5, 0, -5], [-5, 4, 5], [5, 0, 5]], np.float32)

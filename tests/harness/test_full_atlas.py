@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.full_atlas import NOTES, note_full_atlas
-from packers.interface import FULL
-from reports.store import Store
+from shading_atlas_bench.harness.run.full_atlas import NOTES, note_full_atlas
+from shading_atlas_bench.packers.interface import FULL
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 

@@ -7,11 +7,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from harness.console import InputError
-from harness.kernel_bench import Wanted, bench_kernels, choose_cases, errors_of
-from kernels.case import Result
-from reports.columns import KERNEL_COLUMNS
-from reports.kernels import compare_variants
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.kernel_timing.timing import Wanted, bench_kernels, choose_cases, errors_of
+from shading_atlas_bench.kernels.case import Result
+from shading_atlas_bench.reports.pages.kernels import compare_variants
+from shading_atlas_bench.reports.store.columns import KERNEL_COLUMNS
 
 
 def test_errors_are_counted_in_units_of_the_last_place():

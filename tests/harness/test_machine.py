@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 
-from harness.console import InputError
-from harness.machine import load, peak_memory
-from harness.run import locked
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.measure.machine import load, peak_memory
+from shading_atlas_bench.harness.run.folder import locked
 
 ROOT = Path(__file__).parents[2]
 PEAK = "from harness.machine import peak_memory; print(peak_memory())"
 HOLD = """
 import sys
 from pathlib import Path
-from harness.run import locked
+from shading_atlas_bench.harness.run.folder import locked
 with locked(Path(sys.argv[1])):
     print("held", flush=True)
     sys.stdin.read()

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from harness.metrics import PICTURE_METRICS, Metrics
-from kernels.inputs.pictures import damaged, flat, on_device, rendering
-from reports.columns import BY_NAME, MEASURES
+from shading_atlas_bench.harness.measure.metrics import PICTURE_METRICS, Metrics
+from shading_atlas_bench.kernels.inputs.pictures import damaged, flat, on_device, rendering
+from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURES
 
 
 @pytest.fixture(scope="module")

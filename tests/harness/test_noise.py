@@ -6,8 +6,8 @@ import itertools
 
 import pytest
 
-from harness import noise
-from harness.noise import noise_warnings
+from shading_atlas_bench.harness.measure import noise
+from shading_atlas_bench.harness.measure.noise import noise_warnings
 
 
 @pytest.fixture

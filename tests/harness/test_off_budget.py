@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.off_budget import NOTES, note_off_budget
-from reports.store import Store
+from shading_atlas_bench.harness.run.off_budget import NOTES, note_off_budget
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 

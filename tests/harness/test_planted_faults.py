@@ -10,17 +10,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness import session
-from harness.run import run
-from harness.session import open_session
-from harness.settings import Settings
-from harness.trial import Stage, try_isolation, try_method
-from packers.ppll import PerPixelLinkedLists
-from packers.sas import ShadingAtlasStreaming
-from packers.sas.client import ShadingAtlasClient
-from reports.store import Store
-from scenes.features import find_features
-from scenes.model import Camera, Material, Scene, Texture
+from shading_atlas_bench.harness.conformance.trial import Stage, try_isolation, try_method
+from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.workload import session
+from shading_atlas_bench.harness.workload.session import open_session
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.packers.ppll import PerPixelLinkedLists
+from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.packers.sas.client import ShadingAtlasClient
+from shading_atlas_bench.reports.store.results import Store
+from shading_atlas_bench.scenes.features import find_features
+from shading_atlas_bench.scenes.model import Camera, Material, Scene, Texture
 from tests.harness import planted_packers as planted
 from tests.packers.test_transparency import glazed
 
@@ -59,7 +59,7 @@ def rows(small_scene, tmp_path_factory) -> list[dict]:
     """The rows of one run of all of them."""
     folder = tmp_path_factory.mktemp("planted") / "run"
     cheats = [f"{FILE}:{packer.__name__}" for packer in planted.PLANTED]
-    assert not run(Settings(methods=(*HONEST, *cheats), **SMALL), folder)
+    assert not run(Settings(methods=(*HONEST, *cheats), **SMALL), folder).well
     with Store(folder, must_exist=True) as store:
         return store.rows()
 
@@ -87,7 +87,7 @@ def test_a_fault_in_lists_of_several_views_is_invalid_with_its_reason(wide_stage
 
 def test_honest_lists_of_several_views_are_ok_in_a_run_and_in_the_kit(wide_stage, small_scene, tmp_path):
     lists = [name for name in HONEST if name.startswith("ppll")]
-    assert run(Settings(methods=("sas", *lists), **WIDE), tmp_path / "wide")
+    assert run(Settings(methods=("sas", *lists), **WIDE), tmp_path / "wide").well
     with Store(tmp_path / "wide", must_exist=True) as store:
         rows = store.rows()
     assert len(rows) == 2 * len(lists) + 2
@@ -144,7 +144,7 @@ def test_clients_of_a_lane_share_nothing_that_they_receive(small_scene, tmp_path
     settings = Settings(
         methods=("sas", f"{__file__}:Sharing"), **SMALL | {"codec": "h264", "crf": (35,), "display_crf": 35}
     )
-    assert run(settings, tmp_path / "run")
+    assert run(settings, tmp_path / "run").well
     with Store(tmp_path / "run", must_exist=True) as store:
         quality = {(row["method"], row["frame"], row["codec"]): row["psnr"] for row in store.rows()}
     assert len(quality) == 8

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from harness import plugins
-from harness.plugins import (
+from shading_atlas_bench.harness import plugins
+from shading_atlas_bench.harness.plugins import (
     find_packers,
     folder_name,
     label_of,
@@ -18,10 +18,10 @@ from harness.plugins import (
     published_values,
     variant_string,
 )
-from packers.interface import Packer
+from shading_atlas_bench.packers.interface import Packer
 
 SOURCE = """
-    from packers.interface import Packer, Paper, Parameter
+    from shading_atlas_bench.packers.interface import Packer, Paper, Parameter
 
     class Grid(Packer):
         name = "grid"

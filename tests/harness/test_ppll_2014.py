@@ -7,11 +7,16 @@ import csv
 import pytest
 from typer.testing import CliRunner
 
-from harness import ppll_2014
-from harness.cli import app
-from harness.console import InputError
-from harness.ppll_2014 import PUBLISHED_SIZES, Experiment, experiment_of, run_experiment
-from harness.settings import SettingsError
+from shading_atlas_bench.harness.cli.main import app
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.experiments import ppll_2014
+from shading_atlas_bench.harness.experiments.ppll_2014 import (
+    PUBLISHED_SIZES,
+    Experiment,
+    experiment_of,
+    run_experiment,
+)
+from shading_atlas_bench.harness.workload.settings import SettingsError
 
 
 @pytest.fixture(scope="module")

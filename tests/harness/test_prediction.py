@@ -5,10 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from harness.frames import FrameSource
-from harness.prediction import predict
-from harness.settings import Settings
-from harness.views import Pose, conjugate, from_rotation_vector, multiply, rotation_vector
+from shading_atlas_bench.harness.workload.frames import FrameSource
+from shading_atlas_bench.harness.workload.prediction import predict
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.harness.workload.views import (
+    Pose,
+    conjugate,
+    from_rotation_vector,
+    multiply,
+    rotation_vector,
+)
 
 TIMES = np.arange(40) * 1000 / 60
 

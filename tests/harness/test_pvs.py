@@ -5,18 +5,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-import harness.pvs
-from harness.frames import FrameSource
-from harness.pvs import POOR, cell_eyes, potentially_visible
-from harness.settings import Settings
-from harness.upload import upload_scene
-from harness.views import Cell, CellFrustum, Pose, client_view, confined, from_rotation_vector, multiply
-from packers.skips import Skips
-from scenes.features import content_digest, find_features
-from scenes.hall import make_hall
-from scenes.head_motion import HeadMotion
-from scenes.model import Material, Scene
-from scenes.paths import make_path
+from shading_atlas_bench.harness.workload import pvs
+from shading_atlas_bench.harness.workload.frames import FrameSource
+from shading_atlas_bench.harness.workload.pvs import POOR, cell_eyes, potentially_visible
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.harness.workload.views import (
+    Cell,
+    CellFrustum,
+    Pose,
+    client_view,
+    confined,
+    from_rotation_vector,
+    multiply,
+)
+from shading_atlas_bench.packers.skips import Skips
+from shading_atlas_bench.scenes.features import content_digest, find_features
+from shading_atlas_bench.scenes.hall import make_hall
+from shading_atlas_bench.scenes.head_motion import HeadMotion
+from shading_atlas_bench.scenes.model import Material, Scene
+from shading_atlas_bench.scenes.paths import make_path
 
 AHEAD = np.array([0, 0, 0, 1.0])
 
@@ -168,7 +176,7 @@ def test_tiny_triangles_are_looked_for_with_more_samples(device, opacity, monkey
     found = potentially_visible(carpet, *cell)
     assert found.planned == 9
     assert len(found.ids) > POOR * 4 * frustum.pixels
-    monkeypatch.setattr("harness.pvs.POOR", np.inf)
+    monkeypatch.setattr(pvs, "POOR", np.inf)
     nine = potentially_visible(carpet, *cell, cached=False)
     assert set(found.ids.tolist()) - set(nine.ids.tolist())
     eyes = np.random.default_rng(0).uniform(-0.05, 0.05, (6, 3))
@@ -178,15 +186,19 @@ def test_tiny_triangles_are_looked_for_with_more_samples(device, opacity, monkey
 
 @pytest.mark.parametrize(("cells", "densest"), [(8, 2), (400, 6)])
 def test_only_tiny_triangles_have_a_denser_view(device, monkeypatch, cells, densest):
-    widths, draw = [], harness.pvs._mark
+    widths, draw = [], pvs._mark
     frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
-    monkeypatch.setattr("harness.pvs._mark", lambda *marked: widths.extend(v.width for v in marked[1]) or draw(*marked))
+    monkeypatch.setattr(
+        pvs,
+        "_mark",
+        lambda *marked: widths.extend(v.width for v in marked[1]) or draw(*marked),
+    )
     potentially_visible(_carpet(device, cells), Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
     assert sorted(widths) == [2 * 96] * 8 + [densest * 96]
 
 
 def test_no_view_is_larger_than_can_be_drawn(device, monkeypatch):
-    monkeypatch.setattr("harness.pvs.LARGEST_VIEW", 256)
+    monkeypatch.setattr(pvs, "LARGEST_VIEW", 256)
     frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
     carpet = _carpet(device, 400)
     with device.record() as record:

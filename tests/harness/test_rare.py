@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from harness.plugins import find_packers, variant_string
-from harness.rare import note_unseen, unseen_costs
-from packers.sas import ShadingAtlasStreaming
-from packers.snakebinning import SnakeBinning
-from reports.store import Store
+from shading_atlas_bench.harness.plugins import find_packers, variant_string
+from shading_atlas_bench.harness.run.rare import note_unseen, unseen_costs
+from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.packers.snakebinning import SnakeBinning
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 

@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from harness.reference import ForwardRenderer
-from harness.upload import upload_scene
-from harness.views import Pose, projection_matrix, view_matrix
-from kernels.raster.resolve import resolve
-from kernels.samples import Samples
-from kernels.shade.shade import shade_twin
-from packers.interface import View
-from scenes.features import find_features
-from scenes.load import load_scene
-from scenes.model import Light, Material, Scene, Sky, Texture
+from shading_atlas_bench.harness.workload.reference import ForwardRenderer
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.harness.workload.views import Pose, projection_matrix, view_matrix
+from shading_atlas_bench.kernels.raster.resolve import resolve
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.shade.shade import shade_twin
+from shading_atlas_bench.packers.interface import View
+from shading_atlas_bench.scenes.features import find_features
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Light, Material, Scene, Sky, Texture
 from tests.conftest import REAL_SCENES
 
 BLACK = Sky((0, 0, 0), (0, 0, 0), (0, 0, 0))

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.columns import FRAME_COLUMNS
+from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS
 
 ROOT = Path(__file__).parents[2]
 BAD = Path(__file__).parent / "bad_packers.py"
@@ -25,7 +25,7 @@ VARYING = {column.name for column in FRAME_COLUMNS if column.kind == "time"} - {
 def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
     """Run the command line in a process of its own, at 80 columns."""
     return subprocess.run(
-        [sys.executable, "-m", "harness", *arguments],
+        [sys.executable, "-m", "shading_atlas_bench", *arguments],
         cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
         check=False,
     )  # fmt: skip
@@ -93,7 +93,7 @@ def test_the_work_group_size_changes_no_byte(whole: Path, tmp_path: Path):
 
 def test_a_killed_run_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "harness", "run", *SMALL, "--out", str(folder)]
+    command = [sys.executable, "-m", "shading_atlas_bench", "run", *SMALL, "--out", str(folder)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     try:
         until = time.monotonic() + 200
@@ -274,7 +274,7 @@ def test_results_of_an_edited_packer_do_not_mix_with_older_ones(tmp_path: Path):
 
 def test_a_stopped_run_says_what_is_kept(tmp_path: Path):
     folder = tmp_path / "run"
-    command = [sys.executable, "-m", "harness", "run", *SMALL, "--out", str(folder)]
+    command = [sys.executable, "-m", "shading_atlas_bench", "run", *SMALL, "--out", str(folder)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
     until = time.monotonic() + 200
     while not _finished(folder) and time.monotonic() < until and process.poll() is None:

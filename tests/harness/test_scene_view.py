@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from harness.scene_view import HEIGHT, WIDTH, half_blocks, show_scene
-from harness.session import open_scene
-from harness.settings import Settings
-from scenes.images import read_image
+from shading_atlas_bench.harness.cli.scene_view import HEIGHT, WIDTH, half_blocks, show_scene
+from shading_atlas_bench.harness.workload.session import open_scene
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.scenes.images import read_image
 from tests.scenes.test_load_files import box
 
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from harness.codecs import EncodedFrame
-from harness.lane import Sent
+from shading_atlas_bench.harness.measure.codecs import EncodedFrame
+from shading_atlas_bench.harness.measure.lane import Sent
 
 KEY = ("h264", 25)
 

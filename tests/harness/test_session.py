@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.session import Session, open_session
-from harness.settings import Settings
-from kernels.device import Device, DeviceError
-from scenes.model import SceneError
-from scenes.paths import CameraPath
+from shading_atlas_bench.harness.workload.session import Session, open_session
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.kernels.device import Device, DeviceError
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.paths import CameraPath
 
 
 def test_the_pace_is_that_of_the_frames_that_are_run() -> None:

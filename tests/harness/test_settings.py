@@ -4,9 +4,9 @@ import json
 
 import pytest
 
-from harness.presets import LINKED_LISTS as LISTS
-from harness.presets import PRESETS
-from harness.settings import (
+from shading_atlas_bench.harness.workload.presets import LINKED_LISTS as LISTS
+from shading_atlas_bench.harness.workload.presets import PRESETS
+from shading_atlas_bench.harness.workload.settings import (
     Settings,
     SettingsError,
     parse_cell,

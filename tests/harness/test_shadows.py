@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness import shadows
-from harness.shadows import cached_shadow_maps
-from kernels.device import Device
-from kernels.shade.shadow import ROW_FLOATS, ShadowMaps
-from scenes.model import Camera, Light, Scene
+from shading_atlas_bench.harness.workload import shadows
+from shading_atlas_bench.harness.workload.shadows import cached_shadow_maps
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.shade.shadow import ROW_FLOATS, ShadowMaps
+from shading_atlas_bench.scenes.model import Camera, Light, Scene
 
 SPOT = Light("spot", (1.0, 1.0, 1.0), cone=30.0)
 CORNERS = np.eye(3, dtype=np.float32)

@@ -6,21 +6,21 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from harness.console import InputError
-from harness.explain import explain as measure_skips
-from harness.explain import rows_of
-from harness.frames import FrameSource
-from harness.lane import Lane
-from harness.metrics import Metrics
-from harness.reference import ForwardRenderer
-from harness.run import run
-from harness.session import find_methods, open_session
-from harness.settings import Settings, SettingsError
-from harness.skips import ALWAYS, SKIPS, check_names, known_skips, skipped_stages
-from harness.upload import upload_scene
-from packers.skips import Skips
-from scenes.features import find_features
-from scenes.model import SLOTS
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.metrics import Metrics
+from shading_atlas_bench.harness.run.explain import explain as measure_skips
+from shading_atlas_bench.harness.run.explain import rows_of
+from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.workload.frames import FrameSource
+from shading_atlas_bench.harness.workload.reference import ForwardRenderer
+from shading_atlas_bench.harness.workload.session import find_methods, open_session
+from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
+from shading_atlas_bench.harness.workload.skips import ALWAYS, SKIPS, check_names, known_skips, skipped_stages
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.packers.skips import Skips
+from shading_atlas_bench.scenes.features import find_features
+from shading_atlas_bench.scenes.model import SLOTS
 
 SMALL = Settings(detail=40_000, width=160, height=90, atlas_width=512, atlas_height=512, frames=3, codec="none")
 FRAMES = 3
@@ -198,6 +198,6 @@ def test_explaining_after_a_run_may_build_kernels(tmp_path, monkeypatch):
         session.device.announce("kernels/some.cl")
         return {}
 
-    monkeypatch.setattr("harness.run.explain", explained)
-    monkeypatch.setattr("harness.run.rows_of", lambda _: [])
-    assert run(replace(SMALL, methods=("sas",), frames=1), tmp_path / "run", explained=True)
+    monkeypatch.setattr("shading_atlas_bench.harness.run.run.explain", explained)
+    monkeypatch.setattr("shading_atlas_bench.harness.run.run.rows_of", lambda _: [])
+    assert run(replace(SMALL, methods=("sas",), frames=1), tmp_path / "run", explained=True).well

@@ -13,18 +13,18 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from harness.cli import app
-from harness.console import InputError
-from harness.exact import draw_exact
-from harness.stress import Contender, Log, StressRun
-from harness.stress_catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
-from harness.trial import Case, Finding, Stage, try_method, try_rasteriser
-from harness.watchdog import time_limit
-from reports.stress import magnitude, matrix
-from scenes.model import SceneError
-from scenes.paths import PathError
+from shading_atlas_bench.harness.cli.main import app
+from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
+from shading_atlas_bench.harness.conformance.stress import Contender, Log, StressRun
+from shading_atlas_bench.harness.conformance.trial import Case, Finding, Stage, try_method, try_rasteriser
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.measure.exact import draw_exact
+from shading_atlas_bench.harness.watch.watchdog import time_limit
+from shading_atlas_bench.packers.example.grid import Grid
+from shading_atlas_bench.reports.pages.stress import magnitude, matrix
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.paths import PathError
 from tests.harness import faulty_packers as faulty
-from tests.packers.grid_packer import Grid
 
 FAULTY = Path(faulty.__file__)
 
@@ -147,7 +147,7 @@ def test_crashes_are_trials_that_failed(tmp_path):
     bad = Path(__file__).parent / "bad_packers.py"
     command = ["stress", "--method", f"{bad}:AbortingAtOnce", "--test", "world-offset", "--quick"]
     done = subprocess.run(
-        [sys.executable, "-m", "harness", *command, "--out", str(tmp_path / "out")],
+        [sys.executable, "-m", "shading_atlas_bench", *command, "--out", str(tmp_path / "out")],
         cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=300, check=False,
     )  # fmt: skip
     assert done.returncode == 1, done.stderr

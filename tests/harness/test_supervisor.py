@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from harness import supervisor
-from harness.supervisor import Supervisor, ended_by, overdue_steps
-from kernels.journal import Journal, read_journal
-from kernels.runtime.builtins_library import installed_package
-from kernels.runtime.vendors import mirror
+from shading_atlas_bench.harness.cli import supervisor
+from shading_atlas_bench.harness.cli.supervisor import Supervisor, ended_by, overdue_steps
+from shading_atlas_bench.kernels.journal import Journal, read_journal
+from shading_atlas_bench.kernels.runtime.builtins_library import installed_package
+from shading_atlas_bench.kernels.runtime.vendors import mirror
 
 ROOT = Path(__file__).parents[2]
 BAD = Path(__file__).parent / "bad_packers.py"
@@ -25,7 +25,7 @@ SMALL = ["run", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--c
 def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
     """The watched command line."""
     return subprocess.run(
-        [sys.executable, "-m", "harness", *arguments],
+        [sys.executable, "-m", "shading_atlas_bench", *arguments],
         cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
         check=False,
     )  # fmt: skip
@@ -153,7 +153,7 @@ def journal_state(folder: Path, *, building: dict | None = None, ended: dict | N
 @pytest.fixture
 def quiet(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    monkeypatch.setattr("kernels.runtime.opencl.pocl_cache", lambda: tmp_path / "kernels")
+    monkeypatch.setattr("shading_atlas_bench.kernels.runtime.opencl.pocl_cache", lambda: tmp_path / "kernels")
 
 
 ENDED = {"folder": "there", "method": "m", "variant": ""}
@@ -235,7 +235,7 @@ def test_a_shorter_state_leaves_nothing_of_the_longer_one(tmp_path):
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="asks Linux for the children of a process")
 def test_the_watched_process_ends_with_its_supervisor(tmp_path: Path):
-    command = [sys.executable, "-m", "harness", *SMALL, "--frames", "600", "--out", str(tmp_path / "run")]
+    command = [sys.executable, "-m", "shading_atlas_bench", *SMALL, "--frames", "600", "--out", str(tmp_path / "run")]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
     children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
     until = time.monotonic() + 60

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 
-from reports.columns import SWEEP_COLUMNS
-from reports.documents.digests import sweep_parts
+from shading_atlas_bench.reports.documents.digests import sweep_parts
+from shading_atlas_bench.reports.store.columns import SWEEP_COLUMNS
 from tests.harness.test_run import BAD, ROOT, bench
 
 GRID = [
@@ -106,7 +106,7 @@ def test_the_same_command_again_changes_nothing_and_another_plan_is_refused(whol
 
 def test_a_killed_sweep_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
     folder = tmp_path / "out"
-    command = [sys.executable, "-m", "harness", "sweep", *GRID, *QUICK, "--out", str(folder)]
+    command = [sys.executable, "-m", "shading_atlas_bench", "sweep", *GRID, *QUICK, "--out", str(folder)]
     process = subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 200
     while len(list(folder.glob("cells/*"))) < 2 and time.monotonic() < until and process.poll() is None:

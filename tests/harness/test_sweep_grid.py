@@ -5,11 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from harness.console import InputError
-from harness.settings import Settings, SettingsError, settings_of
-from harness.sweep import timing
-from harness.sweep.grid import Cell, make_grid, shuffled
-from harness.sweep.timing import Rule, Timed
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.sweep import timing
+from shading_atlas_bench.harness.sweep.grid import Cell, make_grid, shuffled
+from shading_atlas_bench.harness.sweep.timing import Rule, Timed
+from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, settings_of
 
 ALL = Settings(methods=("ppll", "sas", "snakebinning"), frames=2)
 

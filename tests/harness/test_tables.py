@@ -11,11 +11,11 @@ from pathlib import Path
 
 import pytest
 
-from harness import tables
-from harness.console import InputError
-from reports.documents.digests import speed_parts, transparency_parts
-from reports.documents.kept import FOLDER, Column, Part, Source, read_kept, write_kept
-from reports.documents.markdown import DOCUMENTS
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.experiments import tables
+from shading_atlas_bench.reports.documents.digests import speed_parts, transparency_parts
+from shading_atlas_bench.reports.documents.kept import FOLDER, Column, Part, Source, read_kept, write_kept
+from shading_atlas_bench.reports.documents.markdown import DOCUMENTS
 
 ROOT = Path(__file__).parents[2]
 COMMAND = "bench run --method sas --scene hall --frames 1 --size 96x54 --atlas 128x128 --codec none --metrics flip"
@@ -143,7 +143,7 @@ def test_unusable_arguments_are_refused_in_a_sentence(root: Path):
 )
 def test_the_command_line(arguments: list[str], code: int, said: str):
     done = subprocess.run(
-        [sys.executable, "-m", "harness", "tables", *arguments],
+        [sys.executable, "-m", "shading_atlas_bench", "tables", *arguments],
         check=False, capture_output=True, text=True, encoding="utf-8", cwd=ROOT, env=os.environ | {"COLUMNS": "80"},
     )  # fmt: skip
     assert done.returncode == code, done.stderr

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.validity import Gaps, Violation, check
-from packers.interface import Client, Owners, Payload
+from shading_atlas_bench.harness.measure.validity import Gaps, Violation, check
+from shading_atlas_bench.packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
 SIDE = CELL * ACROSS

@@ -5,9 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.verification.lists import check_bytes, check_structure, count_fragments, is_at
-from harness.views import Cell, CellFrustum, Pose
-from packers.interface import HeldLists, Payload, View
+from shading_atlas_bench.harness.measure.verification.lists import (
+    check_bytes,
+    check_structure,
+    count_fragments,
+    is_at,
+)
+from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose
+from shading_atlas_bench.packers.interface import HeldLists, Payload, View
 
 
 def lists() -> HeldLists:

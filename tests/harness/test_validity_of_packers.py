@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from harness.plugins import find_packers, load_packer
-from harness.upload import upload_scene
-from harness.validity import Violation, check
-from harness.views import Cell, CellFrustum, Pose
-from kernels.device import Device
-from packers.interface import Client, Decoded, Frame, Owners, Payload, ServerScene
-from scenes.model import Material, Scene
+from shading_atlas_bench.harness.measure.validity import Violation, check
+from shading_atlas_bench.harness.plugins import find_packers, load_packer
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.packers.interface import Client, Decoded, Frame, Owners, Payload, ServerScene
+from shading_atlas_bench.scenes.model import Material, Scene
 
 ATLAS = 512
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.views import (
+from shading_atlas_bench.harness.workload.views import (
     Cell,
     CellFrustum,
     Pose,

@@ -9,9 +9,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from harness.run import Run
-from harness.settings import Settings
-from harness.watchdog import ENDED, PackTimeoutError, _Alarm, ended_steps, time_limit
+from shading_atlas_bench.harness.run.loop import Run
+from shading_atlas_bench.harness.watch.watchdog import ENDED, PackTimeoutError, _Alarm, ended_steps, time_limit
+from shading_atlas_bench.harness.workload.settings import Settings
 
 
 def busy(rounds: int = 10**9) -> None:
@@ -54,7 +54,7 @@ def test_one_that_rang_before_its_block_raises_in_it():
 def test_a_profiler_sees_it_end() -> None:
     program = """
 import sys
-from harness.watchdog import time_limit
+from shading_atlas_bench.harness.watch.watchdog import time_limit
 sys.setprofile(lambda *event: None)
 with time_limit(60, "profiled"):
     pass
@@ -79,7 +79,7 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
         asked.append((seconds, what))
         yield
 
-    monkeypatch.setattr("harness.run.time_limit", limit)
+    monkeypatch.setattr("shading_atlas_bench.harness.run.loop.time_limit", limit)
     packer = SimpleNamespace(skip=lambda host: "")
     lane = SimpleNamespace(
         packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0, warm_up=lambda *_: None

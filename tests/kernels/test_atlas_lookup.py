@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kernels.atlas.locate import locate, locate_twin
-from kernels.atlas.lookup import look_up, look_up_twin
-from kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
-from kernels.fragments.opacity import VARIES
-from kernels.samples import Samples
+from shading_atlas_bench.kernels.atlas.locate import locate, locate_twin
+from shading_atlas_bench.kernels.atlas.lookup import look_up, look_up_twin
+from shading_atlas_bench.kernels.atlas.opacity import fragment_opacity, fragment_opacity_twin
+from shading_atlas_bench.kernels.fragments.opacity import VARIES
+from shading_atlas_bench.kernels.samples import Samples
 
 
 def samples_of(device, triangle: np.ndarray, bary: np.ndarray) -> Samples:

@@ -9,10 +9,17 @@ from pathlib import Path
 
 import pytest
 
-from kernels.cache import CacheError
-from kernels.runtime import builtins_library, vendors
-from kernels.runtime.builtins_library import NEEDS, Answer, Package, ask, fitting, remembered_answer
-from kernels.runtime.vendors import Vendors, find_vendors, how_to_get_one, make_home
+from shading_atlas_bench.kernels.cache import CacheError
+from shading_atlas_bench.kernels.runtime import builtins_library, vendors
+from shading_atlas_bench.kernels.runtime.builtins_library import (
+    NEEDS,
+    Answer,
+    Package,
+    ask,
+    fitting,
+    remembered_answer,
+)
+from shading_atlas_bench.kernels.runtime.vendors import Vendors, find_vendors, how_to_get_one, make_home
 
 ROOT = Path(__file__).parents[2]
 ALL = list(NEEDS)
@@ -213,15 +220,15 @@ def test_the_real_compiler_answers(tmp_path, monkeypatch):
 
 MIRRORED = """
 import json
-from kernels.cache import cache_folder, read_checked, write_checked
-from kernels.runtime import builtins_library as library
-from kernels.runtime.vendors import make_home
+from shading_atlas_bench.kernels.cache import cache_folder, read_checked, write_checked
+from shading_atlas_bench.kernels.runtime import builtins_library as library
+from shading_atlas_bench.kernels.runtime.vendors import make_home
 package = library.installed_package()
 library.remembered_answer(package, make_home({".libs/pocl.icd": str(package.driver)}))
 (file,) = cache_folder("opencl").glob("answer-*.json")
 known = json.loads(read_checked(file)) | {"macros": ["AVX", "SSE2"]}  # as if the compiler knew no more
 write_checked(file, json.dumps(known).encode())
-from kernels.device import Device
+from shading_atlas_bench.kernels.device import Device
 from tests.kernels.test_elementary import test_the_bits_are_the_same_everywhere
 device = Device.open("Portable")
 test_the_bits_are_the_same_everywhere(device)

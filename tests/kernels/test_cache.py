@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.cache import CacheError, cache_folder, read_checked, write_checked
+from shading_atlas_bench.kernels.cache import CacheError, cache_folder, read_checked, write_checked
 
 
 @pytest.fixture(scope="module")

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from kernels.case import INPUTS, evaluate, find_cases
-from kernels.device import Device, DeviceError, kernel_names
+from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.kernels.case import INPUTS, evaluate
+from shading_atlas_bench.kernels.device import Device, DeviceError, kernel_names
 
 CASES = {case.name: case for case in find_cases()}
 

@@ -6,9 +6,9 @@ import warnings
 import numpy as np
 import pytest
 
-from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
-from kernels.metrics.ciede2000 import Ciede2000, ciede2000, ciede2000_twin
-from kernels.metrics.colour import lab_from_srgb
+from shading_atlas_bench.kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
+from shading_atlas_bench.kernels.metrics.ciede2000 import Ciede2000, ciede2000, ciede2000_twin
+from shading_atlas_bench.kernels.metrics.colour import lab_from_srgb
 
 # Sharma, Wu and Dalal 2005, table 1: L, a, b of both colours and their difference.
 PAIRS = np.loadtxt(

@@ -7,8 +7,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.device import ROOT
-from kernels.doctor.elementary import ANGLE_ULP, EXP2_ULP, LOG2_ULP, elementary, elementary_twin
+from shading_atlas_bench.kernels.device import kernel_files, stage_name
+from shading_atlas_bench.kernels.doctor.elementary import ANGLE_ULP, EXP2_ULP, LOG2_ULP, elementary, elementary_twin
 
 # Runtimes differ in the last places of these. Metrics may use them: their values are bounded, not equal.
 NOT_DEFINED = (
@@ -59,10 +59,10 @@ def test_the_bits_are_the_same_everywhere(device):
 def test_kernels_use_no_function_whose_bits_depend_on_the_runtime():
     call = re.compile(rf"\b(?:{NOT_DEFINED})\s*\(")
     found = []
-    for file in sorted(ROOT.rglob("*.cl")):
+    for file in kernel_files():
         if file.parent.name in ("metrics", "roofline"):
             continue
         for number, line in enumerate(file.read_text(encoding="utf-8").splitlines(), 1):
             code = line.split("//")[0]
-            found += [f"{file.relative_to(ROOT)}:{number} {match[0]}" for match in call.finditer(code)]
+            found += [f"{stage_name(file)}:{number} {match[0]}" for match in call.finditer(code)]
     assert found == [], "Use kernels/common/elementary.cl."

@@ -7,12 +7,11 @@ import hashlib
 import numpy as np
 import pytest
 
-from kernels.device import Device
-from kernels.inputs.surfaces import EYE, LIGHTS, SKY, make_samples, make_shader, material
-from kernels.raster.rasteriser import Rasteriser
-from kernels.samples import Samples
-from kernels.shade.capture import BRIGHTEST, scene_around, sky_around
-from kernels.shade.environment import (
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.shade.capture import BRIGHTEST, scene_around, sky_around
+from shading_atlas_bench.kernels.shade.environment import (
     MATT,
     ROUGHNESSES,
     SIDE,
@@ -22,11 +21,12 @@ from kernels.shade.environment import (
     look_up,
     map_share,
 )
-from kernels.shade.radiance import radiance
-from kernels.shade.shader import Shader
-from kernels.shade.tables import Lighting, Surface
-from kernels.texture.buffers import TextureBuffers
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.shade.inputs import EYE, LIGHTS, SKY, make_samples, make_shader, material
+from shading_atlas_bench.kernels.shade.radiance import radiance
+from shading_atlas_bench.kernels.shade.shader import Shader
+from shading_atlas_bench.kernels.shade.tables import Lighting, Surface
+from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
+from shading_atlas_bench.kernels.triangles import Triangles
 
 SMOOTHEST = ROUGHNESSES[0]
 GOLDEN = "c7a0b3cab279f263"  # of the map that random triangles give

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.fill.fill import Filler, fill_twin
-from kernels.inputs.atlases import random_atlas
+from shading_atlas_bench.kernels.fill.fill import Filler, fill_twin
+from shading_atlas_bench.kernels.inputs.atlases import random_atlas
 
 
 @settings(max_examples=20, deadline=None)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
-from kernels.metrics.flip import Flip, flip_twin, magma
+from shading_atlas_bench.kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
+from shading_atlas_bench.kernels.metrics.flip import Flip, flip_twin, magma
 
 
 def compared(device, test, reference):

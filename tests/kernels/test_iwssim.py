@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from kernels.device import VARIANTS, Device
-from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
-from kernels.metrics.iwssim import IwSsim, decorrelation, iwssim_twin
+from shading_atlas_bench.kernels.device import VARIANTS, Device
+from shading_atlas_bench.kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
+from shading_atlas_bench.kernels.metrics.iwssim import IwSsim, decorrelation, iwssim_twin
 
 
 def compared(device, test, reference):

@@ -9,8 +9,8 @@ import numpy as np
 import psutil
 import pytest
 
-from kernels.runtime import kernel_cache
-from kernels.runtime.kernel_cache import SEAL, discard, heal, seal
+from shading_atlas_bench.kernels.runtime import kernel_cache
+from shading_atlas_bench.kernels.runtime.kernel_cache import SEAL, discard, heal, seal
 
 ROOT = Path(__file__).parents[2]
 FILES = ("AB/ONE/program.bc", "AB/ONE/draw/64-1-1/draw.so", "AB/ONE/last_accessed", "CD/TWO/program.bc")
@@ -98,8 +98,8 @@ def test_discarding_leaves_nothing(folder: Path):
 
 PROGRAM = """
 import numpy as np
-from kernels.device import Device
-from kernels.doctor.smoke import DEGREE, smoke, smoke_twin
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.doctor.smoke import DEGREE, smoke, smoke_twin
 device = Device.open()
 x, c = np.linspace(-1, 1, 4096).astype(np.float32), np.ones(DEGREE + 1, np.float32)
 values, hashes = smoke(device, x, c)

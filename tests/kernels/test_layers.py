@@ -5,14 +5,14 @@ import itertools
 import numpy as np
 import pytest
 
-from kernels.fragments.blend import blend_layers, blend_twin, nearest_twin
-from kernels.fragments.build import Builder
-from kernels.fragments.layered import LayeredRasteriser, numbered
-from kernels.fragments.layers import mark_layers_twin
-from kernels.inputs.soups import look_at, perspective, random_soup, soup
-from kernels.raster.camera import Camera
-from kernels.raster.rasteriser import Rasteriser
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.fragments.blend import blend_layers, blend_twin, nearest_twin
+from shading_atlas_bench.kernels.fragments.build import Builder
+from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser, numbered
+from shading_atlas_bench.kernels.fragments.layers import mark_layers_twin
+from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, random_soup, soup
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.triangles import Triangles
 
 SIZE = (99, 64)  # rows that do not end with a group of 8
 VIEW = look_at((0, 1, 9), (0, 0, 0))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from kernels.fragments.build import Fragments
-from kernels.fragments.layered import numbered
-from kernels.fragments.layers import shade_fragments
-from kernels.fragments.order import BUCKETS, TILE, order_fragments, order_twin
-from kernels.inputs.surfaces import CASES, EYE, TRIANGLES, make_shader
-from kernels.samples import Samples
+from shading_atlas_bench.kernels.fragments.build import Fragments
+from shading_atlas_bench.kernels.fragments.layered import numbered
+from shading_atlas_bench.kernels.fragments.layers import shade_fragments
+from shading_atlas_bench.kernels.fragments.order import BUCKETS, TILE, order_fragments, order_twin
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.shade.inputs import CASES, EYE, TRIANGLES, make_shader
 
 
 def fragments_with(device, counts, triangle, seed=0):

@@ -5,11 +5,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from kernels.inputs.soups import look_at, orthographic, perspective, pixel_points, random_soup, soup
-from kernels.raster.camera import Camera
-from kernels.raster.clusters import boxes_twin, in_frustum_twin
-from kernels.raster.rasteriser import Rasteriser, ScreenTriangles, draw_twin
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.inputs.soups import (
+    look_at,
+    orthographic,
+    perspective,
+    pixel_points,
+    random_soup,
+    soup,
+)
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.clusters import boxes_twin, in_frustum_twin
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, ScreenTriangles, draw_twin
+from shading_atlas_bench.kernels.triangles import Triangles
 from tests.conftest import REAL_SCENES
 
 SIZE = (96, 64)
@@ -68,7 +75,7 @@ def test_a_planted_error_is_not_explained_by_a_shift(device):
 
 @pytest.mark.skipif(not REAL_SCENES.is_dir(), reason="real scenes are not here")
 def test_part_of_a_real_view_is_drawn_as_by_the_twin(device):
-    from scenes.load import load_scene
+    from shading_atlas_bench.scenes.load import load_scene
 
     scene = load_scene(str(REAL_SCENES / "sponza_dabrovic" / "scene.glb"))
     middle = np.mean([scene.positions.min(axis=0), scene.positions.max(axis=0)], axis=0)
@@ -310,8 +317,8 @@ def test_clusters_outside_the_frustum_are_left_out(device):
 
 @pytest.mark.parametrize("faded", [False, True])
 def test_masked_triangles_have_holes(device, faded):
-    from kernels.texture.mask import AlphaMask, margin_twin
-    from scenes.model import Material, Texture
+    from shading_atlas_bench.kernels.texture.mask import AlphaMask, margin_twin
+    from shading_atlas_bench.scenes.model import Material, Texture
 
     rng = np.random.default_rng(12)
     texels = np.full((16, 16, 4), 255, np.uint8)

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from kernels.inputs.soups import look_at, orthographic, perspective, random_soup, soup
-from kernels.raster.mark import mark_visible, mark_visible_twin
-from kernels.raster.rasteriser import Rasteriser
-from kernels.raster.resolve import resolve, resolve_twin
+from shading_atlas_bench.kernels.inputs.soups import look_at, orthographic, perspective, random_soup, soup
+from shading_atlas_bench.kernels.raster.mark import mark_visible, mark_visible_twin
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.raster.resolve import resolve, resolve_twin
 
 SIZE = (120, 80)
 

@@ -3,14 +3,14 @@
 import numpy as np
 import pytest
 
-from kernels.inputs.soups import look_at, perspective, pixel_points, random_soup, soup
-from kernels.raster.camera import Camera
-from kernels.raster.clusters import EVER
-from kernels.raster.picture import Picture
-from kernels.raster.rasteriser import TILE, Rasteriser
-from kernels.raster.setup import MASK_BIT, RECORD, Scratch, set_up, set_up_twin
-from kernels.raster.tiles import draw_tiles, draw_tiles_twin
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, pixel_points, random_soup, soup
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.raster.clusters import EVER
+from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.rasteriser import TILE, Rasteriser
+from shading_atlas_bench.kernels.raster.setup import MASK_BIT, RECORD, Scratch, set_up, set_up_twin
+from shading_atlas_bench.kernels.raster.tiles import draw_tiles, draw_tiles_twin
+from shading_atlas_bench.kernels.triangles import Triangles
 
 SIZE = (256, 128)
 

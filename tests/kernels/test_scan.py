@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.common.scan import exclusive_scan, exclusive_scan_twin
+from shading_atlas_bench.kernels.common.scan import exclusive_scan, exclusive_scan_twin
 
 
 @settings(max_examples=20, deadline=None)

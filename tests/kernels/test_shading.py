@@ -8,7 +8,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kernels.inputs.surfaces import (
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.shade.faces import uv_scale_twin
+from shading_atlas_bench.kernels.shade.inputs import (
     CASES,
     EYE,
     FULL,
@@ -21,14 +23,12 @@ from kernels.inputs.surfaces import (
     make_shader,
     material,
 )
-from kernels.samples import Samples
-from kernels.shade.faces import uv_scale_twin
-from kernels.shade.shade import shade_twin
-from kernels.shade.shader import Shader
-from kernels.shade.sky import paint_sky_twin
-from kernels.shade.tables import Lighting, Surface
-from kernels.texture.buffers import TextureBuffers
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.shade.shade import shade_twin
+from shading_atlas_bench.kernels.shade.shader import Shader
+from shading_atlas_bench.kernels.shade.sky import paint_sky_twin
+from shading_atlas_bench.kernels.shade.tables import Lighting, Surface
+from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
+from shading_atlas_bench.kernels.triangles import Triangles
 
 
 def shaded(device, shader, samples):
@@ -86,7 +86,7 @@ def test_neither_split_nor_work_group_size_changes_a_byte(device, monkeypatch, l
     materials, lights, features = CASES["everything"]
     shader, samples = make_shader(device, materials, lights, **features), make_samples(device, seed=2)
     expected = shaded(device, shader, samples)
-    monkeypatch.setattr("kernels.shade.shader.CHUNKS", 3)
+    monkeypatch.setattr("shading_atlas_bench.kernels.shade.shader.CHUNKS", 3)
     np.testing.assert_array_equal(shaded(device, shader, samples), expected)
     monkeypatch.setattr(device, "is_cpu", False)
     monkeypatch.setattr(device, "local_size", local)

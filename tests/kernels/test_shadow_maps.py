@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kernels.shade.shadow import LARGE_SIZE, ShadowMaps, shadow_camera
-from kernels.shade.shadow_lookup import lit_share
-from kernels.shade.tables import light_rows
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.shade.shadow import LARGE_SIZE, ShadowMaps, shadow_camera
+from shading_atlas_bench.kernels.shade.shadow_lookup import lit_share
+from shading_atlas_bench.kernels.shade.tables import light_rows
+from shading_atlas_bench.kernels.triangles import Triangles
 
 LIT = 1 - 1e-9  # up to rounding
 

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from kernels.device import VARIANTS, Device
-from kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
-from kernels.metrics.colour import luma
-from kernels.metrics.mse import SquaredError, mse_twin, psnr
-from kernels.metrics.ssim import Ssim, ssim_twin
+from shading_atlas_bench.kernels.device import VARIANTS, Device
+from shading_atlas_bench.kernels.inputs.pictures import KINDS, damaged, flat, on_device, rendering
+from shading_atlas_bench.kernels.metrics.colour import luma
+from shading_atlas_bench.kernels.metrics.mse import SquaredError, mse_twin, psnr
+from shading_atlas_bench.kernels.metrics.ssim import Ssim, ssim_twin
 
 
 def compared(device, test, reference):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.metrics.stretch import stretch, stretch_twin
+from shading_atlas_bench.kernels.metrics.stretch import stretch, stretch_twin
 
 
 def measured(device, triangle, texels):

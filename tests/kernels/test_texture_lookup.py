@@ -7,9 +7,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.texture.buffers import TextureBuffers
-from kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain, srgb_to_linear
-from kernels.texture.sample import trilinear
+from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
+from shading_atlas_bench.kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain, srgb_to_linear
+from shading_atlas_bench.kernels.texture.sample import trilinear
 
 
 def image(texels, srgb=True, wrap_s="repeat", wrap_t="repeat"):

@@ -5,8 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from kernels.inputs.masks import leaves, masked_material, masked_soup
-from kernels.texture.mask import AlphaMask, between, margin_twin, mask_defines
+from shading_atlas_bench.kernels.texture.inputs import leaves, masked_material, masked_soup
+from shading_atlas_bench.kernels.texture.mask import AlphaMask, between, margin_twin, mask_defines
 
 
 @pytest.fixture(name="masked_soup", params=[False, True], ids=["plain", "faded"])

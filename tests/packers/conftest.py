@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
-from packers.interface import ServerScene
+from shading_atlas_bench.packers.interface import ServerScene
 from tests.packers.rooms import room, server_of
 
-DOCUMENTED = "tests/packers/grid_packer.py:Grid"
+DOCUMENTED = "packers/example/grid.py:Grid"
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -21,7 +21,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_generate_tests(metafunc: pytest.Metafunc) -> None:
     """Tests that take a `packer_spec` run once for every built-in packer and the documentation's example."""
     if "packer_spec" in metafunc.fixturenames:
-        from harness.plugins import packer_names
+        from shading_atlas_bench.harness.plugins import packer_names
 
         chosen = metafunc.config.getoption("--packer", default=None)
         specs = [chosen] if chosen else [*packer_names(), DOCUMENTED]

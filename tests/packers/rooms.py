@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from harness.pvs import potentially_visible
-from harness.upload import upload_scene
-from harness.views import Cell, CellFrustum, Pose, client_view
-from kernels.device import Device
-from packers.interface import Frame, ServerScene, View
-from scenes.model import Light, Material, Scene
+from shading_atlas_bench.harness.workload.pvs import potentially_visible
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, client_view
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.packers.interface import Frame, ServerScene, View
+from shading_atlas_bench.scenes.model import Light, Material, Scene
 
 NEAR = 0.02
 FOV = 60.0

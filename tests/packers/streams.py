@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from harness.validity import BUDGET, check
-from harness.verification.isolation import decode_losslessly
-from packers.interface import Frame, Packer, Payload, ServerScene
+from shading_atlas_bench.harness.measure.validity import BUDGET, check
+from shading_atlas_bench.harness.measure.verification.isolation import decode_losslessly
+from shading_atlas_bench.packers.interface import Frame, Packer, Payload, ServerScene
 
 
 class Stream:

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from packers.budget import ALL, HIGHEST, LOWEST, TOLERANCE, BudgetedRate
-from packers.interface import Packer, ServerScene
-from packers.sas import ShadingAtlasStreaming
-from packers.snakebinning import SnakeBinning
-from packers.tss import TessellatedShadingStreaming
+from shading_atlas_bench.packers.budget import ALL, HIGHEST, LOWEST, TOLERANCE, BudgetedRate
+from shading_atlas_bench.packers.interface import Packer, ServerScene
+from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.packers.snakebinning import SnakeBinning
+from shading_atlas_bench.packers.tss import TessellatedShadingStreaming
 from tests.packers.rooms import changing_sets, frame_of
 from tests.packers.streams import Stream
 

@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from harness.views import Cell, CellFrustum, Pose, from_rotation_vector, rotation
-from packers.cell_views import owned_pixels, owned_spans, owners
-from packers.interface import View
+from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, from_rotation_vector, rotation
+from shading_atlas_bench.packers.cell_views import owned_pixels, owned_spans, owners
+from shading_atlas_bench.packers.interface import View
 
 POSE = Pose(np.array([3.0, -2.0, 5.0]), from_rotation_vector(np.array([0.4, -1.1, 0.3])))
 

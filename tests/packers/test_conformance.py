@@ -7,10 +7,10 @@ from typing import Any
 
 import pytest
 
-from harness.check import CHECKS, Kit, guarded_run
-from harness.fuzz import hunt, read_soup, save_soup, try_soup
-from harness.plugins import load_packer
-from harness.trial import Finding, Stage
+from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
+from shading_atlas_bench.harness.conformance.fuzz import hunt, read_soup, save_soup, try_soup
+from shading_atlas_bench.harness.conformance.trial import Finding, Stage
+from shading_atlas_bench.harness.plugins import load_packer
 
 REGRESSIONS = Path(__file__).with_name("regressions")
 EXAMPLES = 100
@@ -60,7 +60,7 @@ def test_a_failing_soup_is_shrunk_and_kept(device, tmp_path, monkeypatch):
     def breaks(_device, _packer, soup) -> Finding:
         return Finding("failed", "too many") if len(soup.corners) > 2 else Finding("ok")
 
-    monkeypatch.setattr("harness.fuzz.try_soup", breaks)
+    monkeypatch.setattr("shading_atlas_bench.harness.conformance.fuzz.try_soup", breaks)
     (packer,) = load_packer("sas")
     soup, found = hunt(device, type(packer), 20)
     assert len(soup.corners) == 3

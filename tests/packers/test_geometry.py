@@ -4,8 +4,8 @@ import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from kernels.triangles import Triangles
-from packers.geometry import GeometryDecoder, GeometryEncoder, shuffle, unshuffle
+from shading_atlas_bench.kernels.triangles import Triangles
+from shading_atlas_bench.packers.geometry import GeometryDecoder, GeometryEncoder, shuffle, unshuffle
 
 
 @given(values=st.lists(st.integers(-(2**31), 2**31 - 1), max_size=40))

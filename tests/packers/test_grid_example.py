@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from harness.reference import ForwardRenderer
-from harness.validity import check
-from packers.interface import Decoded
-from tests.packers.grid_packer import Grid
+from shading_atlas_bench.harness.measure.validity import check
+from shading_atlas_bench.harness.workload.reference import ForwardRenderer
+from shading_atlas_bench.packers.example.grid import Grid
+from shading_atlas_bench.packers.interface import Decoded
 from tests.packers.rooms import frame_of, novel_view, room, server_of
 
 README = "packers/README.md"
@@ -14,9 +14,7 @@ README = "packers/README.md"
 
 def test_the_documentation_shows_this_packer(request):
     root = request.config.rootpath
-    assert (root / "tests/packers/grid_packer.py").read_text(encoding="utf-8") in (root / README).read_text(
-        encoding="utf-8"
-    )
+    assert (root / "packers/example/grid.py").read_text(encoding="utf-8") in (root / README).read_text(encoding="utf-8")
 
 
 def received(packer: Grid, frame, client):

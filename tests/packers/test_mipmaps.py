@@ -6,20 +6,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.lane import Lane
-from harness.plugins import load_packer
-from harness.settings import Settings
-from harness.trial import Stage, try_method
-from harness.upload import upload_scene
-from harness.verification.truth import LEVELS, Truth
-from kernels.fragments.opacity import opacity_twin
-from kernels.shade.shade import shade_twin
-from packers.interface import ALPHA
-from scenes.features import find_features
-from scenes.model import Material, Texture
+from shading_atlas_bench.harness.conformance.trial import Stage, try_method
+from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth
+from shading_atlas_bench.harness.plugins import load_packer
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.kernels.fragments.opacity import opacity_twin
+from shading_atlas_bench.kernels.shade.shade import shade_twin
+from shading_atlas_bench.packers.interface import ALPHA
+from shading_atlas_bench.scenes.features import find_features
+from shading_atlas_bench.scenes.model import Material, Texture
 from tests.packers.rooms import frame_of, novel_view, room
 
-ATLASES = ["sas", "snakebinning", "tss", "tests/packers/grid_packer.py:Grid"]
+ATLASES = ["sas", "snakebinning", "tss", "packers/example/grid.py:Grid"]
 ROUNDED = 1e-3  # share of opacities that rounding may take to another level of 255
 
 

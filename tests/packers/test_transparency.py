@@ -5,22 +5,22 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from harness.plugins import load_packer
-from harness.reference import ForwardRenderer
-from harness.skips import skipped_stages
-from harness.upload import upload_scene
-from harness.validity import check
-from kernels.fragments.layered import LayeredRasteriser
-from kernels.fragments.layers import Layers
-from kernels.fragments.opacity import Opacity
-from packers.interface import ALPHA, Decoded
-from scenes.features import find_features
-from scenes.hall import make_hall
-from scenes.model import Material, Texture
-from scenes.opaque import opaque_version
+from shading_atlas_bench.harness.measure.validity import check
+from shading_atlas_bench.harness.plugins import load_packer
+from shading_atlas_bench.harness.workload.reference import ForwardRenderer
+from shading_atlas_bench.harness.workload.skips import skipped_stages
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser
+from shading_atlas_bench.kernels.fragments.layers import Layers
+from shading_atlas_bench.kernels.fragments.opacity import Opacity
+from shading_atlas_bench.packers.interface import ALPHA, Decoded
+from shading_atlas_bench.scenes.features import find_features
+from shading_atlas_bench.scenes.hall import make_hall
+from shading_atlas_bench.scenes.model import Material, Texture
+from shading_atlas_bench.scenes.opaque import opaque_version
 from tests.packers.rooms import frame_of, novel_view, room, wall
 
-METHODS = ["sas", "snakebinning", "tss", "tests/packers/grid_packer.py:Grid"]
+METHODS = ["sas", "snakebinning", "tss", "packers/example/grid.py:Grid"]
 SIDE = 1024
 TRANSPARENT = ("layers", "blend", "opacity", "alpha")
 

@@ -12,10 +12,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from kernels.device import Device
-from kernels.inputs.soups import NEAR, look_at, perspective
-from kernels.raster.rasteriser import Rasteriser
-from kernels.triangles import Triangles
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.inputs.soups import NEAR, look_at, perspective
+from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
+from shading_atlas_bench.kernels.triangles import Triangles
 from tests.conftest import REAL_SCENES
 from tests.peers.llvmpipe import Llvmpipe
 
@@ -27,7 +27,7 @@ FRAMES = 15
 
 def load(folder: Path) -> tuple[np.ndarray, np.ndarray, dict[str, dict]]:
     """Positions and indices of a scene's folder, and cameras by name, relative to the scene's origin."""
-    from scenes.load import load_scene
+    from shading_atlas_bench.scenes.load import load_scene
 
     scene = load_scene(str(folder / "scene.glb"))
     known = json.loads((folder / "cameras.json").read_text(encoding="utf-8"))

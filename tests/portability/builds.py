@@ -10,10 +10,11 @@ from io import StringIO
 from pathlib import Path
 from typing import Any
 
-from harness.run import run
-from harness.settings import Settings
-from kernels.case import INPUTS, find_cases
-from kernels.device import Device
+from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.kernels.case import INPUTS
+from shading_atlas_bench.kernels.device import ROOT, Device, stage_name
 from tests.portability.small import small_trial
 
 # Materials, lights and masks differ between these, and with them what the shading kernel is built with.
@@ -23,7 +24,7 @@ SMALL = {"frames": 1, "width": 160, "height": 90, "atlas_width": 1024, "atlas_he
 
 @dataclass(frozen=True, order=True)
 class Build:
-    """A source as it reaches the compiler, with the options given; path: of its file below kernels/."""
+    """A source as it reaches the compiler, with the options given; path: the stage, as folder/stage."""
 
     path: str
     options: tuple[str, ...]
@@ -54,10 +55,10 @@ def noted() -> Iterator[set[Build]]:
                 builds.add(Build(paths[-1], tuple(options), self.text))
             return super().build(options, *rest, **named)
 
-    def build_noted(device: Device, path: str, *rest: Any, **defines: Any) -> Any:
-        paths.append(path)
+    def build_noted(device: Device, source: str | Path, *rest: Any, **defines: Any) -> Any:
+        paths.append(stage_name(ROOT / source))
         try:
-            return build(device, path, *rest, **defines)
+            return build(device, source, *rest, **defines)
         finally:
             paths.pop()
 

@@ -18,8 +18,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from kernels.case import INPUTS, find_cases
-from kernels.device import Device
+from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.kernels.case import INPUTS
+from shading_atlas_bench.kernels.device import Device
 from tests.portability.small import small_trial
 
 MISSING = "Oclgrind is missing: install it (Debian, Ubuntu: apt install oclgrind)."

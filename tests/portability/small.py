@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from kernels.case import Case, Trial
-from kernels.device import Device
+from shading_atlas_bench.kernels.case import Case, Trial
+from shading_atlas_bench.kernels.device import Device
 
 # No multiple of a vector's width or of a work-group, so that what is left over is there.
 SIZE = 61

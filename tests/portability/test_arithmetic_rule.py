@@ -31,6 +31,7 @@ ADVICE = "its last bits depend on the processor; use the functions of `arithmeti
 EXEMPT = {
     "arithmetic/draws.py": "where NumPy's random numbers are made the same everywhere",
     "kernels/inputs/": "made-up input of `bench kernels` and of tests",
+    "inputs.py": "made-up input of `bench kernels` and of tests",
     "cases.py": "made-up input of `bench kernels` and of tests",
     "kernels/case.py:seeded": "made-up input of `bench kernels` and of tests",
     "kernels/shade/colour.py:encode": "twin of colour.cl",
@@ -38,7 +39,7 @@ EXEMPT = {
     "kernels/shade/shadow_lookup.py": "twin of shadow_lookup.cl",
     "kernels/texture/sample.py:trilinear": "twin of sample.cl",
     "kernels/metrics/ssim.py:windowed": "used by twins only",
-    "harness/exact.py": "a float64 judge of pictures, which allows for more than rounding",
+    "harness/measure/exact.py": "a float64 judge of pictures, which allows for more than rounding",
 }
 
 

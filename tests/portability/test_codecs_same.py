@@ -77,7 +77,7 @@ def moving_picture(height: int, width: int, frames: int = 3) -> list[np.ndarray]
 
 def coded() -> dict[str, list[str]]:
     """For each kind of stream and size the digests of all bytes and of all decoded pictures."""
-    from harness.codecs import Picture, VideoStream
+    from shading_atlas_bench.harness.measure.codecs import Picture, VideoStream
 
     found = {}
     for height, width in SIZES:
@@ -98,7 +98,7 @@ def coded() -> dict[str, list[str]]:
 # argv: instructions for FFmpeg, x264's `asm`, x264 parameters to leave out, whether swscale keeps its exact flags
 CHILD = """
 import json, sys
-from harness import codecs
+from shading_atlas_bench.harness.measure import codecs
 from tests.portability import test_codecs_same as same
 flags = same.give_only(sys.argv[1])
 for name in ("X264", "X264_GREY"):
@@ -156,5 +156,5 @@ def test_what_depends_on_the_processor_is_seen(left_out: str, flags: str, kind: 
 
 def test_threads_of_decoders_and_conversions_change_nothing(monkeypatch: pytest.MonkeyPatch):
     expected = coded()
-    monkeypatch.setattr("harness.codecs.THREADS", 5)
+    monkeypatch.setattr("shading_atlas_bench.harness.measure.codecs.THREADS", 5)
     assert coded() == expected

@@ -2,7 +2,7 @@
 
 import pytest
 
-from kernels.device import KERNEL, kernel_names
+from shading_atlas_bench.kernels.device import KERNEL, kernel_names
 from tests.portability.builds import Build, builds_of_cases
 from tests.portability.compile import MISSING, TARGETS, Usage, compile_for, find_clang, parse_usage
 
@@ -30,7 +30,7 @@ def builds() -> list[Build]:
 
 
 def test_cases_build_every_kernel(builds):
-    noted = {f"{build.path.removesuffix('.cl')}.{name}" for build in builds for name in KERNEL.findall(build.source)}
+    noted = {f"{build.path}.{name}" for build in builds for name in KERNEL.findall(build.source)}
     assert set(kernel_names()) <= noted
     assert all("-cl-std=CL1.2" in build.options for build in builds)
 

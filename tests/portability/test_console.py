@@ -26,7 +26,7 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def bench(encoding: str, *arguments: str) -> subprocess.CompletedProcess:
     environment = os.environ | {"PYTHONIOENCODING": encoding, "PYTHONUTF8": "0"}
-    command = [sys.executable, "-m", "harness.cli", *arguments]
+    command = [sys.executable, "-m", "shading_atlas_bench.harness.cli.main", *arguments]
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, check=False, timeout=120)
 
 

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from kernels.case import INPUTS, find_cases
-from kernels.device import Device
+from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.kernels.case import INPUTS
+from shading_atlas_bench.kernels.device import Device
 from tests.portability.small import small_trial
 
 

@@ -9,17 +9,17 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[2]
-FLOORS = ("kernels", "scenes", "reports", "packers", "harness")
+NAME = "shading_atlas_bench"
 # Modules are imported twice: libraries, which know the system that they are on, are left as they are the second time.
 IMPORT_ALL = """
 import importlib, os, pkgutil, signal, sys
 sys.path[:0] = [{root!r}, *sys.argv[1:]]
-ours = {floors!r}
-names = [name for floor in ours for _, name, _ in pkgutil.walk_packages([{root!r} + "/" + floor], floor + ".")]
+ours = {name!r}
+names = [name for _, name, _ in pkgutil.walk_packages([{root!r} + "/" + ours], ours + ".") if "__main__" not in name]
 names += sys.argv[2:]
 for name in names:
     importlib.import_module(name)
-for name in [name for name in sys.modules if name.partition(".")[0] in (*ours, *sys.argv[2:])]:
+for name in [name for name in sys.modules if name.partition(".")[0] in (ours, *sys.argv[2:])]:
     del sys.modules[name]
 for name in ("fcntl", "grp", "pwd", "resource", "termios", "tty", "pty", "syslog"):
     sys.modules[name] = None
@@ -37,7 +37,7 @@ print(len(names))
 
 def import_all(*plugins: str) -> subprocess.CompletedProcess:
     """Import all modules, and `plugins`: a folder and the names of modules in it."""
-    code = IMPORT_ALL.format(root=str(ROOT), floors=FLOORS)
+    code = IMPORT_ALL.format(root=str(ROOT), name=NAME)
     command = [sys.executable, "-c", code, *plugins]
     return subprocess.run(command, cwd=ROOT, capture_output=True, encoding="utf-8", check=False, timeout=300)
 

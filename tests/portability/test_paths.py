@@ -7,11 +7,11 @@ from pathlib import Path, PureWindowsPath
 
 import pytest
 
-from harness.plugins import SPEC, find_packers, folder_name, load_packer, variant_string
-from harness.settings import Settings
-from harness.sweep.grid import make_grid, read_axes
-from reports.claims import ClaimsError, read_claims
-from reports.names import fits_everywhere
+from shading_atlas_bench.harness.plugins import SPEC, find_packers, folder_name, load_packer, variant_string
+from shading_atlas_bench.harness.sweep.grid import make_grid, read_axes
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.reports.analysis.claims import ClaimsError, read_claims
+from shading_atlas_bench.reports.store.names import fits_everywhere
 
 FORBIDDEN = set('<>:"/\\|?*') | {chr(code) for code in range(32)}
 OWN = "from packers.sas import ShadingAtlasStreaming\n\nclass Mine(ShadingAtlasStreaming):\n    name = {!r}\n"

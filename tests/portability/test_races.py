@@ -28,7 +28,7 @@ Write-write data race at global memory address 0x3000000000008
 
 PROGRAM = """
 import numpy as np
-from kernels.device import Device
+from shading_atlas_bench.kernels.device import Device
 import pyopencl as cl
 device = Device.open("oclgrind")
 kernel = cl.Program(device.context, '''{source}''').build(cache_dir=False).planted

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from kernels.cache import cache_folder
-from kernels.runtime.opencl import find_devices
-from reports.columns import FRAME_COLUMNS
+from shading_atlas_bench.kernels.cache import cache_folder
+from shading_atlas_bench.kernels.runtime.opencl import find_devices
+from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS
 from tests.portability.test_golden_values import PROCESSORS, ROOT
 
 VARYING = {column.name for column in FRAME_COLUMNS if column.kind == "time"} | {"peak_mb"}
@@ -29,10 +29,13 @@ def others() -> list[str]:
     return list(dict.fromkeys(name for name in names[1:] if name != names[0]))
 
 
+BENCH = (sys.executable, "-m", "shading_atlas_bench.harness.cli.main")
+
+
 def frames(out: Path, method: str, *, work: Path = ROOT, wrap: tuple[str, ...] = (), **environment: str) -> list[dict]:
     """What frames.csv says of a small run in a process of its own, without what may vary."""
     done = subprocess.run(
-        [*wrap, sys.executable, "-m", "harness.cli", "run", "--method", method, *SMALL, "--out", str(out)],
+        [*wrap, *BENCH, "run", "--method", method, *SMALL, "--out", str(out)],
         cwd=work, env=os.environ | {"PYTHONPATH": str(ROOT)} | environment, capture_output=True, text=True,
         timeout=300, check=False,
     )  # fmt: skip

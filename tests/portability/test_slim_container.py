@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from scenes.system_libraries import LIBRARIES
+from shading_atlas_bench.scenes.system_libraries import LIBRARIES
 
 ROOT = Path(__file__).parents[2]
 SMALL = ("--frames", "1", "--size", "160x90", "--atlas", "256x256", "--crf", "25", "--detail", "40000")
@@ -26,7 +26,7 @@ def version(name):
 
 metadata.version = version
 sys.modules["pymeshlab"] = None
-from harness.cli import main
+from shading_atlas_bench.harness.cli.main import main
 main()
 """
 
@@ -45,7 +45,7 @@ def slim(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 
 def bench(environment: dict[str, str], *arguments: str, code: str = "") -> subprocess.CompletedProcess:
-    start = ["-c", code] if code else ["-m", "harness.cli"]
+    start = ["-c", code] if code else ["-m", "shading_atlas_bench.harness.cli.main"]
     command = [sys.executable, *start, *arguments]
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False, timeout=300)
 
@@ -93,8 +93,8 @@ def test_without_pymeshlab_it_is_named_and_how_to_install_it(option: tuple[str, 
 @needs_pymeshlab
 def test_a_library_that_only_a_filter_needs_is_found_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path):
     """pymeshlab itself can be imported without libOpenGL, and then lacks filters."""
-    from scenes.load import load_scene
-    from scenes.model import SceneError
+    from shading_atlas_bench.scenes.load import load_scene
+    from shading_atlas_bench.scenes.model import SceneError
 
     if sys.platform != "linux":
         pytest.skip("the filters are looked at on Linux only")

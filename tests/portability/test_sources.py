@@ -4,7 +4,7 @@ import re
 
 import pytest
 
-from kernels.device import ROOT
+from shading_atlas_bench.kernels.device import kernel_files, stage_name
 
 COMMENT = re.compile(r"//.*")
 DOUBLES = re.compile(r"\b(?:convert_)?double\d*\b")
@@ -24,7 +24,7 @@ def faults_of(source: str) -> list[str]:
     return faults
 
 
-@pytest.mark.parametrize("path", sorted(ROOT.rglob("*.cl")), ids=lambda path: str(path.relative_to(ROOT)))
+@pytest.mark.parametrize("path", kernel_files(), ids=stage_name)
 def test_sources_keep_to_the_language(path):
     assert faults_of(path.read_text(encoding="utf-8")) == []
 

@@ -13,30 +13,30 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from harness.prediction import predict
-from harness.pvs import cell_eyes
-from harness.views import Cell, CellFrustum, Pose, client_view, confined
-from kernels.metrics.flip import Filters, largest_colour_difference
-from kernels.metrics.iwssim import decorrelation
-from kernels.metrics.mse import psnr
-from kernels.metrics.ssim import window
-from kernels.raster.camera import Camera
-from kernels.shade.environment import environment_map
-from kernels.shade.shadow import shadow_camera
-from kernels.shade.tables import light_rows
-from kernels.snakebinning.bins import HeightBins, edge_table
-from kernels.snakebinning.footprint import pack_views
-from kernels.snakebinning.slices import slice_dominating
-from kernels.texture.mipmap import srgb_to_linear
-from kernels.tss.footprint import camera_floats
-from packers.budget import BudgetedRate
-from packers.interface import View
-from scenes.head_motion import HeadMotion
-from scenes.lights import add_lights
-from scenes.load import load_scene
-from scenes.model import Scene
-from scenes.paths import CameraPath, make_path
-from scenes.standing import decide
+from shading_atlas_bench.harness.workload.prediction import predict
+from shading_atlas_bench.harness.workload.pvs import cell_eyes
+from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, client_view, confined
+from shading_atlas_bench.kernels.metrics.flip import Filters, largest_colour_difference
+from shading_atlas_bench.kernels.metrics.iwssim import decorrelation
+from shading_atlas_bench.kernels.metrics.mse import psnr
+from shading_atlas_bench.kernels.metrics.ssim import window
+from shading_atlas_bench.kernels.raster.camera import Camera
+from shading_atlas_bench.kernels.shade.environment import environment_map
+from shading_atlas_bench.kernels.shade.shadow import shadow_camera
+from shading_atlas_bench.kernels.shade.tables import light_rows
+from shading_atlas_bench.kernels.texture.mipmap import srgb_to_linear
+from shading_atlas_bench.packers.budget import BudgetedRate
+from shading_atlas_bench.packers.interface import View
+from shading_atlas_bench.packers.snakebinning.kernels.bins import HeightBins, edge_table
+from shading_atlas_bench.packers.snakebinning.kernels.footprint import pack_views
+from shading_atlas_bench.packers.snakebinning.kernels.slices import slice_dominating
+from shading_atlas_bench.packers.tss.kernels.footprint import camera_floats
+from shading_atlas_bench.scenes.head_motion import HeadMotion
+from shading_atlas_bench.scenes.lights import add_lights
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.paths import CameraPath, make_path
+from shading_atlas_bench.scenes.standing import decide
 from tests.scenes.glb_files import Glb
 
 SMALL = {"hall": 40_000, "village": 130_000, "shells": 2_000}  # triangles

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from reports.store import Store
+from shading_atlas_bench.reports.store.results import Store
 
 FRAMES = 12
 CODINGS = (("h264", 5), ("h264", 10), ("h264", 25), ("h264", 35), ("none", None))

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from reports.budget import SEGMENTS, budget_figure, budget_table, budgets, visible_set
-from reports.tables import NONE
+from shading_atlas_bench.reports.pages.budget import SEGMENTS, budget_figure, budget_table, budgets, visible_set
+from shading_atlas_bench.reports.pages.tables import NONE
 from tests.reports.synthetic import COMMON
 
 LABELS = {("sas", ""): "sas", ("ppll", ""): "ppll"}

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from packers.budget import TOLERANCE
-from reports.claims import (
+from shading_atlas_bench.packers.budget import TOLERANCE
+from shading_atlas_bench.reports.analysis.claims import (
     CONFIRMED,
     HOLDS,
     NOT_CONFIRMED,
@@ -23,10 +23,16 @@ from reports.claims import (
     judge_all,
     read_claims,
 )
-from reports.claims_report import CAUSES_CSV, CLAIMS_CSV, as_cause, as_row, why_not
-from reports.columns import CAUSE_COLUMNS, CAUSE_VERDICTS, CLAIM_COLUMNS, CLAIM_KINDS, CLAIM_VERDICTS
-from reports.csv_files import write_csv
-from reports.documents.digests import places_text
+from shading_atlas_bench.reports.documents.digests import places_text
+from shading_atlas_bench.reports.pages.claims_report import CAUSES_CSV, CLAIMS_CSV, as_cause, as_row, why_not
+from shading_atlas_bench.reports.store.columns import (
+    CAUSE_COLUMNS,
+    CAUSE_VERDICTS,
+    CLAIM_COLUMNS,
+    CLAIM_KINDS,
+    CLAIM_VERDICTS,
+)
+from shading_atlas_bench.reports.store.csv_files import write_csv
 from tests.reports.synthetic import make_store
 
 HEAD = """

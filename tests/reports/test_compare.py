@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.compare import CompareError, Comparison, compare, differences
-from reports.store import Store, StoreError
+from shading_atlas_bench.reports.analysis.compare import CompareError, Comparison, compare, differences
+from shading_atlas_bench.reports.store.results import Store, StoreError
 from tests.reports.synthetic import COMMON, make_store
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from reports.fronts import Candidate, Range, pareto_front, ranges_won
-from reports.sweep_words import verdict
+from shading_atlas_bench.reports.analysis.fronts import Candidate, Range, pareto_front, ranges_won
+from shading_atlas_bench.reports.pages.sweep_words import verdict
 
 FRAMES = 8
 FEW = st.integers(0, 6).map(float)  # few values, so that ties happen

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.csv_files import write_all
-from reports.html import chosen_frames, write_report
-from reports.pictures import find_pictures
-from reports.store import Store, StoreError
-from reports.tables import number, prose, ranges
+from shading_atlas_bench.reports.charts.pictures import find_pictures
+from shading_atlas_bench.reports.pages.html import chosen_frames, write_report
+from shading_atlas_bench.reports.pages.tables import number, prose, ranges
+from shading_atlas_bench.reports.store.csv_files import write_all
+from shading_atlas_bench.reports.store.results import Store, StoreError
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from reports.labels import NOTES, Labels, read_labels
-from reports.store import Store
+from shading_atlas_bench.reports.store.labels import NOTES, Labels, read_labels
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 ROW = COMMON | {"codec": "none", "status": "ok"}

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from reports.claims import read_claims
-from reports.documents.kept import DocumentError
-from reports.documents.published import ALIKE, CELLS, is_unlike, published_parts, read_published
-from reports.store import Store
+from shading_atlas_bench.reports.analysis.claims import read_claims
+from shading_atlas_bench.reports.documents.kept import DocumentError
+from shading_atlas_bench.reports.documents.published import ALIKE, CELLS, is_unlike, published_parts, read_published
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 

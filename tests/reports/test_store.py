@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from reports.columns import DOCUMENT, FRAME_COLUMNS, document
-from reports.store import Store, StoreError
+from shading_atlas_bench.reports.store.columns import DOCUMENT, FRAME_COLUMNS, document
+from shading_atlas_bench.reports.store.results import Store, StoreError
 from tests.reports.synthetic import COMMON, METHODS, PLAN, frame_rows, make_store
 
 ISSUE_ORDER = """scene,scene_hash,path,path_hash,frame_rate,method,variant,codec,crf,frame,status,reason,width,height,
@@ -158,7 +158,7 @@ def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from reports.store import Store
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import frame_rows
 frame, moment = 0, int(sys.argv[2])
 store = Store(Path(sys.argv[1]))

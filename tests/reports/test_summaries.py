@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from reports.columns import BY_NAME, SENT, statistic_columns, summary_columns
-from reports.csv_files import measure_statistics, summarise, write_all
-from reports.store import Store
+from shading_atlas_bench.reports.store.columns import BY_NAME, SENT, statistic_columns, summary_columns
+from shading_atlas_bench.reports.store.csv_files import measure_statistics, summarise, write_all
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 # The second frame after the keyframe is a spike, as an atlas reset is.

@@ -6,12 +6,10 @@ import json
 from pathlib import Path
 from typing import Any
 
-from kernels.case import find_cases
-from reports.charts import COLOURS
-from reports.columns import KERNEL_COLUMNS, STRESS_COLUMNS
-from reports.csv_files import write_csv
-from reports.documents.catalogue import SOURCES
-from reports.documents.digests import (
+from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.reports.charts.figures import COLOURS
+from shading_atlas_bench.reports.documents.catalogue import SOURCES
+from shading_atlas_bench.reports.documents.digests import (
     BROKEN_STAGES,
     equal_parts,
     kernel_parts,
@@ -21,9 +19,11 @@ from reports.documents.digests import (
     stress_parts,
     switch_parts,
 )
-from reports.documents.figure import draw_samples
-from reports.documents.markdown import table_text
-from reports.store import Store
+from shading_atlas_bench.reports.documents.figure import draw_samples
+from shading_atlas_bench.reports.documents.markdown import table_text
+from shading_atlas_bench.reports.store.columns import KERNEL_COLUMNS, STRESS_COLUMNS
+from shading_atlas_bench.reports.store.csv_files import write_csv
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 

@@ -8,10 +8,20 @@ from pathlib import Path
 
 import pytest
 
-from reports.claims import read_claims
-from reports.documents.catalogue import SOURCES
-from reports.documents.kept import FOLDER, ROOT, Column, DocumentError, Kept, Part, Source, checked, write_kept
-from reports.documents.markdown import (
+from shading_atlas_bench.reports.analysis.claims import read_claims
+from shading_atlas_bench.reports.documents.catalogue import SOURCES
+from shading_atlas_bench.reports.documents.kept import (
+    FOLDER,
+    ROOT,
+    Column,
+    DocumentError,
+    Kept,
+    Part,
+    Source,
+    checked,
+    write_kept,
+)
+from shading_atlas_bench.reports.documents.markdown import (
     DOCUMENTS,
     NUMBER,
     OPERAND,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.model import Scene
+from shading_atlas_bench.scenes.model import Scene
 
 
 def assert_sound(scene: Scene) -> None:

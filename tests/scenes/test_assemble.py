@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from scenes.assemble import assemble
-from scenes.model import Light, Material
-from scenes.raw import Part, RawScene
+from shading_atlas_bench.scenes.assemble import assemble
+from shading_atlas_bench.scenes.model import Light, Material
+from shading_atlas_bench.scenes.raw import Part, RawScene
 
 SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float64)
 FACES = np.array([[0, 1, 2], [0, 2, 3]])

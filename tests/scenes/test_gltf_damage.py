@@ -8,8 +8,8 @@ import re
 import numpy as np
 import pytest
 
-from scenes.load import load_scene
-from scenes.model import Scene, SceneError
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Scene, SceneError
 from tests.scenes.glb_files import SQUARE, Glb, square_scene
 
 

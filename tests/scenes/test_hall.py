@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes import builder, surfaces
-from scenes.features import content_digest, find_features
-from scenes.hall import HALF_LENGTH, HALF_WIDTH, HEIGHT, make_hall
-from scenes.model import Scene, SceneError
+from shading_atlas_bench.scenes import builder, surfaces
+from shading_atlas_bench.scenes.features import content_digest, find_features
+from shading_atlas_bench.scenes.hall import HALF_LENGTH, HALF_WIDTH, HEIGHT, make_hall
+from shading_atlas_bench.scenes.model import Scene, SceneError
 from tests.scenes.checks import assert_sound, inward_share
 
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes.head_motion import HeadMotion
-from scenes.paths import PathError
-from scenes.quaternions import rotate
+from shading_atlas_bench.scenes.head_motion import HeadMotion
+from shading_atlas_bench.scenes.paths import PathError
+from shading_atlas_bench.scenes.quaternions import rotate
 
 HEADER = "Time x y z alpha beta gamma\n"
 FORWARD, RIGHT, UP = np.array([0.0, 0, -1]), np.array([1.0, 0, 0]), np.array([0.0, 1, 0])

@@ -7,8 +7,8 @@ import zlib
 import numpy as np
 import pytest
 
-from scenes.images import decode_image
-from scenes.load import load_scene
+from shading_atlas_bench.scenes.images import decode_image
+from shading_atlas_bench.scenes.load import load_scene
 from tests.scenes.glb_files import SQUARE, Glb
 
 GREY, RGB, PALETTE, GREY_ALPHA, RGBA = 0, 2, 3, 4, 6  # PNG's colour types

@@ -5,7 +5,7 @@ import pytest
 from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import gaussian_filter1d
 
-from scenes.lines import curve, smoothed
+from shading_atlas_bench.scenes.lines import curve, smoothed
 
 
 @pytest.mark.parametrize("count", [2, 3, 9, 40])

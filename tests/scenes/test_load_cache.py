@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from scenes.cache import fetch, store
-from scenes.load import load_scene
-from scenes.model import Camera, CameraAnimation
+from shading_atlas_bench.scenes.cache import fetch, store
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation
 from tests.scenes.glb_files import SQUARE, square_scene
 
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from scenes.load import list_scenes, load_scene
-from scenes.model import SceneError
+from shading_atlas_bench.scenes.load import list_scenes, load_scene
+from shading_atlas_bench.scenes.model import SceneError
 from tests.scenes.glb_files import square_scene
 
 OBJ = b"mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\nvn 0 0 1\nusemtl m\nf 1/1/1 2/1/1 3/1/1\nf -1 1 2\n"

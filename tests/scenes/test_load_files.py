@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from scenes.dependencies import input_files
-from scenes.load import load_scene
-from scenes.model import SceneError
-from scenes.polygons import triangulate
+from shading_atlas_bench.scenes.dependencies import input_files
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.polygons import triangulate
 from tests.scenes.checks import area
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"

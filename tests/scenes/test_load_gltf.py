@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenes.load import load_scene
-from scenes.model import Material, SceneError
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Material, SceneError
 from tests.scenes.glb_files import SQUARE, SQUARE_INDICES, Glb, square_scene
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from scenes.load import load_scene
-from scenes.model import SceneError
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import SceneError
 from tests.conftest import REAL_SCENES
 
 LARGE = 12_000_000  # bytes; larger files are measured by hand

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes.dependencies import input_files
-from scenes.load import load_scene
-from scenes.model import Material, Scene, SceneError
-from scenes.mtl import map_statement
-from scenes.polygons import triangulated
-from scenes.raw import RawScene
+from shading_atlas_bench.scenes.dependencies import input_files
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Material, Scene, SceneError
+from shading_atlas_bench.scenes.mtl import map_statement
+from shading_atlas_bench.scenes.polygons import triangulated
+from shading_atlas_bench.scenes.raw import RawScene
 from tests.conftest import REAL_SCENES
 from tests.scenes.checks import area
 

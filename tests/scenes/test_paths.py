@@ -9,13 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from scenes.builder import Palette, ball, box, merge, sheet
-from scenes.hall import make_hall
-from scenes.load import load_scene
-from scenes.model import Camera, CameraAnimation, Scene
-from scenes.paths import HALF_ACROSS, HALF_UP, CameraPath, PathError, list_paths, make_path
-from scenes.quaternions import conjugate, from_matrix, looking, multiply, rotate, slerp
-from scenes.village import make_village
+from shading_atlas_bench.scenes.builder import Palette, ball, box, merge, sheet
+from shading_atlas_bench.scenes.hall import make_hall
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Scene
+from shading_atlas_bench.scenes.paths import HALF_ACROSS, HALF_UP, CameraPath, PathError, list_paths, make_path
+from shading_atlas_bench.scenes.quaternions import conjugate, from_matrix, looking, multiply, rotate, slerp
+from shading_atlas_bench.scenes.village import make_village
 from tests.conftest import REAL_SCENES
 from tests.scenes.checks import nearest, point_distance
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes.features import content_digest
-from scenes.load import list_scenes, load_scene
-from scenes.model import SceneError
-from scenes.shells import ALPHA, SHELLS, make_shells
+from shading_atlas_bench.scenes.features import content_digest
+from shading_atlas_bench.scenes.load import list_scenes, load_scene
+from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.shells import ALPHA, SHELLS, make_shells
 
 
 @pytest.mark.parametrize("detail", [2_000, 60_000, 300_000])

@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from arithmetic.functions import sin
-from scenes.builder import Palette, ball, box, boxes, merge, sheet
-from scenes.load import load_scene
-from scenes.model import Scene
-from scenes.paths import make_path
-from scenes.rays import SLOPES, TURNS, Rays, panorama_directions
-from scenes.standing import decide
-from scenes.village import make_village
+from shading_atlas_bench.arithmetic.functions import sin
+from shading_atlas_bench.scenes.builder import Palette, ball, box, boxes, merge, sheet
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.paths import make_path
+from shading_atlas_bench.scenes.rays import SLOPES, TURNS, Rays, panorama_directions
+from shading_atlas_bench.scenes.standing import decide
+from shading_atlas_bench.scenes.village import make_village
 from tests.conftest import REAL_SCENES
 from tests.scenes.checks import nearest, point_distance
 

@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from scenes.load import load_scene
-from scenes.model import SceneError
+from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import SceneError
 from tests.scenes.glb_files import square_scene
 from tests.scenes.test_load_files import TRIANGLE, box
 

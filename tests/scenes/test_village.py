@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from scenes.model import Scene, SceneError
-from scenes.village import HALF, HOUSES, LEAST_DETAIL, _Ground, make_village, street
+from shading_atlas_bench.scenes.model import Scene, SceneError
+from shading_atlas_bench.scenes.village import HALF, HOUSES, LEAST_DETAIL, _Ground, make_village, street
 from tests.scenes.checks import assert_sound, nearest
 
 

@@ -1,0 +1,49 @@
+"""What `bench list` prints: packers with their parameters, scenes, paths, presets, devices and metrics."""
+
+from __future__ import annotations
+
+from rich.padding import Padding
+
+from shading_atlas_bench.harness.console import make_console, make_table
+
+
+def show_catalogue() -> None:
+    """Print packers with their parameters, scenes, paths, devices and metrics."""
+    from shading_atlas_bench.harness.plugins import find_packers, published_values, value_text
+    from shading_atlas_bench.harness.workload.presets import PRESETS
+    from shading_atlas_bench.kernels.device import kernels_digest
+    from shading_atlas_bench.kernels.runtime.opencl import find_devices, noted_death
+    from shading_atlas_bench.reports.store.columns import MEASURES
+    from shading_atlas_bench.scenes.load import list_scenes
+    from shading_atlas_bench.scenes.paths import list_paths
+
+    console = make_console()
+    for name, packer in find_packers().items():
+        console.print(f"[bold]{name}[/]  {packer.paper.title} ({packer.paper.year})")
+        table = make_table("", "parameter", "default", "sweep", "meaning")
+        for key, parameter in packer.parameters.items():
+            unit = f" [{parameter.unit}]" if parameter.unit else ""
+            sweep = ", ".join(str(value) for value in parameter.sweep)
+            table.add_row(f"  {key}", str(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\["))
+        console.print(table)
+        published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
+        console.print(Padding(f"{name}@published: {published or 'as the defaults'}", (0, 0, 0, 2)))
+        console.print()
+    presets = {name: preset.meaning for name, preset in PRESETS.items()}
+    for title, known in (("scenes", list_scenes()), ("paths", list_paths()), ("presets", presets)):
+        table = make_table(title, "name", "what it is")
+        for name, text in known.items():
+            table.add_row(name, text)
+        console.print(table)
+        console.print()
+    table = make_table("devices (the first without a remark is the default)", "device", "platform", "remark")
+    for found in find_devices():
+        platform = f"{found.device.platform.name} {found.device.platform.version.split(',')[0]}"
+        remark = found.refused() or noted_death(found.key, kernels_digest()) or ""
+        table.add_row(found.device.name.strip(), platform, remark)
+    console.print(table)
+    console.print()
+    table = make_table("metrics", "name", "unit", "better", "meaning")
+    for measure in MEASURES:
+        table.add_row(measure.name, measure.unit, measure.better, measure.meaning)
+    console.print(table)

@@ -1,0 +1,58 @@
+"""What `bench compare` prints: one run beside another, metric by metric."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+
+from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.errors import InputError
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.reports.analysis.compare import Comparison
+
+
+def show_comparison(first: Path, second: Path) -> None:
+    """Print how run `second` compares to run `first`, one line per method, codec, rate and metric."""
+    from shading_atlas_bench.reports.analysis.compare import ALL, compare, differences
+
+    for folder in (first, second):
+        if not (folder / "results.sqlite").is_file():
+            raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+    console = make_console()
+    rows = compare(first, second)
+    if not rows:
+        raise InputError(f"{first} and {second} have no method, codec and rate in common.")
+    groups: dict[tuple, list[Comparison]] = {}
+    for row in rows:
+        groups.setdefault((row.label, row.variant, row.codec, row.crf), []).append(row)
+    for text in differences(first, second):
+        console.print(f"[yellow]differs[/] {escape(text)}")
+    colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
+    for (label, variant, codec, crf), group in groups.items():
+        coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
+        table = make_table(
+            f"{escape(label)}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A",
+            "median B", "B is", "p",
+        )  # fmt: skip
+        for column in table.columns[1:5]:
+            column.justify = "right"
+        if variant:
+            console.print(f"[dim]{escape(variant)}[/]")
+        for row in group:
+            p = "" if row.p is None else f"{row.p:.1g}"
+            verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"
+            means, middles = (row.mean_a, row.mean_b), (row.a, row.b)
+            if row.mean_a is None:  # one value for the run, neither mean nor median of anything
+                means, middles = middles, (None, None)
+            table.add_row(row.metric, *map(_number, (*means, *middles)), verdict, p)
+        console.print(table)
+        console.print()
+
+
+def _number(value: float | None) -> str:
+    if value is None:
+        return ""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"

@@ -1,0 +1,38 @@
+"""Errors for people: one sentence, and an exit code."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import typer
+from rich.markup import escape
+
+from shading_atlas_bench.harness.console import make_console
+from shading_atlas_bench.harness.errors import InputError, StoppedError
+
+UNUSABLE, INTERRUPTED = 2, 130
+
+
+@contextmanager
+def guarded() -> Iterator[None]:
+    """Turn errors about arguments and input into one sentence on stderr and exit code 2; others are bugs and show."""
+    from shading_atlas_bench.harness.workload.settings import SettingsError
+    from shading_atlas_bench.kernels.cache import CacheError
+    from shading_atlas_bench.kernels.device import DeviceError
+    from shading_atlas_bench.reports.analysis.claims import ClaimsError
+    from shading_atlas_bench.reports.documents.kept import DocumentError
+    from shading_atlas_bench.reports.store.results import StoreError
+    from shading_atlas_bench.scenes.model import SceneError
+    from shading_atlas_bench.scenes.paths import PathError
+
+    known = (InputError, SettingsError, CacheError, DeviceError, StoreError, SceneError, PathError, ClaimsError)
+    known += (DocumentError,)
+    try:
+        yield
+    except known as error:
+        make_console(stderr=True).print(f"[bold red]bench:[/] {escape(str(error))}", soft_wrap=True)
+        raise typer.Exit(UNUSABLE) from None
+    except StoppedError as stopped:
+        make_console(stderr=True).print(f"Stopped. {escape(str(stopped))}", soft_wrap=True)
+        raise typer.Exit(INTERRUPTED) from None

@@ -1,0 +1,29 @@
+"""`bench report`: the files of a results folder made again."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from shading_atlas_bench.harness.console import make_console
+from shading_atlas_bench.harness.errors import InputError
+
+
+def show_report(folder: Path) -> None:
+    """Rebuild the CSV files and the report of a results folder."""
+    from shading_atlas_bench.reports.analysis import sweep
+    from shading_atlas_bench.reports.pages import claims_report, html, sweep_report
+    from shading_atlas_bench.reports.store import csv_files
+
+    if claims_report.is_claims(folder):
+        claims_report.write_claims(folder)
+        make_console().print(f"Rebuilt {folder}/claims.csv and claims.html", soft_wrap=True)
+        return
+    if not (folder / "results.sqlite").is_file():
+        raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+    if sweep.is_sweep(folder):
+        sweep_report.write_sweep(folder)
+        make_console().print(f"Rebuilt {folder}/sweep.csv and report.html", soft_wrap=True)
+        return
+    csv_files.write_all(folder)
+    html.write_report(folder)
+    make_console().print(f"Rebuilt {folder}/frames.csv, summary.csv and report.html", soft_wrap=True)

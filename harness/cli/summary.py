@@ -1,0 +1,183 @@
+"""What `bench run` prints in the end: what a frame costs and sends, and what went wrong."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table
+from shading_atlas_bench.harness.run.explain import FRAMES, ROUNDS
+from shading_atlas_bench.reports.store.results import Store
+
+
+def _kilobytes(value: float) -> str:
+    """With a decimal where it tells something."""
+    return f"{value:,.1f}" if value < 1000 else f"{value:,.0f}"
+
+
+# Column of summary.csv, heading, factor, format; where the console is narrow, the last ones are left out.
+WORK = (
+    ("server_ms_median", "server ms", 1, "{:,.1f}".format),
+    ("flip_median", "FLIP", 1, "{:.4f}".format),
+    ("samples_median", "samples", 1, "{:,.0f}".format),
+    ("frame_ms_median", "frame ms", 1, "{:,.1f}".format),
+    ("fill_median", "fill", 1, "{:.2f}".format),
+    ("coherence_median", "cohere", 1, "{:.2f}".format),
+    ("dssim_median", "DSSIM", 1, "{:.4f}".format),
+)
+SIZES = (
+    ("bytes_total_mean", "kB/frame", 1e-3, _kilobytes),
+    ("bytes_total_kbit_s", "kbit/s", 1, "{:,.0f}".format),
+    ("bytes_total_max", "largest", 1e-3, _kilobytes),
+    ("bytes_total_key", "keyframe", 1e-3, _kilobytes),
+    ("bytes_video_mean", "video", 1e-3, _kilobytes),
+    ("bytes_alpha_mean", "alpha", 1e-3, _kilobytes),
+    ("bytes_metadata_mean", "meta", 1e-3, _kilobytes),
+    ("bytes_geometry_mean", "geom", 1e-3, _kilobytes),
+)
+NOTE_WORDS = {"scene": "note", "published": "published", "rare": "not seen", "warning": "warning"}
+SPEED = (("structs_share", "structs/server", "{:.1%}"), ("gather_over_shading", "sample/pixel", "{:.2f}"))  # statistics
+
+
+def show_summary(folder: Path) -> None:
+    """Print what a frame costs and sends per method, codec and rate in a run's folder, what went wrong, and where the
+    results are."""
+    with Store(folder) as store:
+        _show(store, folder)
+
+
+def _show(store: Store, folder: Path) -> None:
+    from shading_atlas_bench.reports.store.csv_files import measured_statistics
+    from shading_atlas_bench.reports.store.labels import read_labels
+
+    console = make_console()
+    rows, labels = store.rows(), read_labels(store)
+    _show_numbers(rows, labels, console)
+    by_view = [row["view_dependence"] for row in rows if row["view_dependence"] is not None]
+    if by_view:
+        console.print(
+            f"[dim]references for the server's and the client's eye differ by a FLIP of {median(by_view):.4f}[/]"
+        )
+    speed = _speed_lines(measured_statistics(rows, store.statistics()), labels)
+    if speed:
+        console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))
+        console.print("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]")
+    for status, count, reason in _troubles(rows, labels):
+        colour = "dim" if status == "skipped" else "red"
+        console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
+    for prefix, colour in (("scene", "dim"), ("published", "dim"), ("rare", "yellow"), ("warning", "yellow")):
+        for text in dict.fromkeys(store.notes.under(prefix).values()):
+            console.print(f"[{colour}]{NOTE_WORDS[prefix]}[/] {escape(text)}")
+    console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)
+
+
+def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str], console: Console) -> None:
+    """A table of work and quality for codings whose picture was judged, and one of sizes for those of video."""
+    from shading_atlas_bench.reports.charts.figures import displayed_codings
+    from shading_atlas_bench.reports.store.csv_files import summarise
+
+    work, sizes = [], []
+    for key in labels:
+        own = [row for row in rows if (row["method"], row["variant"]) == key]
+        judged, summaries = displayed_codings(own), summarise(own)
+        coded = [row for row in summaries if row["codec"] != "none"] or summaries
+        work += [_line(row, labels, WORK) for row in summaries if (row["codec"], row["crf"]) in judged]
+        sizes += [_line(row, labels, SIZES) for row in coded]
+    for title, columns, lines in (
+        ("work and quality per frame: medians", WORK, work),
+        ("kB sent per frame: everything, then its parts; means without keyframe", SIZES, sizes),
+    ):
+        console.print(_fitting(title, ["method", "codec", *(column[1] for column in columns)], lines, console))
+    for line in _uneven(rows, labels):
+        console.print(f"[yellow]frames[/] {escape(line)}")
+
+
+def _uneven(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[str]:
+    """Sentences on methods whose numbers are of fewer frames than the run has."""
+    from shading_atlas_bench.reports.store.columns import MEASURED_STATUSES
+
+    measured: dict[tuple[str, str], set[int]] = {key: set() for key in labels}
+    for row in rows:
+        if row["status"] in MEASURED_STATUSES:
+            measured[row["method"], row["variant"]].add(row["frame"])
+    count = len({row["frame"] for row in rows})
+    few = {key: len(frames) for key, frames in measured.items() if 0 < len(frames) < count}
+    return [
+        f"{labels[key]}: its numbers are of {n} of {count} frames, those of others of more." for key, n in few.items()
+    ]
+
+
+def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tuple) -> list[str]:
+    """One line of a table: the method's label, its coding, and the columns of a row of summary.csv."""
+    coding = f"{row['codec']} {row['crf']}" if row["crf"] is not None else row["codec"] or ""
+    cells = ["" if row.get(name) is None else form(row[name] * scale) for name, _, scale, form in columns]
+    return [labels[row["method"], row["variant"]], coding, *cells]
+
+
+def _speed_lines(statistics: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[list[str]]:
+    """Method and medians of its speed ratios."""
+    values: dict[tuple[str, str], dict[str, list[float]]] = {}
+    for row in statistics:
+        if row["value"] is not None:
+            values.setdefault((row["method"], row["variant"]), {}).setdefault(row["name"], []).append(row["value"])
+    lines = []
+    for key in [key for key in labels if key in values]:
+        named = values[key]
+        cells = [form.format(median(named[name])) if name in named else "" for name, _, form in SPEED]
+        if any(cells):
+            lines.append([labels[key], *cells])
+    return lines
+
+
+def _fitting(title: str, headings: list[str], lines: list[list[str]], console: Console) -> Table:
+    """A table of the leading columns with values that fit the console's width; a method's name is folded to make room,
+    numbers are never cut."""
+    filled = [n for n in range(len(headings)) if n < 3 or any(line[n] for line in lines)]
+    headings, *lines = ([line[n] for n in filled] for line in (headings, *lines))
+    widths = [max(len(cell) for cell in column) for column in zip(headings, *lines, strict=True)]
+    widths[0] = min(widths[0], NARROWEST)
+    count = max(n for n in range(3, len(headings) + 1) if n == 3 or sum(widths[:n]) + 2 * (n - 1) <= console.width)
+    table = make_table(title, *headings[:count])
+    if count < len(headings):
+        table.caption = f"not shown, for lack of width: {', '.join(headings[count:])}"
+    for column in table.columns[1:]:
+        column.no_wrap = True
+    for column in table.columns[2:]:
+        column.justify = "right"
+    room = console.width - sum(widths[1:count]) - 2 * (count - 1)
+    for label, *cells in lines:
+        table.add_row(folded(label, room), *cells[: count - 1])
+    return table
+
+
+def _troubles(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[tuple[str, int, str]]:
+    """Statuses other than ok with how many rows they have and the first reason, method by method."""
+    counts: dict[tuple[str, str], tuple[int, str]] = {}
+    for row in rows:
+        if row["status"] != "ok":
+            label = labels[row["method"], row["variant"]]
+            count, reason = counts.get((row["status"], label), (0, f"{label}: {row['reason']}"))
+            counts[row["status"], label] = (count + 1, reason)
+    return [(status, count, reason) for (status, _), (count, reason) in counts.items()]
+
+
+def show_explained(rows: list[dict[str, Any]]) -> None:
+    """Print the skips as a table."""
+    console = make_console()
+    table = make_table("skips", "skip", "leaves out", "here", "with", "without")
+    for row in rows:
+        times = ["" if row[name] is None else f"{row[name]:.2f}" for name in ("with_ms", "without_ms")]
+        here = f"[green]applies[/]: {row['reason']}" if row["applies"] else f"no: {row['reason']}"
+        table.add_row(row["skip"], row["what"], here, *times)
+    for column in table.columns[3:]:
+        column.justify, column.no_wrap = "right", True
+    console.print(table)
+    console.print(
+        f"[dim]with, without: milliseconds per frame of the work that the skip shortens, all methods together; median "
+        f"of {ROUNDS} rounds over {FRAMES} frames in turn. --no-skip NAME forces one off in a run.[/]"
+    )

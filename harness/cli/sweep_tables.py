@@ -1,0 +1,131 @@
+"""What `bench sweep` prints: the grid before it runs, and who wins afterwards."""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.markup import escape
+
+from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table
+from shading_atlas_bench.harness.run.folder import check_folder
+from shading_atlas_bench.harness.run.plan import duration, expected_pace
+from shading_atlas_bench.harness.sweep.grid import make_grid
+from shading_atlas_bench.harness.workload.session import open_head_motion, open_path, open_scene
+from shading_atlas_bench.harness.workload.skips import skipped_stages
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.reports.analysis.sweep import TOLD, candidates, groups, read_told
+from shading_atlas_bench.reports.pages.sweep_words import CODING_NAMES, COST_NAMES, verdict
+
+if TYPE_CHECKING:
+    from rich.console import Console
+    from rich.table import Table
+
+    from shading_atlas_bench.harness.sweep.grid import Grid
+    from shading_atlas_bench.harness.sweep.wanted import Wanted
+    from shading_atlas_bench.reports.analysis.sweep import Point
+
+
+def show_grid(wanted: Wanted, out: Path | None) -> None:
+    """Print what `bench sweep` would do; opens every scene, runs no kernel."""
+    check_folder(out)
+    grid = make_grid(wanted.settings, wanted.vary)
+    open_head_motion(wanted.settings)
+    device = Device.open(wanted.settings.device)
+    console = make_console()
+    seconds = 10.0
+    for cells in grid.scenes():
+        settings = cells[0].settings
+        scene = open_scene(settings)
+        path = open_path(settings, scene)
+        console.print(
+            f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} "
+            f"frame{'s' * (settings.frames != 1)}"
+        )
+        for name, reason in {cell.packer.name: cell.packer.skip(scene) for cell in cells}.items():
+            if reason:
+                console.print(f"[dim]{name} is skipped:[/] {escape(reason)}")
+        console.print(f"[dim]needs no[/] {', '.join(skipped_stages(scene.features))}")
+        running = [cell for cell in cells if cell.packer.skip(scene) is None]
+        seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
+    console.print(f"device {device.name.strip()}")
+    _show_axes(console, grid)
+    timing = f", then at most {duration(len(grid.cells) * wanted.rule.budget)} of timing" if wanted.timed else ""
+    at_once = f" with {wanted.workers} workers" if wanted.workers > 1 else ""
+    total = duration(seconds / wanted.workers)
+    console.print(f"about {total}{at_once}{timing}; results in {out or 'a new folder below runs/'}")
+
+
+def _show_axes(console: Console, grid: Grid) -> None:
+    """What is varied per contender, and what was left out and why."""
+    table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
+    for contender in dict.fromkeys(cell.contender for cell in grid.cells):
+        own = [cell for cell in grid.cells if cell.contender == contender]
+        axes: dict[str, dict[str, None]] = {}
+        for axis, text in (item for cell in own for item in cell.varied.items()):
+            axes.setdefault(axis, {})[text] = None
+        varied = "; ".join(f"{axis} {', '.join(texts)}" for axis, texts in axes.items())
+        table.add_row(escape(contender), str(len(own)), escape(varied or "as it is"))
+    console.print(table)
+    if grid.left_out:
+        left = make_table("left out", "what", "why")
+        for what, why in grid.left_out:
+            left.add_row(escape(what), escape(why))
+        console.print(left)
+
+
+def show_sweep(points: list[Point], folder: Path) -> None:
+    """Print the cells on each method's front of FLIP over time, who wins where, and what went wrong."""
+    console = make_console()
+    timed = any(point.row["comparable"] == "yes" for point in points)
+    cost, front = ("server_ms", "pareto_time") if timed else ("samples", "pareto_samples")
+    for (condition, coding), own in groups(points).items():
+        lines = [point for point in own if point.row[front] in ("method", "all")]
+        if not lines:
+            continue
+        what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
+        console.print(f"[bold]Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {escape(what)}[/]")
+        console.print(_front_table(lines, cost, timed, console))
+        console.print(escape(verdict(candidates(own, cost, "flip")[1], cost, "flip")))
+        console.print()
+    _show_troubles(console, points)
+    for prefix, word in (*((told, "warning") for told in TOLD), ("rare", "not seen")):
+        for text in read_told(folder, prefix):
+            console.print(f"[yellow]{word}[/] {escape(text)}")
+    console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
+
+
+def _front_table(points: list[Point], cost: str, timed: bool, console: Console) -> Table:
+    """The cells on fronts, contender by contender, in order of their cost."""
+    headings = ("method", "parameters", "server ms", "kB/frame", "kbit/s", "samples", "FLIP")
+    found = []
+    for point in sorted(points, key=lambda point: (point.row["contender"], point.row[f"{cost}_median"])):
+        row = point.row
+        time = f"{row['server_ms_median']:.1f}" if timed else ""
+        if timed and row["server_ms_low"] is not None:
+            time += f" ±{50 * (row['server_ms_high'] - row['server_ms_low']) / row['server_ms_median']:.0f} %"
+        sent = [("bytes_total_mean", 1e-3, "{:,.1f}"), ("bytes_total_kbit_s", 1, "{:,.0f}")]
+        sizes = ["" if row[name] is None else form.format(row[name] * scale) for name, scale, form in sent]
+        samples, flip = f"{row['samples_median']:,.0f}", f"{row['flip_median']:.4f}"
+        found.append((row["contender"], point.label, time, *sizes, samples, flip))
+    table = make_table("", *headings)
+    for column in table.columns[2:]:
+        column.justify, column.no_wrap = "right", True
+    widths = [max(map(len, column)) for column in zip(headings, *found, strict=True)]
+    room = console.width - sum(widths[1:]) - 2 * (len(widths) - 1)
+    for contender, label, *cells in found:
+        table.add_row(folded(contender, max(room, NARROWEST)), escape(label), *cells)
+    return table
+
+
+def _show_troubles(console: Console, points: list[Point]) -> None:
+    """How many cells are not ok, with the first reason of each status and contender; why timing stopped."""
+    cells = {(p.condition, p.row["method"], p.row["variant"], p.row["varied"]): p.row for p in points}.values()
+    counts = Counter((row["contender"], row["status"]) for row in cells if row["status"] != "ok")
+    for (contender, status), count in counts.items():
+        reason = next(row["reason"] for row in cells if (row["contender"], row["status"]) == (contender, status))
+        colour = "dim" if status == "skipped" else "red"
+        console.print(f"[{colour}]{status}[/] {count} cells of {escape(contender)}: {escape(reason or '')}")
+    stops = Counter(row["stop"].partition(":")[0] for row in cells if row["stop"])
+    console.print("timing stopped: " + ", ".join(f"{count} {stop}" for stop, count in stops.most_common()))

@@ -1,0 +1,1 @@
+"""What every packer must pass: checks, fuzzing, adversarial scenes."""

@@ -1,0 +1,381 @@
+"""`bench check`: the conformance kit, what every packer must pass, check by check.
+
+A check is a function of the kit that returns findings; `@check(name)` adds it to CHECKS. The test-suite runs the same
+ones on every packer.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.markup import escape
+
+from shading_atlas_bench.harness.conformance.catalogue import (
+    CATALOGUE,
+    facing,
+    grid,
+    room,
+    scattered,
+    scene_of,
+    still,
+    walk,
+)
+from shading_atlas_bench.harness.conformance.fuzz import hunt, save_soup
+from shading_atlas_bench.harness.conformance.trial import (
+    Case,
+    Finding,
+    Stage,
+    describe,
+    refuses,
+    try_isolation,
+    try_method,
+)
+from shading_atlas_bench.harness.console import make_console, tell_passed_over
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
+from shading_atlas_bench.packers.interface import Packer, Parameter
+from shading_atlas_bench.reports.pages.stress import magnitude
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.harness.workload.session import Session
+    from shading_atlas_bench.kernels.device import Device
+
+SCENES = {"hall": 40_000, "village": 130_000, "shells": 2_000}  # triangles: the fewest that they can have
+SIZE, ATLAS = (160, 90), (512, 512)
+# Tests of the stress catalogue with the magnitude that every packer must bear.
+BEARABLE = {
+    "world-offset": 1e6,
+    "float32-offset": 1e6,
+    "scale-up": 1e6,
+    "scale-down": 1e-6,
+    "slivers": 1e-6,
+    "zero-area": 100,
+    "duplicated": 8,
+    "sub-pixel": 0.001,
+    "screen-filling": 1e4,
+    "fan": 1000,
+    "one-patch": 64,
+    "equal-depth": 64,
+    "near-plane": 0,
+    "behind": 1e4,
+    "wide-view": 170,
+    "narrow-view": 2,
+    "motion": 0,
+    "teleport": 1e3,
+    "empty-frames": 2,
+}
+BENCHMARK = 10.0  # seconds
+EXAMPLES, THOROUGH = 100, 1000
+
+
+class Kit:
+    """A packer's class with its parameters, and the stages that checks share; those are kept for the next packer."""
+
+    def __init__(self, device: Device, packer: Packer, stages: dict[Any, Stage] | None = None) -> None:
+        self.device, self.kind = device, type(packer)
+        self.parameters = {name: getattr(packer, name) for name in packer.parameters}
+        self._stages = {} if stages is None else stages
+
+    def make(self) -> Packer:
+        """A packer without a past."""
+        return self.kind(**self.parameters)
+
+    def stage(self, key: Any, make: Callable[[], Stage]) -> Stage:
+        """The stage of a key, made once."""
+        if key not in self._stages:
+            self._stages[key] = make()
+        return self._stages[key]
+
+    def scene(self, name: str) -> Stage:
+        """Two frames of a walk through a built-in scene, with their own visible sets."""
+        return self.stage(name, lambda: _frames_of(self.session(name)))
+
+    def session(self, name: str) -> Session:
+        """A built-in scene of few triangles, on this kit's device."""
+        from shading_atlas_bench.harness.workload.session import open_session
+        from shading_atlas_bench.harness.workload.settings import Settings
+
+        wide, high = SIZE
+        settings = Settings(scene=name, detail=SCENES[name], path="orbit" if name == "shells" else "walk", frames=2,
+                            width=wide, height=high, atlas_width=ATLAS[0], atlas_height=ATLAS[1])  # fmt: skip
+        return open_session(settings, self.device)
+
+    def case(self, key: str, make: Callable[[], Case]) -> Finding:
+        """What comes out of a case."""
+        return try_method(self.stage(key, lambda: Stage.of(self.device, make())), self.make, again=1)
+
+
+def _frames_of(session: Session) -> Stage:
+    works = [session.source.work(index) for index in range(session.settings.frames)]
+    return Stage(session.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
+
+
+@dataclass(frozen=True)
+class Check:
+    """A check: its name, what it means, and the function that runs it on a kit."""
+
+    name: str
+    what: str
+    run: Callable[[Kit], Finding]
+
+
+CHECKS: dict[str, Check] = {}
+
+
+def check(name: str, what: str) -> Callable:
+    """Register a check."""
+
+    def add(run: Callable[[Kit], Finding]) -> Callable[[Kit], Finding]:
+        CHECKS[name] = Check(name, what, run)
+        return run
+
+    return add
+
+
+@check("parameters", "every parameter's default and sweep can be used, and unknown ones are refused")
+def parameters(kit: Kit) -> Finding:
+    for name, parameter in kit.kind.parameters.items():
+        if not isinstance(parameter, Parameter):
+            return Finding("invalid", f"{name} is no packers.interface.Parameter.")
+        for value in (parameter.default, *parameter.sweep):
+            if objection := parameter.objection(value):
+                return Finding(
+                    "invalid", f"Of the parameter {name}, {value!r} is a default or in the sweep, and it {objection}."
+                )
+        if not parameter.meaning:
+            return Finding("invalid", f"The parameter {name} lacks its meaning.")
+    try:
+        kit.kind(no_such_parameter=1)
+    except ValueError:
+        return Finding("ok")
+    return Finding("invalid", "A parameter that does not exist is not refused with a ValueError.")
+
+
+def _scene_check(name: str) -> None:
+    @check(f"valid on {name}", f"two frames of {name}, with their potentially visible sets")
+    def valid(kit: Kit) -> Finding:
+        return try_method(kit.scene(name), kit.make, again=0)
+
+
+for _name in SCENES:
+    _scene_check(_name)
+
+
+@check("isolated", "clients hold nothing of the server, and show what they receive and nothing else")
+def isolated(kit: Kit) -> Finding:
+    for name in SCENES:
+        found = try_isolation(kit.scene(name), kit.make)
+        if not found.good:
+            break
+    return found
+
+
+@check("deterministic", "two frames of the hall packed again, and again with other work-groups, to the same bytes")
+def deterministic(kit: Kit) -> Finding:
+    return try_method(kit.scene("hall"), kit.make, again=2)
+
+
+@check("picture", "the client shows the surfaces that a float64 rendering shows, at a FLIP of at most 0.1")
+def picture(kit: Kit) -> Finding:
+    found = kit.case("room", _room)
+    if found.good and found.error > 0.1:
+        return replace(found, status="inaccurate", sentence=f"The client's picture has a FLIP of {found.error:.3f}.")
+    return found
+
+
+def _room() -> Case:
+    scene = scene_of(room())
+    return Case(scene, walk(scene), atlas=ATLAS)
+
+
+@check("empty set", "a frame in which nothing is visible, between two others, and as the first")
+def empty_set(kit: Kit) -> Finding:
+    first = kit.case("empty first", lambda: _sets([0.0, 1.0]))
+    return first if not first.good else kit.case("empty between", lambda: _sets([1.0, 0.0, 1.0]))
+
+
+@check("one triangle", "a scene, and a set, of one triangle")
+def one_triangle(kit: Kit) -> Finding:
+    def alone() -> Case:
+        scene = scene_of(facing(np.array([[0, 0, -2.0]]), 0.5))
+        return Case(scene, still(scene))
+
+    found = kit.case("one in the scene", alone)
+    return found if not found.good else kit.case("one in the set", lambda: _sets([1.0, -1.0, 1.0]))
+
+
+@check("other set", "sets that change completely from frame to frame")
+def other_set(kit: Kit) -> Finding:
+    return kit.case("other set", lambda: _sets([0.5, -0.5, 0.5, 1.0]))
+
+
+def _sets(shares: list[float]) -> Case:
+    """The room with sets of the first share of the triangles; of the last where negative; -1 for one triangle."""
+    scene = scene_of(room())
+    ids, count = np.arange(scene.triangle_count, dtype=np.int32), scene.triangle_count
+    parts = {-1.0: ids[count // 2 : count // 2 + 1]}
+    sets = [parts.get(s, ids[: round(s * count)] if s >= 0 else ids[round((1 + s) * count) :]) for s in shares]
+    return Case(scene, walk(scene, 1) * len(sets), sets=tuple(sets), atlas=ATLAS)
+
+
+@check("slivers only", "a scene of nothing but triangles 1000 times as long as high")
+def slivers_only(kit: Kit) -> Finding:
+    def slivers() -> Case:
+        corners = facing(scattered(100, 2.0), 0.4)
+        corners[:, 2] = corners[:, 0] + (corners[:, 1] - corners[:, 0]) / 2 + 1e-3 * (corners[:, 2] - corners[:, 0])
+        scene = scene_of(corners)
+        return Case(scene, still(scene))
+
+    return kit.case("slivers only", slivers)
+
+
+@check("screen-filling", "one triangle that covers the whole picture")
+def screen_filling(kit: Kit) -> Finding:
+    def large() -> Case:
+        scene = scene_of(facing(np.array([[0, 0, -2.0]]), 8))
+        return Case(scene, still(scene))
+
+    return kit.case("screen-filling", large)
+
+
+@check("overflow", "an atlas of 16 x 16 texels: every triangle left out is named, with a reason")
+def overflow(kit: Kit) -> Finding:
+    def tiny() -> Case:
+        scene = scene_of(np.concatenate([room(), grid((-1, -1, -2), (2, 0, 0), (0, 2, 0), 10, 10)]))
+        return Case(scene, walk(scene), atlas=(16, 16))
+
+    return kit.case("overflow", tiny)
+
+
+def _stress_check(name: str, value: float) -> None:
+    test = CATALOGUE[name]
+
+    @check(f"stress {name} {magnitude(value)}", test.what)
+    def bears(kit: Kit) -> Finding:
+        return kit.case(f"{name} {value}", lambda: test.make(value))
+
+
+for _name, _value in BEARABLE.items():
+    _stress_check(_name, _value)
+
+
+def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, device: str | None) -> bool:
+    """Run all checks on a packer and print what came out; whether all passed. Failures' pictures go into `out`.
+
+    Raises InputError or DeviceError for what cannot be used.
+    """
+    from shading_atlas_bench.harness.plugins import load_packer
+    from shading_atlas_bench.kernels.device import Device
+
+    try:
+        packers = load_packer(spec)
+    except ValueError as error:
+        raise InputError(str(error)) from error
+    except Exception as error:
+        raise InputError(f"{spec} cannot be made: {describe(error)}") from error
+    opened = Device.open(device)
+    tell_passed_over(opened)
+    stages: dict[Any, Stage] = {}
+    passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
+    return all(passed)
+
+
+def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bool:
+    console = make_console()
+    console.print(f"[bold]{kit.kind.name}[/]  {len(CHECKS) + 2} checks")
+    failed = 0
+    for name, found in _findings(kit, out, thorough, timeout):
+        failed += not found.good
+        mark = "[green]pass[/]" if found.good else "[bold red]FAIL[/]"
+        console.print(f"{mark} {escape(name)}" + (f": {escape(found.sentence)}" if found.sentence else ""))
+        for path in _write_pictures(out, kit.kind.name, name, found):
+            console.print(f"     [dim]{path}[/]", soft_wrap=True)
+    if failed and out is None:
+        console.print("[dim]--out DIR writes pictures of what failed.[/]")
+    verdict = "[green]all checks passed[/]" if not failed else f"[bold red]{failed} checks failed[/]"
+    console.print(f"[bold]{kit.kind.name}[/]  {verdict}")
+    return not failed
+
+
+def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Iterator[tuple[str, Finding]]:
+    """Every check's finding, one after the other; a hang in a kernel ends the command with a sentence."""
+    console = make_console(stderr=True)
+    for name, one in CHECKS.items():
+        with console.status(name):
+            found = guarded_run(name, one.run, kit, timeout)
+        yield name, found
+    count = THOROUGH if thorough else EXAMPLES
+    name = f"fuzzing, {count} soups"
+    with console.status(name):
+        found = _fuzzed(kit, count, out, timeout)
+    yield name, found
+    with console.status("benchmark"):
+        found = guarded_run("benchmark", benchmark, kit, timeout + BENCHMARK)
+    yield "benchmark", found
+
+
+def guarded_run(name: str, one: Callable[[Kit], Finding], kit: Kit, timeout: float) -> Finding:
+    """A check's finding within a time limit; whatever is raised becomes one."""
+    try:
+        with time_limit(timeout, f"{kit.kind.name}, check {name}"):
+            return one(kit)
+    except PackTimeoutError:
+        return Finding("timeout", f"It took longer than {timeout:g} s.")
+    except Exception as error:
+        return Finding("refused", str(error)) if refuses(error) else Finding("failed", describe(error))
+
+
+def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> Finding:
+    if smallest := hunt(kit.device, kit.kind, count, kit.parameters, timeout):
+        soup, found = smallest
+        path = save_soup((out or Path(".")) / "regressions", kit.kind.name, soup, found)
+        return replace(found, sentence=f"{found.sentence} The smallest such case is kept as {path}.")
+    return Finding("ok")
+
+
+def benchmark(kit: Kit) -> Finding:
+    """Ten seconds of packing the hall, as a sentence: device time by halves, samples, host time."""
+    packer = kit.make()
+    stage = kit.scene("hall").shaded_by(packer)
+    packer.prepare(stage.server)
+    for frame in stage.frames:
+        packer.pack(frame)
+    stage.device.finish()
+    structs, gather, wall, samples = [], [], [], 0
+    until = time.perf_counter() + BENCHMARK
+    while time.perf_counter() < until:
+        start = time.perf_counter()
+        with stage.device.record() as record:
+            samples = packer.pack(stage.frames[len(wall) % len(stage.frames)]).sample_count
+        wall.append((time.perf_counter() - start) * 1000)
+        structs.append(record.total("structs"))
+        gather.append(record.total("gather"))
+    if not any(gather) and not any(structs):
+        return Finding("invalid", 'No kernel was launched as "structs/..." or "gather/...": its time would be zero.')
+    sentence = (
+        f"{len(wall)} frames of the hall, median structs {median(structs):.2f} ms, gather {median(gather):.2f} ms, "
+        f"host {median(wall):.1f} ms, {samples:,} samples."
+    )
+    return Finding("ok", sentence)
+
+
+def _write_pictures(out: Path | None, method: str, name: str, found: Finding) -> list[Path]:
+    from shading_atlas_bench.harness.measure.dump import write_png
+
+    if out is None or found.good:
+        return []
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be written ({error.strerror}): give another --out.") from error
+    paths = []
+    for picture_name, rgb in found.pictures.items():
+        paths.append(out / f"{method}_{name.replace(' ', '_')}_{picture_name}.png")
+        write_png(paths[-1], rgb)
+    return paths

@@ -1,0 +1,1 @@
+"""The papers' own experiments, their claims, and the documents' tables."""

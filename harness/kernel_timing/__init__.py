@@ -1,0 +1,1 @@
+"""The time of every kernel against its error."""

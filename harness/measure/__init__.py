@@ -1,0 +1,1 @@
+"""One method measured on one frame: codecs, metrics, validity, and what is checked from outside."""

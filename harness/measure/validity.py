@@ -1,0 +1,688 @@
+"""Does an atlas hold what a client looks up? Computed from the owners that a packer states, never by the packer.
+
+A *lookup* is the bilinear interpolation at the position where the client looks up a surface point (`Client.locate`).
+It touches those of the four texels around that position whose weight is above `WEIGHT`.
+
+Rules:
+
+placed        Every potentially visible triangle has a place (the client locates its corners) or is listed as unplaced
+              with a reason; never both.
+barycentrics  Samples name an existing triangle, and their barycentrics are finite. Weight i is at least
+              -(1 + MARGIN / h_i), where h_i is the height of the triangle over edge i in the atlas, in texels and at
+              least 1: no further outside than one height (the other half of a block) and MARGIN texels; or the sample
+              is within 1 + MARGIN texels of where it, and a corner, the centre or a near point of its triangle, are
+              looked up; or of a sample inside its triangle, it continues its neighbours, and its weights are at least
+              -2 (1 + MARGIN), as low as two weights of a part of height 1 (a triangle in parts has no one height).
+inside        Samples and lookups stay inside the atlas.
+single owner  No texel is listed twice.
+alpha         Alpha is 255 where a texel is listed and 0 elsewhere: nothing else was written.
+finite        No NaN and no infinity in a plane.
+once          Samples lie where their triangle is looked up. A triangle with more than STRAYS of its samples over
+              DISTANCE texels away is placed a second time. Copies along a cut are none of these: they are looked up
+              from the cut's other side, or continue samples that lie where they are looked up, from either side, to
+              EXACT texels.
+written       Every texel that a lookup inside the triangle touches is written.
+surface       A lookup finds its own surface. Where all texels touched are the triangle's own, their interpolated
+              barycentrics differ from the point looked up by at most LOCATION texels: of the affine map through the
+              triangle's corners in the atlas or, where the map is another one (in perspective, in parts), by the
+              differences from texel to texel. Where a texel has another owner, that owner's surface point is within
+              REACH times the sum of both triangles' texel sizes.
+gaps          A packer that declares it (`Packer.leaves_unwritten`) need not write all of them: texels with their centre
+              over NEAR from the point looked up may be missing or another triangle's, and are counted (`Gaps`), or
+              belong to another part of the same triangle, which shows by the four not being on one plane. All else
+              holds for it too.
+
+Of a method without an atlas only `placed` is checked here: see harness/measure/verification/lists.py.
+
+Lookups are made at the corners and the centre of every placed triangle, at a grid over its area and twice as densely on
+its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
+that the novel view sees. A budget bounds each of these, and the samples of `once`, per frame: triangles and points take
+turns by frame index, so that every one is examined within a few frames.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from threading import Lock
+
+import numpy as np
+
+from shading_atlas_bench.arithmetic.functions import log2
+from shading_atlas_bench.packers.interface import Client, Frame, Owners, Payload
+
+WEIGHT = 1 / 512  # a texel of less weight changes a value by less than half of an 8-bit step
+MARGIN = 2.0  # texels that barycentrics may lie outside: a lookup reaches at most sqrt(2) from an edge
+EXACT = 0.1  # texels
+DISTANCE = 1.0  # texels between a sample and where its surface point is looked up
+STRAYS = 1 / 3
+PART = 0.2  # texels: a step on the surface as long as so much of the way to the next texel, whatever a part's size
+# Steps from a point to its six sides, in barycentrics 1 and 2: between the directions of edges, along which cuts run.
+SIDES = 1e-4 * np.array([[2, -1], [-2, 1], [-1, 2], [1, -2], [-1, -1], [1, 1]], np.float32)
+# Texels; exact maps give 0, the cells on the diagonals of L-packing up to 1/4 (their samples are no parallelogram), a
+# client that forgets the half-texel offset 1/2.
+LOCATION = 1 / 3
+REACH = 3.0
+NEAR = 0.49  # texels: whoever writes all texels within half a texel of a triangle writes these, rounding aside
+BUDGET = 100_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
+WORKERS = 2  # threads: NumPy leaves Python's lock
+CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
+FINEST = 6  # grids have up to 2^6 steps along an edge
+FIRST = 8  # offenders named per violation
+UNOWNED, BORDER = -1, -2  # in the owner plane
+ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
+
+Located = tuple[np.ndarray, np.ndarray, np.ndarray]  # triangles (n), barycentrics (n, 2), atlas positions (n, 2)
+
+
+@dataclass(frozen=True)
+class Violation:
+    """A rule that does not hold: how often, a sentence for people, and the first offenders.
+
+    triangles: scene ids. texels: row * width + column.
+    """
+
+    rule: str
+    count: int
+    sentence: str
+    triangles: tuple[int, ...] = ()
+    texels: tuple[int, ...] = ()
+
+
+@dataclass
+class Gaps:
+    """Of a packer that leaves texels unwritten: how many texels lookups touched, and how many of them are missing."""
+
+    touched: int = 0
+    missing: int = 0
+    _lock: Lock = field(default_factory=Lock, repr=False)
+
+    def count(self, touched: int, missing: int) -> None:
+        """Add those of some lookups; from any thread."""
+        with self._lock:
+            self.touched += touched
+            self.missing += missing
+
+    @property
+    def share(self) -> float | None:
+        """Missing over touched."""
+        return self.missing / self.touched if self.touched else None
+
+
+def check(
+    frame: Frame,
+    payload: Payload,
+    owners: Owners | None,
+    client: Client,
+    visible: Located | None = None,
+    *,
+    budget: int | None = BUDGET,
+    gaps: Gaps | None = None,
+) -> list[Violation]:
+    """Check every rule on one frame; an empty list if all hold.
+
+    client: has received this payload. owners: None for a method without an atlas, of which only the list of unplaced
+        triangles is checked.
+    visible: int32 (n) triangles and float32 (n, 2) barycentrics that the novel view sees, and what the client's
+        `locate` says of them; those of triangles without a place are passed over (they count as missing elsewhere).
+    budget: None examines every triangle and every sample.
+    gaps: given for a packer that declares to leave texels unwritten, whose share is counted here.
+    """
+    if owners is None or not payload.planes:
+        return _check_unplaced(frame, payload, None)
+    planes = {name: plane.get() for name, plane in payload.planes.items()}
+    height, width = next(iter(planes.values())).shape[:2]
+    found = _check_ids(frame, owners)
+    if found:
+        return found  # nothing else can be computed with wrong ids
+    atlas = _Atlas(owners, width, height)
+    found = [*atlas.violations(), *_check_planes(planes, atlas)]
+    anchors = client.locate(np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
+    if anchors is None:
+        return [*found, *_check_unplaced(frame, payload, np.isin(frame.pvs, owners.triangle))]
+    table = _Table(frame, anchors.reshape(-1, len(ANCHORS), 2))
+    found += _check_unplaced(frame, payload, table.placed)
+    lookups = _Lookups(frame, atlas, table, gaps)
+    with ThreadPoolExecutor(WORKERS) as pool:
+        barycentrics = pool.submit(_outside, owners, table)
+        points = [pool.submit(lookups.examine, *some) for some in _points(frame, table, client, visible, budget)]
+        once = _check_once(frame, owners, atlas, client, budget)
+        found += _check_barycentrics(owners, barycentrics.result(), atlas, client) + once
+        for task in points:
+            task.result()
+    return [*found, *lookups.violations()]
+
+
+def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
+    count = frame.scene.triangles.count
+    bad = np.flatnonzero((owners.triangle < 0) | (owners.triangle >= count))
+    if not bad.size:
+        return []
+    sentence = f"{bad.size} samples name a triangle that the scene of {count} triangles does not have."
+    return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+
+
+def _check_unplaced(frame: Frame, payload: Payload, placed: np.ndarray | None) -> list[Violation]:
+    """placed: bool, by place in the PVS; None if the method places nothing in an atlas."""
+    listed = np.fromiter(payload.unplaced, np.int64, len(payload.unplaced))
+    silent = np.array([triangle for triangle, reason in payload.unplaced.items() if not reason], np.int64)
+    foreign = listed[~np.isin(listed, frame.pvs)]
+    cases = [
+        (silent, "are listed as unplaced without a reason"),
+        (foreign, "are listed as unplaced and are not potentially visible"),
+    ]
+    if placed is not None:
+        excused = np.isin(frame.pvs, listed)
+        cases += [
+            (frame.pvs[~placed & ~excused], "of the potentially visible set have no place and are not listed"),
+            (frame.pvs[placed & excused], "are listed as unplaced and have a place"),
+        ]
+    return [
+        Violation("placed", len(bad), f"{len(bad)} triangles {what}.", _first(np.sort(bad)))
+        for bad, what in cases
+        if len(bad)
+    ]
+
+
+class _Atlas:
+    """Which sample lies in each texel, with a border of one texel around, so that lookups at the edge need no special
+    case.
+
+    sample: int32, by place in the plane with its border, row by row. triangle: int32, and bary: float32 (2, ...), by
+    sample, and after the last one what stands where there is none: UNOWNED or BORDER, and zeros.
+    """
+
+    def __init__(self, owners: Owners, width: int, height: int) -> None:
+        self.width, self.height, self.stride = width, height, width + 2
+        self._owners = owners
+        self._inside = self._contains(owners.texel)
+        self._count = count = len(owners.texel)
+        within = np.full(width * height, count, np.int32)
+        if self._inside.all():
+            self._listed = count
+            within[owners.texel] = np.arange(count, dtype=np.int32)
+        else:
+            listed = np.flatnonzero(self._inside)
+            self._listed = len(listed)
+            within[owners.texel[listed]] = listed
+        plane = np.full((height + 2, width + 2), count + 1, np.int32)
+        plane[1:-1, 1:-1] = within.reshape(height, width)
+        self.sample = plane.reshape(-1)
+        self.triangle = np.append(owners.triangle, np.array([UNOWNED, BORDER], np.int32))
+        self.bary = np.zeros((2, count + 2), np.float32)
+        self.bary[:, :count] = owners.bary.T
+
+    @property
+    def owned(self) -> np.ndarray:
+        """bool (height, width)."""
+        return self.sample.reshape(self.height + 2, self.stride)[1:-1, 1:-1] < self._count
+
+    def owner(self, at: np.ndarray) -> np.ndarray:
+        """Triangles of texels in the plane with its border."""
+        return self.triangle[self.sample[at]]
+
+    def unpadded(self, padded: np.ndarray) -> np.ndarray:
+        """row * width + column of texels in the plane with its border."""
+        return (padded // self.stride - 1) * self.width + padded % self.stride - 1
+
+    def beside(self, texel: np.ndarray, triangle: np.ndarray, others: np.ndarray) -> np.ndarray:
+        """Whether one of the four texels next to each texel (n) is among `others` and has the same owner: bool (n)."""
+        at, other = (self.padded(inside[self._contains(inside)]) for inside in (texel, others))
+        among = np.zeros(self.sample.size, bool)
+        among[other] = True
+        found = np.zeros(len(texel), bool)
+        kept = self._contains(texel)
+        for step in (1, -1, self.stride, -self.stride):
+            found[kept] |= among[at + step] & (self.owner(at + step) == triangle[kept])
+        return found
+
+    def towards_neighbours(
+        self, triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray
+    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+        """Surface points a little off samples (n), between the directions to two neighbours of the same triangle, and
+        where they should be looked up: float32 (n, 2) and float64 (n, 2), for each of eight directions."""
+        if not len(texel):
+            return
+        at = self.padded(np.clip(texel, 0, self.width * self.height - 1))  # what lies outside breaks another rule
+        centre = self.centre(texel)
+        for across, down in np.array([[2, 1], [1, 2], [-2, 1], [-1, 2], [2, -1], [1, -2], [-2, -1], [-1, -2]]):
+            moved = bary.astype(np.float64)
+            for step, count in ((np.sign(across), abs(across)), (np.sign(down) * self.stride, abs(down))):
+                beside = self.sample[at + step]
+                own = self.triangle[beside] == triangle
+                moved += np.where(own, count * PART * (self.bary[:, beside] - bary.T), 0).T
+            yield moved.astype(np.float32), centre + PART * np.array([across, down])
+
+    def near_inside(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        """Whether a sample inside the triangle is within 1 + MARGIN texels of each texel (n): bool (n)."""
+        row, column, reach = texel // self.width, texel % self.width, int(1 + MARGIN)
+        found = np.zeros(len(texel), bool)
+        for step in np.ndindex(2 * reach + 1, 2 * reach + 1):
+            line = np.clip(row + step[0] - reach, 0, self.height - 1)
+            beside = self.sample[self.padded(line * self.width + np.clip(column + step[1] - reach, 0, self.width - 1))]
+            bary = self.bary[:, beside]
+            inside = (bary.min(axis=0) >= -1e-4) & (bary.sum(axis=0) <= 1 + 1e-4)
+            found |= inside & (self.triangle[beside] == triangle)
+        return found
+
+    def is_smooth(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+        """Whether each texel (n) continues three neighbours of its triangle, in a row or a square, as a plane does, to
+        half of their differences: bool (n)."""
+        at, sides = self.padded(texel), (1, -1, self.stride, -self.stride)
+        own = self.bary[:, self.sample[at]]
+        smooth = np.zeros(len(texel), bool)
+        for one, other in [(a, b) for a in sides for b in sides if a != -b]:
+            three = self.sample[np.clip(at + np.array([[one], [other], [one + other]]), 0, self.sample.size - 1)]
+            a, b, c = np.moveaxis(self.bary[:, three], 1, 0)
+            off = np.abs(own - (a + b - c)).sum(axis=0)
+            step = np.maximum(np.abs(a - c).sum(axis=0), np.abs(b - c).sum(axis=0))
+            smooth |= (self.triangle[three] == triangle).all(axis=0) & (off <= step / 2)
+        return smooth
+
+    def centre(self, texel: np.ndarray) -> np.ndarray:
+        """Column and row of texels' centres, float64 (n, 2)."""
+        return np.stack([texel % self.width, texel // self.width], axis=1) + 0.5
+
+    def _contains(self, texel: np.ndarray) -> np.ndarray:
+        return (texel >= 0) & (texel < self.width * self.height)
+
+    def padded(self, texel: np.ndarray) -> np.ndarray:
+        """Of texels row * width + column, the index in the plane with its border."""
+        return texel + (texel // self.width) * 2 + (self.stride + 1)
+
+    def violations(self) -> list[Violation]:
+        """Of the rules `inside` and `single owner`."""
+        texel, triangle = self._owners.texel, self._owners.triangle
+        found = []
+        if self._listed < len(texel):
+            out = np.flatnonzero(~self._inside)
+            sentence = f"{out.size} samples lie outside the atlas of {self.width} x {self.height} texels."
+            found.append(Violation("inside", out.size, sentence, _first(triangle[out]), _first(texel[out])))
+        if np.count_nonzero(self.sample < self._count) < self._listed:
+            values, counts = np.unique(texel[self._inside], return_counts=True)
+            twice = values[counts > 1]
+            culprits = triangle[np.isin(texel, twice[:FIRST])]
+            sentence = f"{twice.size} texels are listed more than once."
+            found.append(Violation("single owner", twice.size, sentence, _first(np.unique(culprits)), _first(twice)))
+        return found
+
+
+def _check_planes(planes: dict[str, np.ndarray], atlas: _Atlas) -> list[Violation]:
+    found = []
+    for position, (name, plane) in enumerate(planes.items()):
+        if plane.dtype.kind == "f" and not np.isfinite(plane).all():
+            bad = np.flatnonzero(~np.isfinite(plane).all(axis=-1))
+            sentence = f"{bad.size} texels of the plane {name!r} are not finite."
+            found.append(Violation("finite", bad.size, sentence, texels=_first(bad)))
+        if position == 0:
+            wrong = np.flatnonzero(plane[..., 3] != atlas.owned * np.uint8(255))
+            if wrong.size:
+                sentence = (
+                    f"{wrong.size} texels have an alpha that is not 255 where they are listed, or not 0 elsewhere."
+                )
+                found.append(Violation("alpha", wrong.size, sentence, texels=_first(wrong)))
+    return found
+
+
+class _Table:
+    """What the lookups need of each triangle of the PVS, by its place in the PVS (its row)."""
+
+    def __init__(self, frame: Frame, anchors: np.ndarray) -> None:
+        self.pvs = frame.pvs
+        self.anchors = anchors
+        self.placed = np.isfinite(anchors).all(axis=(1, 2))
+        self.row = np.full(frame.scene.triangles.count, -1, np.int32)
+        self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
+        corners = anchors[:, :3]
+        # (2, n, 2): column and row of the atlas, triangle, and the barycentrics 1 and 2 they change with, in texels
+        self.jacobian = np.ascontiguousarray((corners[:, 1:] - corners[:, :1]).transpose(2, 0, 1))
+        self._frame = frame
+
+    def corners(self, triangles: np.ndarray) -> np.ndarray:
+        """Positions float64 (n, 3, 3)."""
+        scene = self._frame.scene.host
+        return scene.positions[scene.indices[triangles]].astype(np.float64)
+
+    @cached_property
+    def edges(self) -> np.ndarray:
+        """Lengths in the atlas, in texels, of the edges opposite corners 0, 1 and 2: float64 (n, 3)."""
+        corners = self.anchors[:, :3]
+        return np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+
+    def heights(self, rows: np.ndarray) -> np.ndarray:
+        """Heights in the atlas over the edges opposite corners 0, 1 and 2, in texels: float64 (n, 3)."""
+        area = np.abs(self.determinant[rows])
+        return area[:, None] / np.maximum(self.edges[rows], 1e-9)
+
+    @cached_property
+    def determinant(self) -> np.ndarray:
+        """Twice the signed area in the atlas, in texels: float64 (n)."""
+        column, row = self.jacobian
+        return column[:, 0] * row[:, 1] - column[:, 1] * row[:, 0]
+
+    @cached_property
+    def texel_size(self) -> np.ndarray:
+        """Longest extent on the surface of one texel, in scene units, at most the longest edge: float64 (n).
+
+        The largest singular value of the map from the atlas to the surface (edges times the inverse Jacobian).
+        """
+        p = self.corners(self.pvs)
+        longest = np.linalg.norm(p[:, [2, 0, 1]] - p[:, [1, 2, 0]], axis=2).max(axis=1)
+        with np.errstate(all="ignore"):
+            column, row = self.jacobian
+            first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
+            along_column = (first * row[:, 1, None] - second * row[:, 0, None]) / self.determinant[:, None]
+            along_row = (second * column[:, 0, None] - first * column[:, 1, None]) / self.determinant[:, None]
+            a, c = (along_column * along_column).sum(axis=1), (along_row * along_row).sum(axis=1)
+            b = (along_column * along_row).sum(axis=1)
+            size = np.sqrt((a + c + np.sqrt((a - c) * (a - c) + 4 * b * b)) / 2)
+        return np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
+
+
+def _outside(owners: Owners, table: _Table) -> np.ndarray:
+    """Samples whose barycentrics are not finite or lie too far outside their triangle, as one of one height."""
+    found = [np.empty(0, np.int64)]
+    for start in range(0, len(owners.triangle), CHUNK):
+        b1, b2 = owners.bary[start : start + CHUNK].T
+        lowest = np.minimum(np.minimum(b1, b2), 1 - b1 - b2)
+        bad = np.flatnonzero(~(lowest >= -1))  # NaN and infinities fail any comparison; -1 is allowed to all
+        rows = table.row[owners.triangle[start + bad]]
+        weights = np.stack([1 - b1[bad] - b2[bad], b1[bad], b2[bad]])
+        heights = np.where(rows >= 0, table.heights(rows).T, 1)
+        allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
+        found.append(start + bad[~(allowed & np.isfinite(weights)).all(axis=0)])
+    return np.concatenate(found)
+
+
+def _check_barycentrics(owners: Owners, outside: np.ndarray, atlas: _Atlas, client: Client) -> list[Violation]:
+    centre = atlas.centre(owners.texel[outside])
+    outside = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
+    bad = outside[~_continues(owners.triangle[outside], owners.bary[outside], owners.texel[outside], atlas)]
+    if not bad.size:
+        return []
+    sentence = f"{bad.size} samples have barycentrics that are not finite or lie too far outside their triangle."
+    return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+
+
+def _close_by(triangle: np.ndarray, bary: np.ndarray, centre: np.ndarray, client: Client) -> np.ndarray:
+    """Whether samples (n) lie within 1 + MARGIN texels of where they, and a point inside their triangle, are looked up.
+
+    A triangle in parts has no one height in the atlas: a texel beside a small part of it may be far outside.
+    """
+    close = np.isfinite(bary).all(axis=1)
+    if not close.any():
+        return close
+    own = bary[close].astype(np.float64)[:, None]
+    weights = np.maximum(np.concatenate([1 - own.sum(axis=2, keepdims=True), own], axis=2), 0)
+    clamped = (weights / weights.sum(axis=2, keepdims=True))[..., 1:]
+    points = np.concatenate([own, clamped, np.broadcast_to(ANCHORS, (len(own), *ANCHORS.shape))], axis=1)
+    count = points.shape[1]
+    places = client.locate(np.repeat(triangle[close], count), points.reshape(-1, 2).astype(np.float32))
+    near = np.abs(places.reshape(-1, count, 2) - centre[close][:, None]).max(axis=2) <= 1 + MARGIN
+    close[close] = near[:, 0] & near[:, 1:].any(axis=1)
+    return close
+
+
+def _continues(triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray, atlas: _Atlas) -> np.ndarray:
+    """Whether samples (n) continue a low part of their triangle: near a sample inside it, and not far outside."""
+    weights = np.stack([1 - bary.sum(axis=1), *bary.T])
+    low = (weights >= -2 * (1 + MARGIN)).all(axis=0)
+    return low & atlas.near_inside(texel, triangle) & atlas.is_smooth(texel, triangle)
+
+
+def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
+    turns = _turns(len(owners.triangle), budget)
+    has_turn = np.arange(frame.scene.triangles.count) % turns == frame.index % turns
+    chosen = np.flatnonzero(has_turn[owners.triangle])
+    triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
+    b1, b2 = bary.T
+    within = (np.minimum(b1, b2) >= -1e-4) & (b1 + b2 <= 1 + 1e-4)
+    triangle, bary, texel = triangle[within], bary[within], texel[within]
+    centre = atlas.centre(texel)
+    distance = _apart(client.locate(triangle, bary), centre)
+    stray = distance > DISTANCE  # False where a triangle has no place
+    for side in SIDES:
+        strays = np.flatnonzero(stray)
+        beside = client.locate(triangle[strays], bary[strays] + side) if strays.size else centre[strays]
+        distance[strays] = np.fmin(distance[strays], _apart(beside, centre[strays]))
+        stray[strays] = distance[strays] > DISTANCE
+    strays = np.flatnonzero(stray)
+    for point, at in atlas.towards_neighbours(triangle[strays], bary[strays], texel[strays]):
+        beside = client.locate(triangle[strays], point)
+        distance[strays] = np.fmin(distance[strays], _apart(beside, at))
+    stray[strays] = distance[strays] > DISTANCE
+    stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
+    if stray.any():
+        count = np.bincount(triangle)
+        strays = np.bincount(triangle[stray], minlength=len(count))
+        twice = np.flatnonzero(strays > STRAYS * count)
+        if twice.size:
+            texels = texel[stray & np.isin(triangle, twice)]
+            sentence = f"{twice.size} triangles have samples over {DISTANCE:g} texel from where a client looks them up."
+            return [Violation("once", twice.size, sentence, _first(twice), _first(texels))]
+    return []
+
+
+def _points(
+    frame: Frame, table: _Table, client: Client, visible: Located | None, budget: int | None
+) -> Iterator[Located]:
+    """All lookups, a chunk at a time."""
+    rows = np.flatnonzero(table.placed)
+    anchors = len(ANCHORS)
+    turns = _turns(anchors * len(rows), budget)
+    chosen = rows[frame.index % turns :: turns]
+    for start in range(0, len(chosen), CHUNK // anchors):
+        part = chosen[start : start + CHUNK // anchors]
+        yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
+    for triangles, bary in _grids(frame, table, rows, budget):
+        yield triangles, bary, client.locate(triangles, bary)
+    if visible is None:
+        return
+    turns = _turns(len(visible[0]), budget)
+    seen = [array[frame.index % turns :: turns] for array in visible]
+    for start in range(0, len(seen[0]), CHUNK):
+        triangles, bary, located = (array[start : start + CHUNK] for array in seen)
+        known = np.isfinite(located[:, 0]) & (table.row[triangles] >= 0)
+        yield triangles[known], bary[known], located[known]
+
+
+def _grids(
+    frame: Frame, table: _Table, rows: np.ndarray, budget: int | None
+) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    """Triangles and barycentrics of the grids of as many triangles as the budget allows in this frame."""
+    longest = np.maximum(table.edges[rows].max(axis=1, initial=1), 1)
+    level = np.minimum(np.ceil(log2(longest)), FINEST).astype(np.int64)
+    patterns = [_pattern(1 << step) for step in range(FINEST + 1)]
+    if budget is not None:
+        spent = np.cumsum(np.array([len(pattern) for pattern in patterns])[level])
+        turn = spent // budget
+        chosen = turn == frame.index % (turn[-1] + 1 if turn.size else 1)
+        rows, level = rows[chosen], level[chosen]
+    for step, pattern in enumerate(patterns):
+        triangles = table.pvs[rows[level == step]]
+        several = max(1, CHUNK // len(pattern))
+        for start in range(0, len(triangles), several):
+            part = triangles[start : start + several]
+            yield np.repeat(part, len(pattern)), np.tile(pattern, (len(part), 1))
+
+
+def _pattern(steps: int) -> np.ndarray:
+    """Barycentrics of a grid of `steps` along each edge, and of 2 * `steps` on the edges; float32 (n, 2).
+
+    The corners are left out, because they are looked up for every triangle.
+    """
+    i, j = np.meshgrid(np.arange(1, steps), np.arange(1, steps), indexing="ij")
+    grid = np.stack([i, j], axis=-1)[i + j < steps] / steps
+    t = np.arange(1, 2 * steps) / (2 * steps)
+    edges = [np.stack(pair, axis=1) for pair in ((t, 0 * t), (0 * t, t), (t, 1 - t))]
+    return np.concatenate([grid, *edges]).astype(np.float32)
+
+
+class _Lookups:
+    """The rules `inside`, `written` and `surface`, over any number of lookups."""
+
+    def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, gaps: Gaps | None) -> None:
+        self._atlas, self._table, self._gaps = atlas, table, gaps
+        self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1], np.int32)[:, None]
+        self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
+        self._misplaced = np.zeros(len(frame.pvs), bool)
+        self._incomplete = np.zeros(len(frame.pvs), bool)
+        self._unwritten: list[np.ndarray] = []  # texels
+
+    @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
+    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray) -> None:
+        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2).
+
+        Several threads may do so: each only sets flags.
+        """
+        if not len(triangles):  # an empty set, or nothing of it in the novel view
+            return
+        atlas = self._atlas
+        rows = self._table.row[triangles]
+        x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre
+        y = np.clip(located[:, 1] + 0.5, 0, atlas.height + 0.999)
+        column, line = x.astype(np.int32), y.astype(np.int32)
+        x -= column
+        y -= line
+        weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
+        texels = line * np.int32(atlas.stride) + column + self._offsets
+        touched = weights > WEIGHT
+        weights *= touched
+        samples = atlas.sample[texels]
+        owner = atlas.triangle[samples]
+        own = (owner == triangles) | ~touched
+        whole = own.all(axis=0)
+        if self._gaps:
+            excused = ~own & (owner != BORDER) & _far(x, y)
+            self._gaps.count(np.count_nonzero(touched), np.count_nonzero(excused))
+            touched, own = touched & ~excused, own | excused
+        if owner.min() < 0:
+            self._note_gaps(rows, texels, owner, touched)
+        self._check_location(rows, bary, samples, weights, whole)
+        if not own.all():
+            self._check_others(rows, bary, samples, ~own & (owner >= 0))
+
+    def _note_gaps(self, rows: np.ndarray, texels: np.ndarray, owner: np.ndarray, touched: np.ndarray) -> None:
+        self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
+        gaps = touched & (owner == UNOWNED)
+        self._incomplete[rows[gaps.any(axis=0)]] = True
+        self._unwritten.append(np.unique(texels[gaps]))
+
+    def _check_location(
+        self, rows: np.ndarray, bary: np.ndarray, samples: np.ndarray, weights: np.ndarray, whole: np.ndarray
+    ) -> None:
+        """Lookups whose texels are all the triangle's own: interpolated against true barycentrics, in texels."""
+        total = weights.sum(axis=0)
+        off1, off2 = (
+            (weights * plane[samples]).sum(axis=0) / total - bary[:, i] for i, plane in enumerate(self._atlas.bary)
+        )
+        to_column, to_row = self._table.jacobian[:, rows]
+        column, row = to_column[:, 0] * off1 + to_column[:, 1] * off2, to_row[:, 0] * off1 + to_row[:, 1] * off2
+        bad = np.flatnonzero(whole & ~(np.maximum(np.abs(column), np.abs(row)) <= LOCATION))
+        if bad.size:
+            off = np.stack([off1[bad], off2[bad]], axis=1)
+            ignored = ~(weights[:, bad] > 0).all(axis=0) & (np.abs(off).max(axis=1) <= 2 * WEIGHT)  # too light to touch
+            ignored |= self._torn(samples[:, bad]) if self._gaps else False
+            bad, off = bad[~ignored], off[~ignored]
+            touched = weights[:, bad] > 0
+            own = self._atlas.triangle[samples[:, bad]] == self._table.pvs[rows[bad]]
+            touched |= own & (touched.sum(axis=0) == 1)  # one alone shows no step, its neighbours do
+            steps = self._steps(samples[:, bad], touched)
+            self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
+
+    def _torn(self, samples: np.ndarray) -> np.ndarray:
+        """Whether the four samples (4, n) around a lookup are of several parts of a triangle: bool (n)."""
+        bary = self._atlas.bary[:, samples]
+        twist = np.abs(bary[:, 0] - bary[:, 1] - bary[:, 2] + bary[:, 3])  # 0 on one plane, gentle in perspective
+        return (twist > np.ptp(bary, axis=1) / 2).any(axis=0)
+
+    def _steps(self, samples: np.ndarray, touched: np.ndarray) -> np.ndarray:
+        """Changes of both barycentrics from a texel to the next column and to the next row: float64 (n, 2, 2).
+
+        The larger of those between the four samples (4, n) around a lookup that it touches, because one may be a copy
+        of another. A direction without is taken to be at right angles to the other one, and as long.
+        """
+        steps = np.empty((samples.shape[1], 2, 2))
+        for axis, pairs in enumerate([((0, 1), (2, 3)), ((0, 2), (1, 3))]):
+            one, other = (
+                np.where(touched[i] & touched[j], np.diff(self._atlas.bary[:, samples[[i, j]]], axis=1)[:, 0], 0).T
+                for i, j in pairs
+            )
+            larger = np.abs(one).sum(axis=1) >= np.abs(other).sum(axis=1)
+            steps[:, :, axis] = np.where(larger[:, None], one, other)
+        for axis in (0, 1):
+            alone = (steps[:, :, axis] == 0).all(axis=1)
+            steps[alone, :, axis] = steps[alone, :, 1 - axis][:, ::-1] * [-1, 1]
+        return steps
+
+    def _check_others(self, rows: np.ndarray, bary: np.ndarray, samples: np.ndarray, other: np.ndarray) -> None:
+        """Samples of other owners, `other` (4, n): the distance between their surface point and the one looked up."""
+        table = self._table
+        corner, point = np.nonzero(other)
+        sample, row = samples[corner, point], rows[point]
+        triangle = self._atlas.triangle[sample]
+        there = _surface_points(table.corners(triangle), self._atlas.bary[:, sample].T)
+        here = _surface_points(table.corners(table.pvs[row]), bary[point])
+        other_row = table.row[triangle]
+        size = np.where(other_row >= 0, table.texel_size[other_row], table.texel_size[row])
+        allowed = REACH * (table.texel_size[row] + size)
+        self._misplaced[row[~(np.linalg.norm(there - here, axis=1) <= allowed)]] = True
+
+    def violations(self) -> list[Violation]:
+        """What broke a rule so far."""
+        found = []
+        outside, incomplete, misplaced = (
+            self._table.pvs[flags] for flags in (self._outside, self._incomplete, self._misplaced)
+        )
+        if outside.size:
+            sentence = f"Lookups in {outside.size} triangles touch texels outside the atlas."
+            found.append(Violation("inside", outside.size, sentence, _first(outside)))
+        if incomplete.size:
+            unwritten = np.unique(np.concatenate(self._unwritten))
+            count = unwritten.size
+            sentence = f"Lookups in {incomplete.size} triangles touch {count} texels that were not written."
+            texels = self._atlas.unpadded(unwritten[:FIRST])
+            found.append(Violation("written", count, sentence, _first(incomplete), _first(texels)))
+        if misplaced.size:
+            sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
+            found.append(Violation("surface", misplaced.size, sentence, _first(misplaced)))
+        return found
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Texels between positions (n, 2), in the direction where it is more: (n)."""
+    column, row = np.abs(one - other).T  # NumPy's reductions are slow over axes of two
+    return np.maximum(column, row)
+
+
+def _far(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Whether each of the four texels around a lookup is more than NEAR away, by its place (n) between their centres:
+    bool (4, n)."""
+    across, down = np.stack([x, 1 - x] * 2), np.stack([y, y, 1 - y, 1 - y])
+    return across * across + down * down > NEAR * NEAR
+
+
+def _distance(off: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """Texels, in the worse direction, that make up barycentrics `off` (n, 2) at `steps` (n, 2, 2) per texel."""
+    determinant = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
+    column = off[:, 0] * steps[:, 1, 1] - off[:, 1] * steps[:, 0, 1]
+    row = off[:, 1] * steps[:, 0, 0] - off[:, 0] * steps[:, 1, 0]
+    with np.errstate(all="ignore"):
+        return np.maximum(np.abs(column), np.abs(row)) / np.abs(determinant)
+
+
+def _surface_points(corners: np.ndarray, bary: np.ndarray) -> np.ndarray:
+    """corners (n, 3, 3) and barycentrics (n, 2) to points float64 (n, 3)."""
+    b1, b2 = bary[:, 0, None].astype(np.float64), bary[:, 1, None].astype(np.float64)
+    return corners[:, 0] + b1 * (corners[:, 1] - corners[:, 0]) + b2 * (corners[:, 2] - corners[:, 0])
+
+
+def _turns(count: int, budget: int | None) -> int:
+    """In how many frames `count` things have their turn."""
+    return 1 if budget is None else max(1, -(-count // budget))
+
+
+def _first(values: np.ndarray) -> tuple[int, ...]:
+    return tuple(int(value) for value in values[:FIRST])

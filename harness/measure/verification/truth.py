@@ -1,0 +1,125 @@
+"""A scene in float64: what the checks hold methods against."""
+
+from __future__ import annotations
+
+import zlib
+from functools import cached_property
+from threading import Lock
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.harness.measure.validity import FIRST, Violation
+from shading_atlas_bench.kernels.fragments.opacity import opacity_twin
+from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.kernels.shade.shade import shade_twin
+from shading_atlas_bench.kernels.triangles import Triangles
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.packers.interface import Packer, ServerScene
+
+LEVELS = 2  # of 255, by which a colour may differ from what the shading function gives its surface point
+CHOSEN = 64  # texels, pixels or fragments examined per frame
+THINNEST = 1e-5  # height over longest edge, below which float32 does not tell where a face looks
+NUDGES = 1e-5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # barycentrics that rounding may be off
+
+
+class Truth:
+    """What a server scene is, on the host; fetched once, when asked for. seed: of the run."""
+
+    def __init__(self, scene: ServerScene, seed: int = 0) -> None:
+        self.scene, self.seed = scene, seed
+        self.drawing = Lock()  # the rasteriser's: methods are checked side by side
+
+    def of(self, packer: Packer) -> Truth:
+        """Of the scene as a method shades it."""
+        return self if packer.scene_shaded(self.scene) is self.scene else self._finest
+
+    @cached_property
+    def _finest(self) -> Truth:
+        finest = Truth(self.scene.finest, self.seed)
+        finest.drawing = self.drawing
+        return finest
+
+    def generator(self, frame: int, name: str) -> draws.Generator:
+        """Random numbers for one frame, by name."""
+        return draws.generator([self.seed, frame, zlib.crc32(name.encode())])
+
+    @property
+    def triangles(self) -> Triangles:
+        return self.scene.triangles
+
+    @cached_property
+    def blended(self) -> np.ndarray:
+        """bool (T)."""
+        return (self.triangles.host_flags & Triangles.BLENDED) > 0
+
+    @cached_property
+    def _shading(self) -> tuple:
+        shader = self.scene.shader
+        return shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get()
+
+    def shade(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray, eye: np.ndarray) -> np.ndarray:
+        """uint8 (n, 3) of surface points: triangle int (n), bary (n, 2), footprint (n), seen from eye (3)."""
+        if not len(triangle):
+            return np.empty((0, 3), np.uint8)
+        with np.errstate(all="ignore"):  # a corner in a light or without a normal
+            return shade_twin(*self._shading, triangle, bary, footprint, eye)[:, :3]
+
+    def opacity(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+        """float64 (n, 2): from and to where, of 255, surface points may cover what is behind them.
+
+        Textures are looked up at one mip level: the range is that of the two levels that a footprint lies between.
+        """
+        layers = self.scene.layers
+        if layers is None or not len(triangle):
+            return np.full((len(triangle), 2), 255.0)
+        with np.errstate(all="ignore"):
+            tries = [opacity_twin(layers.opacity, triangle, bary, footprint * by) for by in (0.99, 1.0, 1.01)]
+        return np.stack([np.min(tries, axis=0), np.max(tries, axis=0)], axis=1)
+
+    def is_flat(self, triangle: np.ndarray) -> np.ndarray:
+        """bool (n): whether triangles are lower than THINNEST of their longest edge."""
+        corners = self.triangles.host_positions[self.triangles.host_indices[triangle]].astype(np.float64)
+        sides = corners - np.roll(corners, 1, axis=1)
+        longest = (sides * sides).sum(axis=2).max(axis=1, initial=0)
+        return ~(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) > THINNEST * longest)
+
+    def off(
+        self, colours: np.ndarray, points: tuple[np.ndarray, np.ndarray, np.ndarray], eye: np.ndarray
+    ) -> np.ndarray:
+        """int (n): levels by which colours uint8 (n, 3) differ from those of surface points, as for `shade`.
+
+        Where rounding decides (at a shadow's edge, between texels, on triangles that reach far beyond the scene), the
+        nearest colour close by counts, or what the shading function itself gives the point here; any does on triangles
+        too thin to have a side in float32.
+        """
+        triangle, bary, footprint = points
+        off = np.where(self.is_flat(triangle), 0, _apart(colours, self.shade(*points, eye)))
+        far = np.flatnonzero(off > LEVELS)
+        for nudge in NUDGES if far.size else ():
+            near = self.shade(triangle[far], bary[far] + nudge, footprint[far], eye)
+            off[far] = np.minimum(off[far], _apart(colours[far], near))
+        far = np.flatnonzero(off > LEVELS)
+        if far.size:
+            off[far] = _apart(colours[far], self._rounded(triangle[far], bary[far], footprint[far], eye))
+        return off
+
+    def _rounded(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray, eye: np.ndarray) -> np.ndarray:
+        """As `shade`, in float32: the shading kernel, launched from here."""
+        device, count = self.scene.device, len(triangle)
+        with self.drawing:
+            samples = Samples.upload(device, triangle, *bary.T, footprint, np.arange(count))
+            colours = device.zeros((1, count, 4), np.uint8)
+            self.scene.shader.shade(samples, eye, colours, stage="check")
+            return colours.get()[0, :, :3]
+
+
+def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+    return np.abs(one.astype(np.int16) - other).max(axis=1, initial=0)
+
+
+def violation(rule: str, count: int, sentence: str, triangles=(), texels=()) -> Violation:
+    """A violation with its first offenders; triangles, texels: int (n)."""
+    return Violation(rule, int(count), sentence, *(tuple(int(v) for v in some[:FIRST]) for some in (triangles, texels)))

@@ -1,0 +1,93 @@
+"""The folder of a run's results: found or made, locked, and kept when the run is stopped."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock, Timeout
+
+from shading_atlas_bench.harness.errors import InputError, StoppedError
+from shading_atlas_bench.reports.store.results import Store
+
+RUNS = Path("runs")
+
+
+def check_folder(out: Path | None) -> None:
+    """Raise InputError for a results folder that holds something else already."""
+    if out is None or not out.exists() or (out / "results.sqlite").is_file():
+        return
+    if not out.is_dir():
+        raise InputError(f"{out} is a file: give a folder for --out.")
+    if any(entry.name != ".lock" for entry in out.iterdir()):
+        raise InputError(f"The folder {out} holds other things than results: give a new or empty one for --out.")
+
+
+def folder_for(plan: dict[str, Any], name: str) -> Path:
+    """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`."""
+    for folder in sorted(RUNS.glob("*/"), reverse=True):
+        if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file() and not in_use(folder):
+            with Store(folder) as store:
+                if store.plan() == json.loads(json.dumps(plan)):
+                    return folder
+    stem = datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + name
+    for number in itertools.count():
+        folder = RUNS / (stem if number == 0 else f"{stem}-{number}")
+        try:
+            folder.mkdir(parents=True)
+            return folder
+        except FileExistsError:  # another run began in the same second
+            continue
+        except OSError as error:
+            raise InputError(f"{folder} cannot be made ({error.strerror}): give --out.") from error
+    raise AssertionError("the numbers do not end")
+
+
+@contextmanager
+def stops_kept(folder: Path) -> Iterator[None]:
+    """Ctrl-C and SIGTERM end what runs in the block. Raises StoppedError, which says what is kept."""
+
+    def stop(_signal: int, _frame: object) -> None:
+        raise KeyboardInterrupt
+
+    main = threading.current_thread() is threading.main_thread()
+    before = signal.signal(signal.SIGTERM, stop) if main else None
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise StoppedError(f"Finished frames are kept: the same command with --out {folder} goes on.") from None
+    finally:
+        if main:
+            signal.signal(signal.SIGTERM, before)
+
+
+def in_use(folder: Path) -> bool:
+    """Whether another process works in this folder."""
+    try:
+        with FileLock(folder / ".lock", timeout=0):
+            return False
+    except (Timeout, OSError):
+        return True
+
+
+@contextmanager
+def locked(folder: Path) -> Iterator[None]:
+    """Keep two processes from writing one run; the lock ends with the process, however that ends.
+
+    Raises InputError if another process has it, or if the folder cannot be written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with FileLock(folder / ".lock", timeout=0):
+            yield
+    except Timeout:
+        raise InputError(f"{folder} is in use by another bench run: wait for it, or give another --out.") from None
+    except OSError as error:
+        raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error

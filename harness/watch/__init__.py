@@ -1,0 +1,1 @@
+"""Ending what hangs, and telling how a process ended."""

@@ -1,0 +1,75 @@
+"""Ending what hangs: first by an exception, and where Python never gets control back, from outside."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from shading_atlas_bench.kernels.journal import journal
+
+GRACE = 5.0  # seconds between the exception and the end of the process
+ENDED = "BENCH_ENDED"  # variable: the file with what the supervisor tells the process that goes on, a JSON list
+
+
+class PackTimeoutError(RuntimeError):
+    """A packer took longer than `--timeout`."""
+
+
+@contextmanager
+def time_limit(seconds: float, what: str, ended: dict[str, Any] | None = None) -> Iterator[None]:
+    """Raise PackTimeoutError inside the block after `seconds`, in whatever thread it runs.
+
+    A hang inside a kernel never returns to Python, where exceptions are raised: GRACE seconds later the supervisor ends
+    the process. The one that goes on finds `ended` in `ended_steps`, with its status and reason.
+    """
+    alarm = _Alarm(threading.get_ident())
+    timer = threading.Timer(seconds, alarm.ring)
+    timer.daemon = True
+    with journal().step(what, seconds + GRACE, ended):
+        timer.start()
+        try:
+            alarm.switch_on()  # only now: raised inside `start`, it would break the threads' own book-keeping
+            yield
+        finally:
+            timer.cancel()
+            alarm.switch_off()
+
+
+class _Alarm:
+    """Raises PackTimeoutError in a thread while it is on; one that rang before raises when it is switched on."""
+
+    def __init__(self, thread: int) -> None:
+        self._thread, self._lock, self._on, self._rang = ctypes.c_ulong(thread), threading.Lock(), False, False
+
+    def ring(self) -> None:
+        with self._lock:
+            self._rang = True
+            if self._on:
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, ctypes.py_object(PackTimeoutError))
+
+    def switch_on(self) -> None:
+        with self._lock:
+            self._on = True
+            rang = self._rang
+        if rang:
+            raise PackTimeoutError
+
+    def switch_off(self) -> None:
+        """No exception comes any more, not even one that was set and is not raised yet."""
+        with self._lock:
+            self._on = False
+            if self._rang:  # else the interpreter would look for it at every step, and hang under a profiler
+                ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
+
+
+def ended_steps(**facts: Any) -> list[dict[str, Any]]:
+    """Steps with these facts in which earlier processes of this command ended: with `status` and `reason`."""
+    file = os.environ.get(ENDED)
+    known = json.loads(Path(file).read_text(encoding="utf-8")) if file else []
+    return [step for step in known if all(step.get(name) == value for name, value in facts.items())]

@@ -1,0 +1,1 @@
+"""What is equal for every method: settings, views, visible sets, frames, the reference."""

@@ -1,0 +1,141 @@
+"""Everything a run needs before its first frame: device, scene, path, head motion, and the work of each frame."""
+
+from __future__ import annotations
+
+import hashlib
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.workload.frames import FrameSource
+from shading_atlas_bench.harness.workload.reference import ForwardRenderer
+from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
+from shading_atlas_bench.harness.workload.upload import upload_scene
+from shading_atlas_bench.harness.workload.walks import cached_path
+from shading_atlas_bench.kernels.cache import cache_root
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.journal import journal
+from shading_atlas_bench.packers.interface import ServerScene
+from shading_atlas_bench.packers.skips import Skips
+from shading_atlas_bench.scenes.head_motion import HeadMotion
+from shading_atlas_bench.scenes.load import list_scenes, load_scene
+from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.opaque import opaque_version
+from shading_atlas_bench.scenes.paths import CameraPath
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.packers.interface import Packer
+
+OPENING = (
+    3600.0  # seconds after which opening a session counts as hanging; repairing millions of triangles takes minutes
+)
+
+
+@dataclass(frozen=True)
+class Session:
+    """The settings of a run, and what follows from them."""
+
+    settings: Settings
+    device: Device
+    scene: ServerScene
+    path: CameraPath
+    head: HeadMotion
+    source: FrameSource
+    forward: ForwardRenderer
+
+    def at(self, settings: Settings) -> Session:
+        """The same scene and path under settings that differ in neither."""
+        return replace(self, settings=settings, source=FrameSource(self.scene, self.path, self.head, settings))
+
+    @property
+    def frames(self) -> int:
+        """How many frames of the path are run."""
+        return len(self.path.times_ms[: self.settings.frames])
+
+    @property
+    def frame_rate(self) -> float | None:
+        """Frames per second of the path, on average over those that are run; None for one frame."""
+        times = self.path.times_ms[: self.frames]
+        return round(1000 * (self.frames - 1) / float(times[-1] - times[0]), 6) if self.frames > 1 else None
+
+    @property
+    def path_hash(self) -> str:
+        """A hash of the path's poses and of the head motion at each of them."""
+        offsets = [self.head.offset(float(time), self.settings.latency) for time in self.path.times_ms]
+        digest = hashlib.sha256(self.path.hash.encode())
+        for shift, turn in offsets:
+            digest.update(np.concatenate([shift, turn]).tobytes())
+        return digest.hexdigest()[:16]
+
+
+def find_methods(settings: Settings) -> list[Packer]:
+    """The packers of `--method`, each once, in the order given. Raises InputError."""
+    from shading_atlas_bench.harness.plugins import load_packer, variant_string
+
+    found: dict[tuple[str, str], Packer] = {}
+    for spec in settings.methods:
+        try:
+            packers = load_packer(spec)
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        for packer in packers:
+            found.setdefault((packer.name, variant_string(packer)), packer)
+    return list(found.values())
+
+
+def open_scene(settings: Settings) -> Scene:
+    """The scene of the settings, from the cache where it is there. Raises SceneError or SettingsError."""
+    if settings.unit is not None and settings.scene in list_scenes():
+        raise SettingsError(f"--unit is for files: the built-in scene {settings.scene} is in metres.")
+    scene = load_scene(
+        settings.scene,
+        unit=settings.unit,
+        detail=settings.detail,
+        repair=settings.repair,
+        decimate=settings.decimate,
+        seed=settings.seed,
+        cache=cache_root() / "scenes",
+    )
+    if settings.opaque:
+        scene = opaque_version(scene)
+    size = float(max(scene.bounds[1] - scene.bounds[0])) * scene.metres_per_unit
+    if scene.place or size >= 2 * settings.cell_radius:
+        return scene
+    note = (
+        f"The object is {size:.2g} m large ({scene.unit_from}), and so inside the view cell, which is "
+        f"{2 * settings.cell_radius:.2g} m wide: --unit sets another size, --cell another cell."
+    )
+    return replace(scene, notes=[*scene.notes, note])
+
+
+def open_path(settings: Settings, scene: Scene) -> CameraPath:
+    """The camera path of the settings. Raises PathError; a path shorter than the frames asked for is one."""
+    return cached_path(scene, settings.path, settings.frames, settings.seed)
+
+
+def open_head_motion(settings: Settings) -> HeadMotion:
+    """The head motion of the settings. Raises PathError."""
+    return HeadMotion.recorded(settings.head_motion) if settings.head_motion else HeadMotion.synthetic(settings.seed)
+
+
+def open_session(settings: Settings, device: Device | None = None) -> Session:
+    """Open the device (unless one is given), load and upload the scene, and make the path."""
+    with journal().step(f"opening {settings.scene}", OPENING):
+        return _opened(settings, device)
+
+
+def _opened(settings: Settings, device: Device | None) -> Session:
+    with ThreadPoolExecutor(1) as beside:
+        opening = beside.submit(lambda: device or Device.open(settings.device))
+        beside.submit(lambda: opening.result().build_ahead(repr(settings)))  # who needs what fails says so
+        scene = open_scene(settings)
+        path = open_path(settings, scene)
+        head = open_head_motion(settings)
+        device = opening.result()
+        server = upload_scene(device, scene, Skips(settings.no_skip))
+    # A forced view is to take its time, which it would not with a cached set.
+    source = FrameSource(server, path, head, settings, cached=not settings.no_skip)
+    return Session(settings, device, server, path, head, source, ForwardRenderer(server))

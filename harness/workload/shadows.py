@@ -1,0 +1,40 @@
+"""Shadow maps that were drawn before, kept by what they were drawn from: in a large scene that takes a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shading_atlas_bench import kernels
+from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
+from shading_atlas_bench.kernels.shade.shadow import ROW_FLOATS, ShadowMaps
+from shading_atlas_bench.scenes.cache import scene_key
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.scenes.model import Scene
+
+
+def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMaps]) -> ShadowMaps:
+    """What `draw` gives for a scene, from the cache where it was drawn before; without a hash it is not cached."""
+    if not scene.content_hash:
+        return draw()
+    told = {name: repr(getattr(scene, name)) for name in ("lights", "cameras", "metres_per_unit")}
+    file, count = cache_root() / "shadows" / device_key(device, scene, told), len(scene.lights) * ROW_FLOATS
+    if (content := read_checked(file)) is not None:
+        floats = np.frombuffer(content, np.float32)
+        return ShadowMaps(device.upload(floats[count:]), floats[:count].reshape(-1, ROW_FLOATS))
+    drawn = draw()
+    write_checked(file, drawn.rows.tobytes() + device.download(drawn.maps))
+    return drawn
+
+
+def device_key(device: Device, scene: Scene, told: dict[str, str]) -> str:
+    """Of everything that is drawn of a scene depends on: what is told of it, its content, the device, and the source of
+    `kernels`, `scenes` and `arithmetic`."""
+    said = {"content_hash": scene.content_hash, "device": device.found.key, "variant": device.variant}
+    folder = Path(kernels.__file__).parent
+    return scene_key(said | told, sorted(file for kind in ("*.cl", "*.py") for file in folder.rglob(kind)))

@@ -1,0 +1,257 @@
+"""The footprint of triangles on the client's screen, as a shape on their longest edge, and their bin (3.1 and 3.2)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
+
+from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.packers.snakebinning.kernels.bins import (
+    ANGLES,
+    HEIGHTS,
+    POINTS,
+    UNIT,
+    HeightBins,
+    bin_of,
+    edge_table,
+    indices_of,
+)
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from shading_atlas_bench.kernels.device import Device
+
+HERE = Path(__file__).parent
+
+STAGE = "structs/footprint"
+Pieces: TypeAlias = "tuple[int, Array]"
+VIEW_FLOATS = 16
+MOVED_BACK, SLENDER, CLIPPED, KEPT, POINT = 1, 2, 4, 8, 16  # notes on a triangle
+FLATTEST = 3.7320508  # cot 15 degrees, the largest cotangent of alpha that is drawn
+OBTUSE = -0.22  # cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
+STEEPEST = 0.3  # of the perspective's change per texel
+OUTSIDE, REACH = 1.9, 1.42  # as in footprint.cl
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What shapes have to fit into.
+
+    heights: bins of the height. longest: length of the longest edge, in texels. perspective: whether samples are
+    placed perspective-correct. near_height, near_angle: hysteresis in bins; -1 for none. point: texels of the longest
+    edge below which a triangle is drawn as one texel; 0 for none.
+    """
+
+    heights: HeightBins
+    longest: float
+    perspective: bool = True
+    near_height: int = 30
+    near_angle: int = 5
+    point: float = 0.0
+
+
+@dataclass(frozen=True)
+class Footprints:
+    """Per triangle of the scene, on the device, kept from frame to frame.
+
+    bins: int32 (T), -1 for one never measured. lengths: uint16 (T, 4): before and after the height's foot, and height,
+    in 1/8 texel, zeros for a point. words: uint32 (T): inverse distances of vertices 0 to 2 as parts of 255 in bits 0,
+    8 and 16; roles in bits 24 and 25 (the vertex with the angle alpha) and 26 (set if beta is at the vertex before it,
+    not after).
+    """
+
+    bins: Array
+    lengths: Array
+    words: Array
+
+    @classmethod
+    def allocate(cls, device: Device, count: int) -> Footprints:
+        """For a scene of `count` triangles, none of them measured."""
+        bins = device.empty(count, np.int32)
+        device.fill(bins, -1)
+        return cls(bins, device.zeros((max(1, count), 4), np.uint16), device.zeros(count, np.uint32))
+
+
+def pack_views(matrices: Sequence[tuple[np.ndarray, np.ndarray, int]], rate: float) -> np.ndarray:
+    """float32 (n, 16) for the kernel from (view, projection, width) each: eye in two parts, up, right, texels per unit
+    of tangent (`rate` texels per pixel), inverse half-angle tangents across and up, near."""
+    rows = np.zeros((len(matrices), VIEW_FLOATS), np.float32)
+    for row, (view, projection, width) in zip(rows, matrices, strict=True):
+        eye = -turned(view[:3, :3].T, view[:3, 3])
+        row[:3] = eye
+        row[3:6] = eye - row[:3]
+        row[6:9], row[9:12] = view[1, :3], view[0, :3]
+        row[12:] = projection[0, 0] * width / 2 * rate, projection[0, 0], projection[1, 1], projection[2, 3]
+    return rows
+
+
+def measure_triangles(
+    device: Device,
+    triangles: Array,
+    count: int,
+    positions: Array,
+    indices: Array,
+    pieces: Pieces,
+    views: np.ndarray,
+    fit: Fit,
+    state: Footprints,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Measure `count` triangles, int32, in all views (see pack_views) and update `state`.
+
+    pieces: number of the first piece, and pieces (see Slices.upload). Returns, on the host, notes uint8 (count) and
+    areas in the atlas float32 (count), in texels.
+
+    Of all views the one counts in which the triangle is largest, seen by a camera turned to its middle, and moved back
+    until it is all on the screen. A triangle whose bin is within fit.near_height and fit.near_angle of its old one,
+    measured with its old roles, keeps everything. Notes are MOVED_BACK, SLENDER (alpha below 15 degrees, drawn as 15),
+    CLIPPED (larger than the atlas), KEPT, and POINT (no piece is one). A point's area is that of the triangle itself,
+    and it stays one while its longest edge is shorter than 1.125 of fit.point.
+    """
+    notes, areas = device.recycled(count, np.uint8), device.recycled(count, np.float32)
+    heights = fit.heights
+    constants = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest), float(fit.point))
+    constants += (int(fit.perspective), fit.near_height, fit.near_angle)
+    seen = (triangles, positions, indices, *pieces, len(views), device.upload(views), device.upload(edge_table()))
+    kernel = device.build(HERE / "footprint.cl").measure_triangles
+    arrays = (state.bins, state.lengths, state.words, notes, areas)
+    device.launch(STAGE, kernel, -(-count // 8), count, *seen, *constants, *arrays)
+    return notes.get()[:count], areas.get()[:count]
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The twin's result: shapes (n, 3) of before, after, height in texels, not rounded; roles, weights (n, 3), bins."""
+
+    shape: np.ndarray
+    roles: np.ndarray
+    weights: np.ndarray
+    bins: np.ndarray
+    notes: np.ndarray
+
+
+def measure_triangles_twin(corners: np.ndarray, views: np.ndarray, fit: Fit) -> Measured:
+    """The same for triangles (n, 3, 3) without a past, in float64."""
+    x, y, w, back = _project(corners.astype(np.float64), views.astype(np.float64))
+    c = np.argmax([(x[:, [2, 0, 1]] - x[:, [1, 2, 0]]) ** 2 + (y[:, [2, 0, 1]] - y[:, [1, 2, 0]]) ** 2], axis=2)[0]
+    rows = np.arange(len(c))
+    i, j = (c + 1) % 3, (c + 2) % 3
+
+    def squared(k: np.ndarray, m: np.ndarray) -> np.ndarray:
+        return (x[rows, k] - x[rows, m]) ** 2 + (y[rows, k] - y[rows, m]) ** 2
+
+    turned = squared(c, i) > squared(c, j)
+    a, b = np.where(turned, j, i), np.where(turned, i, j)
+    raw = _shape(x, y, a, b, c)
+    point = raw[:, 0] + raw[:, 1] < fit.point
+    shape, notes = fitted_twin(raw, fit)
+    weights = _weights(w, a, b, c, shape) if fit.perspective else np.full((len(c), 3), 255)
+    shape[point], weights[point], notes[point] = 0, 255, POINT
+    notes |= np.where(back > 0, MOVED_BACK, 0)
+    return Measured(shape, a + 4 * turned, weights, bins_twin(shape, fit), notes)
+
+
+def _project(corners: np.ndarray, views: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Screen positions (n, 3) in texels, distances (n, 3) and ways back (n) in the view with the largest area."""
+    best = None
+    for view in views:
+        p = corners - view[:3] - view[3:6]
+        n = _unit(p.sum(axis=1), 0.0, np.cross(view[6:9], view[9:12]))
+        across = _unit(np.cross(n, view[6:9]), 1e-3, view[9:12])
+        upwards = np.cross(across, n)
+        x, y, z = (np.einsum("nkc,nc->nk", p, axis) for axis in (across, upwards, n))
+        further = np.maximum(np.maximum(np.abs(x) * view[13] - z, np.abs(y) * view[14] - z), view[15] - z)
+        back = np.maximum(further.max(axis=1), 0)
+        w = z + back[:, None]
+        x, y = x * view[12] / w, y * view[12] / w
+        area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (y[:, 1] - y[:, 0]) * (x[:, 2] - x[:, 0]))
+        if best is None:
+            largest, best = area, (x, y, w, back)
+            continue
+        better = area > largest
+        largest = np.where(better, area, largest)
+        pairs = zip((x, y, w, back), best, strict=True)
+        best = tuple(np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs)
+    return best
+
+
+def _unit(a: np.ndarray, shortest: float, otherwise: np.ndarray) -> np.ndarray:
+    length = np.linalg.norm(a, axis=1, keepdims=True)
+    return np.where(length > shortest, a / np.where(length > shortest, length, 1), otherwise)
+
+
+def _shape(x: np.ndarray, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+    """Before, after, height (n, 3) over the edge from a to b."""
+    rows = np.arange(len(a))
+    edge = np.stack([x[rows, b] - x[rows, a], y[rows, b] - y[rows, a]], axis=1)
+    side = np.stack([x[rows, c] - x[rows, a], y[rows, c] - y[rows, a]], axis=1)
+    length = np.linalg.norm(edge, axis=1)
+    safe = np.where(length > 0, length, 1)
+    before = (edge * side).sum(axis=1) / safe
+    height = np.abs(edge[:, 0] * side[:, 1] - edge[:, 1] * side[:, 0]) / safe
+    return np.stack([before, length - before, height], axis=1)
+
+
+def fitted_twin(shape: np.ndarray, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+    """Shapes (n, 3) as strips can hold them, and notes (n)."""
+    before, after, height = shape.T
+    highest, longest = fit.heights.highest, fit.longest
+    clipped = height > highest
+    scale = np.where(clipped, highest / np.maximum(height, 1e-30), 1)
+    height = np.maximum(height * scale, 1)
+    before, after = np.maximum(before * scale, 0), np.maximum(after * scale, 0)
+    slender = before > FLATTEST * height
+    before = np.minimum(before, FLATTEST * height)
+    wide = before + after > longest
+    before = np.where(wide, np.minimum(before, longest / 2), before)
+    after = np.where(wide, np.minimum(after, longest - before), after)
+    after = np.where(before + after < 1, 1 - before, after)
+    notes = np.where(slender, SLENDER, 0) | np.where(clipped | wide, CLIPPED, 0)
+    return np.stack([before, after, height], axis=1), notes
+
+
+def bins_twin(shape: np.ndarray, fit: Fit) -> np.ndarray:
+    """Bins of fitted shapes (n, 3), of which points are zeros."""
+    edges = edge_table().astype(np.float64)
+    before, after, height = shape.T
+    alpha = (before[:, None] < edges[: ANGLES - 1] * height[:, None]).sum(axis=1)
+    beta = (after[:, None] < edges[32 : 32 + ANGLES - 1] * height[:, None]).sum(axis=1)
+    safe = np.maximum(height, 1)
+    steps = fit.heights.scale * (np.log2(safe) if fit.heights.logarithmic else safe - 1)
+    bins = bin_of(alpha, beta, np.clip(np.ceil(steps).astype(np.int64), 0, HEIGHTS - 1))
+    return np.where(height > 0, bins, POINTS)
+
+
+def _weights(w: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, shape: np.ndarray) -> np.ndarray:
+    """Limited inverse distances as parts of 255, (n, 3), not rounded."""
+    rows = np.arange(len(a))
+    q = np.maximum(w.min(axis=1, keepdims=True) / w, 1 / 255)
+    mean = q.mean(axis=1, keepdims=True)
+    before, after, height = shape.T
+    for step in range(8):
+        along = (q[rows, b] - q[rows, a]) / (before + after)
+        across = (q[rows, c] - q[rows, a] - along * before) / height
+        least, most = q.min(axis=1), q.max(axis=1)
+        steep = (np.abs(along) + np.abs(across)) * most > STEEPEST * least**2
+        steep |= REACH * most > (height + OUTSIDE) * least
+        part = 0.0 if step == 7 else 0.7
+        q = np.where(steep[:, None], mean + part * (q - mean), q)
+    return q * 255 / q.max(axis=1, keepdims=True)
+
+
+def near_twin(old: np.ndarray, new: np.ndarray, fit: Fit) -> np.ndarray:
+    """Whether bins `new` are within the hysteresis of bins `old`; no point among them."""
+    if fit.near_height < 0:
+        return np.zeros(len(old), bool)
+    alpha, beta, height = (np.abs(n - o) for o, n in zip(indices_of(old), indices_of(new), strict=True))
+    return (alpha <= fit.near_angle) & (beta <= fit.near_angle) & (height <= fit.near_height)
+
+
+def rounded_twin(shape: np.ndarray) -> np.ndarray:
+    """Lengths in 1/8 texel, int (n, 3), of fitted shapes; of points as they are."""
+    before, after, height = np.floor(UNIT * shape + 0.5).astype(np.int64).T
+    return np.stack([before, np.where((before + after < UNIT) & (height > 0), UNIT - before, after), height], axis=1)

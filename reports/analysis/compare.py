@@ -1,0 +1,231 @@
+"""Comparing two runs of the same work, metric by metric, by a rank test on paired frames."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import fmean, median
+from typing import Any
+
+from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, MEASURES, Column, statistic_columns
+from shading_atlas_bench.reports.store.csv_files import after_keyframe, measure_statistics
+from shading_atlas_bench.reports.store.labels import Labels, read_labels
+from shading_atlas_bench.reports.store.results import Store, StoreError, flat
+
+# A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
+ALPHA = 0.01
+# ...and if it is large enough to matter. The same work timed in two processes easily differs by several per cent.
+TIME_THRESHOLD = 0.10
+OTHER_THRESHOLD = 0.01
+
+ALL = "all"  # in place of a codec
+# Sizes that are one number for a whole run: exact, so that no test is needed to tell two of them apart.
+_OF_TOTAL = {column.name: column for column in statistic_columns(BY_NAME["bytes_total"])}
+WHOLE = tuple(_OF_TOTAL[f"bytes_total_{suffix}"] for suffix in ("kbit_s", "max", "key", "total"))
+OK = Column("ok", "0..1", "share of frames with status ok", "status", float, "higher")
+
+Coding = tuple[str | None, int | None]
+Method = tuple[str, str]
+Named = tuple[str, str, str]  # method, variant and label, as a Comparison has them
+Rows = dict[Method, dict[Coding, dict[int, dict[str, Any]]]]
+
+
+class CompareError(StoreError):
+    """Two runs that cannot be compared; the message says why."""
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """One metric of one method in two runs.
+
+    variant, label: of run a, and `A -> B` where variants of the runs are matched. codec: `all`, with crf None, for a
+        metric that is the same for every coding. a, b: medians over the paired frames (for `ok` the shares), those of
+        sizes without the keyframe, as in summary.csv; of WHOLE the values of the runs' common frames. mean_a, mean_b:
+        means over the same frames as the medians, None for `ok` and WHOLE. change: median of the paired differences
+        b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all pairs are
+        equal, None for WHOLE. frames: pairs compared.
+    verdict: `better` or `worse` (of b) where p < ALPHA and the change reaches the threshold (TIME_THRESHOLD for times,
+        OTHER_THRESHOLD else); `same` where all pairs are equal or the change is certain but smaller; else `ambiguous`.
+        WHOLE has no `ambiguous`: its change is certain.
+    """
+
+    method: str
+    variant: str
+    label: str
+    codec: str
+    crf: int | None
+    metric: str
+    unit: str
+    better: str
+    a: float
+    b: float
+    mean_a: float | None
+    mean_b: float | None
+    change: float | None
+    p: float | None
+    frames: int
+    verdict: str
+
+
+def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
+    """All metrics with a better direction of all methods in both runs, sorted by method, variant, then metric.
+
+    Frames are paired by their number; frames without numbers in either run count only for the metric `ok`. Methods
+    are matched by their variant; where both runs hold a single, different variant of a method, these two are compared.
+
+    Raises StoreError if a folder has no results, CompareError if the runs differ in scene or path or share no method.
+    """
+    (rows_a, labels_a), (rows_b, labels_b) = _read(folder_a), _read(folder_b)
+    for name in ("scene_hash", "path_hash"):
+        a, b = ({row[name] for row in rows} for rows in (rows_a, rows_b))
+        if a != b:
+            raise CompareError(
+                f"{folder_a} and {folder_b} differ in {name} ({_list(a)} and {_list(b)}): "
+                "only runs of the same scene and path can be compared frame by frame."
+            )
+    grouped_a, grouped_b = _group(rows_a), _group(rows_b)
+    matches = _matches(grouped_a, grouped_b)
+    if not matches:
+        raise CompareError(
+            f"{folder_a} and {folder_b} have no method in common: {_names(grouped_a)}; {_names(grouped_b)}."
+        )
+    return [
+        comparison
+        for method_a, method_b in matches
+        for comparison in _compare_method(
+            _named(method_a, method_b, labels_a[method_a], labels_b[method_b]), grouped_a[method_a], grouped_b[method_b]
+        )
+    ]
+
+
+def differences(folder_a: Path, folder_b: Path) -> list[str]:
+    """Sentences about what else differs between two runs: settings, and methods that only one of them has."""
+    with Store(folder_a, must_exist=True) as a, Store(folder_b, must_exist=True) as b:
+        plans = [flat(store.plan() or {}) for store in (a, b)]
+        labels = [read_labels(store) for store in (a, b)]
+    found = []
+    for key in sorted(set(plans[0]) | set(plans[1])):
+        old, new = (plan.get(key) for plan in plans)
+        if old != new and not key.startswith("methods"):
+            found.append(f"{key.removeprefix('settings.')}: {old} in A, {new} in B")
+    for name, here, there in (("A", *labels), ("B", *reversed(labels))):
+        lone = [label for key, label in here.items() if key not in there]
+        if lone and len(here) > 1:
+            found.append(f"only {name} has {', '.join(lone)}")
+    return found
+
+
+def _read(folder: Path) -> tuple[list[dict[str, Any]], Labels]:
+    with Store(folder, must_exist=True) as store:
+        return store.rows(), read_labels(store)
+
+
+def _group(rows: list[dict[str, Any]]) -> Rows:
+    grouped: Rows = defaultdict(lambda: defaultdict(dict))
+    for row in rows:
+        grouped[row["method"], row["variant"]][row["codec"], row["crf"]][row["frame"]] = row
+    return grouped
+
+
+def _matches(a: Rows, b: Rows) -> list[tuple[Method, Method]]:
+    matches = [(key, key) for key in a if key in b]
+    for name in sorted({method for method, _ in a}):
+        ours, theirs = ([key for key in rows if key[0] == name] for rows in (a, b))
+        if len(ours) == len(theirs) == 1 and ours != theirs:
+            matches.append((ours[0], theirs[0]))
+    return sorted(matches)
+
+
+def _named(a: Method, b: Method, label_a: str, label_b: str) -> Named:
+    """What is compared; of one variant the label in run a, as runs of earlier versions may call it otherwise."""
+    pairs = (a[1], b[1]), (label_a, label_b)
+    return a[0], *(one if a == b or one == other else f"{one} -> {other}" for one, other in pairs)
+
+
+def _compare_method(of: Named, a: dict, b: dict) -> list[Comparison]:
+    codings = [coding for coding in a if coding in b]
+    found = []
+    for metric in (OK, *MEASURES):
+        if not metric.better:
+            continue
+        pairs = {coding: _pairs(metric, a[coding], b[coding]) for coding in codings}
+        pairs = {coding: values for coding, values in pairs.items() if values}
+        if len(pairs) > 1 and len({tuple(values) for values in pairs.values()}) == 1:
+            pairs = {(ALL, None): next(iter(pairs.values()))}
+        found += [_judge(of, coding, metric, values) for coding, values in pairs.items()]
+        if metric.name == "bytes_total":
+            found += [row for coding in codings for row in _judge_whole(of, coding, a[coding], b[coding])]
+    return found
+
+
+def _common(a: dict[int, dict], b: dict[int, dict]) -> list[int]:
+    """The frames with numbers in both runs."""
+    frames = sorted(a.keys() & b.keys())
+    return [f for f in frames if a[f]["status"] in MEASURED_STATUSES and b[f]["status"] in MEASURED_STATUSES]
+
+
+def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple[float, float]]:
+    if metric is OK:
+        common = sorted(a.keys() & b.keys())
+        return [(float(a[frame]["status"] == "ok"), float(b[frame]["status"] == "ok")) for frame in common]
+    values = {frame: (a[frame][metric.name], b[frame][metric.name]) for frame in _common(a, b)}
+    return [pair for pair in after_keyframe(metric.name, values).values() if None not in pair]
+
+
+def _judge(of: Named, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
+    middle = fmean if metric is OK else median
+    a, b = (float(middle(values)) for values in zip(*pairs, strict=True))
+    means = (None, None) if metric is OK else tuple(fmean(values) for values in zip(*pairs, strict=True))
+    shift = float(middle([after - before for before, after in pairs]))
+    p = _p_value(pairs)
+    if all(before == after for before, after in pairs) or (p < ALPHA and not _matters(metric, a, shift)):
+        verdict = "same"
+    elif p >= ALPHA:
+        verdict = "ambiguous"
+    else:
+        verdict = _direction(metric, shift)
+    change = shift / abs(a) if a else None
+    named = (*of, *coding, metric.name, metric.unit, metric.better)
+    return Comparison(*named, a, b, *means, change, p, len(pairs), verdict)
+
+
+def _judge_whole(of: Named, coding: Coding, a: dict[int, dict], b: dict[int, dict]) -> Iterator[Comparison]:
+    """What two runs sent as a whole, in the frames that both have."""
+    common = _common(a, b)
+    old, new = (measure_statistics(BY_NAME["bytes_total"], [run[frame] for frame in common]) for run in (a, b))
+    for column in WHOLE:
+        before, after = old[column.name], new[column.name]
+        if before is None or after is None:
+            continue
+        shift = after - before
+        verdict = _direction(column, shift) if _matters(column, before, shift) else "same"
+        named = (*of, *coding, column.name, column.unit, column.better)
+        change = shift / abs(before) if before else None
+        yield Comparison(*named, float(before), float(after), None, None, change, None, len(common), verdict)
+
+
+def _matters(metric: Column, before: float, shift: float) -> bool:
+    """Whether a difference is large enough to be called one."""
+    threshold = (TIME_THRESHOLD if metric.kind == "time" else OTHER_THRESHOLD) * abs(before)
+    return shift != 0 and abs(shift) >= threshold
+
+
+def _direction(metric: Column, shift: float) -> str:
+    return "better" if (shift > 0) == (metric.better == "higher") else "worse"
+
+
+def _p_value(pairs: list[tuple[float, float]]) -> float:
+    from scipy.stats import wilcoxon
+
+    differences = [after - before for before, after in pairs if after != before]
+    return float(wilcoxon(differences).pvalue) if differences else 1.0
+
+
+def _list(values: set[str]) -> str:
+    return ", ".join(sorted(str(value) for value in values)) or "none"
+
+
+def _names(rows: Rows) -> str:
+    return _list({method for method, _ in rows})

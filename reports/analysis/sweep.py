@@ -1,0 +1,281 @@
+"""The cells of a sweep, read from the runs that measured them: times with intervals, errors, fronts; sweep.csv."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter, defaultdict
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+from shading_atlas_bench.reports.analysis.fronts import Candidate, pareto_front
+from shading_atlas_bench.reports.store.columns import (
+    BY_NAME,
+    MEASURED_STATUSES,
+    MEASURES_OF_SWEEPS,
+    SWEEP_COLUMNS,
+    SWEEP_MEASURES,
+    SWEEP_SETTINGS,
+)
+from shading_atlas_bench.reports.store.csv_files import measure_statistics, spread, write_csv
+from shading_atlas_bench.reports.store.labels import NOTES
+from shading_atlas_bench.reports.store.results import Store, StoreError
+
+FILE = "sweep.json"
+GROUPS = ("structs/", "gather/")  # the stages that make up server_ms
+WORST_FIRST = ("failed", "timeout", "invalid", "overflow", "skipped", "ok")
+COSTS = {"server_ms": "time", "samples": "samples", "bytes_total": "bytes", "atlas_mb": "memory"}
+# The statistic that a cost is compared by; bytes are what a network carries, so all of them count.
+STATISTICS = {"bytes_total": "mean"}
+COLUMN_TYPES = {column.name: column.type for column in SWEEP_COLUMNS}
+ERRORS = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2")
+
+Row = dict[str, Any]
+Numbers = dict[str, dict[int, float]]
+
+
+@dataclass(frozen=True)
+class Point:
+    """One cell in one coding: its row of sweep.csv, and its measures by name and frame.
+
+    condition: the work that was set, in words; only points of one condition can be compared.
+    label: what was varied.
+    """
+
+    row: Row
+    numbers: Numbers
+    condition: str
+    label: str
+
+    def shown(self) -> bool:
+        """Whether it is a point of a plot: all its frames are ok."""
+        return self.row["status"] == "ok"
+
+
+def read_sweep(folder: Path) -> dict[str, Any]:
+    """The content of sweep.json. Raises StoreError if there is none."""
+    try:
+        sweep = json.loads((folder / FILE).read_text(encoding="utf-8"))
+    except (OSError, json.JSONDecodeError) as error:
+        raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote.") from error
+    for cell in sweep["cells"]:
+        cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not their fixed parameters
+    return sweep
+
+
+def is_sweep(folder: Path) -> bool:
+    """Whether the folder was written by `bench sweep`."""
+    return (folder / FILE).is_file()
+
+
+def read_points(folder: Path) -> list[Point]:
+    """All cells of the sweep in `folder`, in the codings that were judged, with fronts marked."""
+    sweep = read_sweep(folder)
+    stores: dict[str, _Run] = {}
+    points = []
+    for cell in sweep["cells"]:
+        if cell["folder"] not in stores:
+            stores[cell["folder"]] = _Run.read(folder / cell["folder"])
+        points += _points(sweep, cell, stores[cell["folder"]])
+    for cost in COSTS:
+        _mark_fronts(points, cost)
+    return points
+
+
+TOLD = ("warning/budget", "warning/full")  # notes of runs that a sweep sums up, as warnings
+
+
+def read_told(folder: Path, prefix: str) -> list[str]:
+    """What runs of cells tell of methods in their notes of this prefix, and of how many cells: `rare`, what they do in
+    a few frames only and did in none; of TOLD, budgets of samples that they did not meet, and full atlases."""
+    cells = read_sweep(folder)["cells"]
+    of_contender = Counter(cell["contender"] for cell in cells)
+    counts: Counter[tuple[str, str]] = Counter()
+    for cell in cells:
+        place, name = folder / cell["folder"], f"{cell['method']}[{cell['variant']}]"
+        if (place / "results.sqlite").is_file():
+            with Store(place, must_exist=True) as store:
+                label = store.notes.under(NOTES).get(name, cell["method"])  # which the sentences begin with
+                told = [text for key, text in store.notes.under(prefix).items() if f"{key}/".startswith(f"{name}/")]
+            counts.update((cell["contender"], text.removeprefix(label)) for text in told)
+    return [f"{name}{text} ({count} of {of_contender[name]} cells)" for (name, text), count in counts.items()]
+
+
+def write_sweep_csv(folder: Path, points: list[Point]) -> None:
+    """Write `folder`/sweep.csv."""
+    write_csv(folder / "sweep.csv", SWEEP_COLUMNS, (point.row for point in points))
+
+
+def cost_column(cost: str) -> str:
+    """The column of sweep.csv that cells are compared by in a cost of COSTS."""
+    return f"{cost}_{STATISTICS.get(cost, 'median')}"
+
+
+def passes(times: dict[int, float], repeats: Iterable[Row]) -> list[float]:
+    """Server time of each pass through the frames, in ms: the median over the frames, the first pass first.
+
+    times: of the first pass, by frame. repeats: rows of the store's repeats of the same method and variant.
+    """
+    return [median(frames.values()) for frames in _by_pass(times, repeats) if frames]
+
+
+def _by_pass(times: dict[int, float], repeats: Iterable[Row]) -> list[dict[int, float]]:
+    """Server time by frame, in ms, of each pass, the first one first."""
+    later: dict[int, dict[int, float]] = defaultdict(lambda: defaultdict(float))
+    for row in repeats:
+        if row["stage"].startswith(GROUPS) and row["ms"] is not None:
+            later[row["repetition"]][row["frame"]] += row["ms"]
+    return [times, *(frames for _, frames in sorted(later.items()))]
+
+
+def _times(times: dict[int, float], repeats: Iterable[Row]) -> Row:
+    """The columns of the server time: median and interval over the passes, mean and largest over the frames, each the
+    median of its passes."""
+    every = _by_pass(times, repeats)
+    of_passes = spread([median(frames.values()) for frames in every if frames])
+    of_frames = spread([median(frames[frame] for frames in every if frame in frames) for frame in times])
+    found = of_passes | {part: of_frames[part] for part in ("mean", "max")}
+    return {f"server_ms_{part}": value for part, value in found.items()}
+
+
+@dataclass(frozen=True)
+class _Run:
+    """What the store of one run holds, by method and variant."""
+
+    rows: dict[tuple[str, str], list[Row]]
+    repeats: dict[tuple[str, str], list[Row]]
+    stops: dict[str, str]
+
+    @classmethod
+    def read(cls, folder: Path) -> _Run:
+        rows, repeats = defaultdict(list), defaultdict(list)
+        if not (folder / "results.sqlite").is_file():
+            return cls(rows, repeats, {})
+        with Store(folder, must_exist=True) as store:
+            for row in store.rows():
+                rows[row["method"], row["variant"]].append(row)
+            for row in store.repeats():
+                repeats[row["method"], row["variant"]].append(row)
+            return cls(rows, repeats, store.notes.under("stop"))
+
+
+def _points(sweep: dict[str, Any], cell: dict[str, Any], run: _Run) -> list[Point]:
+    """The point of each coding whose picture is judged."""
+    key = cell["method"], cell["variant"]
+    by_coding: dict[tuple, list[Row]] = defaultdict(list)
+    for row in run.rows.get(key, []):
+        by_coding[row["codec"], row["crf"]].append(row)
+    stop = run.stops.get(f"{cell['method']}[{cell['variant']}]", "")
+    points = []
+    for kind, coding in cell["codings"].items():
+        row, numbers = _row(sweep, cell, coding, by_coding[tuple(coding)])
+        repeats = run.repeats.get(key, [])
+        timed = row["status"] in MEASURED_STATUSES
+        row |= (_times(numbers["server_ms"], repeats) if timed else {}) | {
+            "coding": kind,
+            "repetitions": len(passes(numbers["server_ms"], repeats)) if timed else 0,
+            "stop": stop or ("" if row["status"] in ("failed", "timeout", "invalid", "skipped") else "unfinished"),
+            "comparable": "yes" if sweep["timed"] else "no",
+        }
+        points.append(Point(row, numbers, cell["condition"], _label(cell)))
+    return points
+
+
+def _label(cell: dict[str, Any]) -> str:
+    return ", ".join(f"{name}={value}" for name, value in cell["varied"].items()) or "as it is"
+
+
+def _row(sweep: dict[str, Any], cell: dict[str, Any], coding: list, rows: list[Row]) -> tuple[Row, Numbers]:
+    """The columns of sweep.csv but those of time, and the measures by frame."""
+    status, reason = _status(rows, sweep["frames"])
+    fixed = {name: cell[name] for name in ("method", "variant", "contender")} | {"codec": coding[0], "crf": coding[1]}
+    row: Row = {column.name: None for column in SWEEP_COLUMNS}
+    row |= {name: _typed(name, cell["settings"][name]) for name in SWEEP_SETTINGS} | fixed
+    row["scene"] = rows[0]["scene"] if rows else row["scene"]
+    row |= {
+        "varied": " ".join(f"{name}={value}" for name, value in cell["varied"].items()),
+        "status": status,
+        "reason": reason,
+        "frames": sweep["frames"],
+        "frames_ok": sum(row["status"] == "ok" for row in rows),
+    }
+    measured = [one for one in rows if one["status"] in MEASURED_STATUSES] if status in MEASURED_STATUSES else []
+    numbers = {name: _by_frame(measured, name) for name in SWEEP_MEASURES}
+    for name in SWEEP_MEASURES:
+        if name != "server_ms":
+            valued = [one | {name: numbers[name].get(one["frame"])} for one in measured]
+            row |= measure_statistics(MEASURES_OF_SWEEPS[name], valued)
+    return row, numbers
+
+
+def _typed(name: str, value: Any) -> Any:
+    """A setting as the type of its column: JSON holds whole numbers for floats."""
+    return value if value is None else COLUMN_TYPES[name](value)
+
+
+def _by_frame(rows: list[Row], name: str) -> dict[int, float]:
+    values = ((row["frame"], _memory(row) if name == "atlas_mb" else row[name]) for row in rows)
+    return {frame: value for frame, value in values if value is not None}
+
+
+def _memory(row: Row) -> float | None:
+    """Megabytes of the atlas at four bytes per texel, or of the lists before compression."""
+    if row["atlas_width"]:
+        return row["atlas_width"] * row["atlas_height"] * 4e-6
+    return row["bytes_video"] / row["compression_ratio"] * 1e-6 if row["compression_ratio"] else None
+
+
+def _status(rows: list[Row], frames: int) -> tuple[str, str | None]:
+    """The worst status of the frames and the first reason for it; `unfinished` where frames are missing."""
+    statuses = {row["status"] for row in rows}
+    for status in WORST_FIRST[:4]:
+        if status in statuses:
+            return status, next(row["reason"] for row in rows if row["status"] == status)
+    if len(rows) < frames:
+        return "unfinished", f"{len(rows)} of {frames} frames are done."
+    return next((row["status"], row["reason"]) for row in rows)
+
+
+def candidates(points: Sequence[Point], cost: str, error: str) -> tuple[list[Point], list[Candidate]]:
+    """The points that have both measures, and each as a candidate, its errors turned so that lower is better."""
+    sign = -1 if BY_NAME[error].better == "higher" else 1
+    usable = [
+        point
+        for point in points
+        if point.shown()
+        and point.row[cost_column(cost)] is not None
+        and point.row[f"{error}_median"] is not None
+        and (cost != "server_ms" or point.row["comparable"] == "yes")
+    ]
+    found = []
+    for point in usable:
+        middle = point.row[cost_column(cost)]
+        low, high = (point.row[f"{cost}_{end}"] if cost == "server_ms" else middle for end in ("low", "high"))
+        errors = {frame: sign * value for frame, value in point.numbers[error].items()}
+        found.append(Candidate(point.row["contender"], low, middle, high, sign * point.row[f"{error}_median"], errors))
+    return usable, found
+
+
+def groups(points: Sequence[Point]) -> dict[tuple[str, str], list[Point]]:
+    """The points that can be compared with each other, by condition and coding, in their order."""
+    found: dict[tuple[str, str], list[Point]] = defaultdict(list)
+    for point in points:
+        found[point.condition, point.row["coding"]].append(point)
+    return found
+
+
+def _mark_fronts(points: list[Point], cost: str) -> None:
+    """Fill the pareto columns: `all` on the front of all contenders, `method` only on its own, `no` on neither."""
+    column = f"pareto_{COSTS[cost]}"
+    for of_group in groups(points).values():
+        usable, found = candidates(of_group, cost, "flip")
+        places = [(candidate.cost, candidate.error) for candidate in found]
+        marks = dict.fromkeys(range(len(found)), "no")
+        for contender in {candidate.method for candidate in found}:
+            own = [index for index, candidate in enumerate(found) if candidate.method == contender]
+            marks |= {own[index]: "method" for index in pareto_front([places[index] for index in own])}
+        marks |= dict.fromkeys(pareto_front(places), "all")
+        for index, point in enumerate(usable):
+            point.row[column] = marks[index]

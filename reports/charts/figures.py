@@ -1,0 +1,227 @@
+"""The report's charts, as Plotly figures in plain JSON values; the page adds the colours of text and grid."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from statistics import median
+from typing import Any
+
+from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, Column
+from shading_atlas_bench.reports.store.labels import Key, Labels
+
+Row = dict[str, Any]
+Figure = dict[str, Any]
+
+# Told apart by people with colour vision deficiencies, on light and on dark.
+COLOURS = ("#0a84c6", "#e08a00", "#009e73", "#d1495b", "#8a6fd1", "#a68a2a", "#56b4e9", "#cc79a7")
+DASHES = ("solid", "dot", "dashdot", "longdash")
+# One hue per group of stages, in degrees; stages of a group differ in lightness.
+GROUP_HUES = {"structs": 212, "gather": 32, "client": 160}
+OTHER_HUE = 340
+
+PER_FRAME = (
+    "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms",
+    "samples", "bytes_total", "bytes_video", "bytes_metadata", "bytes_geometry", "fill", "coherence",
+)  # fmt: skip
+
+
+def coding_label(codec: str | None, crf: int | None) -> str:
+    """A coding as people say it: `CRF 25`, `JPEG`, `lossless`."""
+    if codec is None:
+        return "not coded"
+    if codec == "none":
+        return "lossless"
+    return f"CRF {crf}" if crf is not None else codec.upper()
+
+
+def axis_title(column: Column) -> str:
+    """The column's name, unit, and the better direction as an arrow."""
+    unit = f" ({column.unit})" if column.unit else ""
+    return f"{column.name}{unit} {arrow(column.better)}".strip()
+
+
+def arrow(better: str) -> str:
+    """An arrow for the better direction: down where lower is better."""
+    return {"lower": "↓", "higher": "↑", "": ""}[better]
+
+
+def error_over_time(summaries: list[Row], labels: Labels) -> Figure | None:
+    """One mark per method and displayed coding: median FLIP over median server time, with their intervals."""
+    traces = []
+    for index, (key, label) in enumerate(labels.items()):
+        shown = [row for row in summaries if _key(row) == key and row["flip_median"] is not None]
+        for row in shown:
+            lossless = row["codec"] == "none"
+            coding = coding_label(row["codec"], row["crf"])
+            traces.append(
+                {
+                    "type": "scatter", "mode": "markers", "name": f"{label}, {coding}",
+                    "x": [row["server_ms_median"]], "y": [row["flip_median"]],
+                    "error_x": _interval(row, "server_ms", index), "error_y": _interval(row, "flip", index),
+                    "marker": {
+                        "color": _colour(index), "size": 13, "symbol": "circle-open" if lossless else "circle",
+                        "line": {"width": 2.5, "color": _colour(index)},
+                    },
+                    "hovertemplate": "%{x:.3~g} ms, FLIP %{y:.4f}",
+                }
+            )  # fmt: skip
+    return _figure(traces, "server time per frame (ms) ↓", "FLIP error ↓", from_zero=True)
+
+
+def _interval(row: Row, name: str, index: int) -> dict[str, Any]:
+    middle, low, high = (row[f"{name}_{part}"] for part in ("median", "low", "high"))
+    if low is None or middle is None:
+        return {"visible": False}
+    ends = {"array": [high - middle], "arrayminus": [middle - low]}
+    return {"type": "data", "symmetric": False, "thickness": 1.2, "width": 4, "color": _colour(index)} | ends
+
+
+def stage_times(stages: list[Row], labels: Labels) -> Figure | None:
+    """Median device time of each stage, stacked per method."""
+    times: dict[str, dict[Key, list[float]]] = defaultdict(lambda: defaultdict(list))
+    for row in stages:
+        if row["ms"] is not None:
+            times[row["stage"]][_key(row)].append(row["ms"])
+    order = {group: place for place, group in enumerate(GROUP_HUES)}
+    names = sorted(times, key=lambda name: order.get(_group(name), len(order)))
+    bars = {
+        name: (_stage_colour(name, names), [median(times[name][key]) if key in times[name] else None for key in labels])
+        for name in names
+    }
+    return stacked_bars(bars, list(labels.values()), "device time per frame (ms) ↓")
+
+
+def stacked_bars(
+    bars: dict[str, tuple[str, list[float | None]]], labels: list[str], title: str, spare: int = 8
+) -> Figure | None:
+    """Bars from left to right, one line per label: colour and values of each part, by its name.
+
+    spare: pixels that the legend takes per part.
+    """
+    traces = [
+        {
+            "type": "bar", "orientation": "h", "name": name, "y": labels, "x": values,
+            "marker": {"color": colour}, "hovertemplate": "%{x:.3~g} ms",
+        }
+        for name, (colour, values) in bars.items()
+    ]  # fmt: skip
+    figure = _figure(traces, title, "")
+    if figure:
+        layout = figure["layout"]
+        layout |= {
+            "barmode": "stack",
+            "hovermode": "closest",
+            "bargap": 0.35,
+            "height": 150 + 44 * len(labels) + spare * len(traces),
+        }
+        layout["yaxis"] |= {"autorange": "reversed", "showgrid": False, "ticksuffix": "  "}
+        layout["legend"] |= {"traceorder": "normal"}
+    return figure
+
+
+def _group(stage: str) -> str:
+    return stage.split("/")[0]
+
+
+def _stage_colour(name: str, names: list[str]) -> str:
+    group = [other for other in names if _group(other) == _group(name)]
+    share = (group.index(name) + 0.5) / len(group)
+    return f"hsl({GROUP_HUES.get(_group(name), OTHER_HUE)}, 62%, {36 + 36 * share:.0f}%)"
+
+
+def per_frame(rows: list[Row], labels: Labels) -> dict[str, Figure]:
+    """A chart over the frames for each measure of PER_FRAME that has values, by its name."""
+    figures = {name: _over_frames(rows, labels, BY_NAME[name]) for name in PER_FRAME}
+    return {name: figure for name, figure in figures.items() if figure}
+
+
+def _over_frames(rows: list[Row], labels: Labels, column: Column) -> Figure | None:
+    """Lines over the frames; a coding other than that of the first line of a method is drawn fainter."""
+    traces = []
+    for index, (key, label) in enumerate(labels.items()):
+        codings = displayed_codings([row for row in rows if _key(row) == key])
+        drawn: list[list] = []
+        for coding, frames in codings.items():
+            values = [row[column.name] if row["status"] in MEASURED_STATUSES else None for row in frames]
+            if all(value is None for value in values) or values in drawn:
+                continue
+            drawn.append(values)
+            name = f"{label}, {coding_label(*coding)}" if column.kind in ("quality", "size") else label
+            traces.append(
+                {
+                    "type": "scatter", "mode": "lines+markers", "name": name,
+                    "x": [row["frame"] for row in frames], "y": values, "connectgaps": False,
+                    "opacity": 1.0 if len(drawn) == 1 else 0.55,
+                    "line": {"color": _colour(index), "width": 2, "dash": _dash(index, len(drawn))},
+                    "marker": {"size": 5}, "hovertemplate": "%{y:.4~g}",
+                }
+            )  # fmt: skip
+    return _figure(traces, "frame", axis_title(column))
+
+
+def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], list[Row]]:
+    """Rows of one method by coding: those whose picture was judged, or the first where none was."""
+    by_coding: dict[tuple[str | None, int | None], list[Row]] = defaultdict(list)
+    for row in rows:
+        by_coding[row["codec"], row["crf"]].append(row)
+    judged = {
+        coding: found for coding, found in by_coding.items() if any(row["client_ms"] is not None for row in found)
+    }
+    return judged or dict(list(by_coding.items())[:1])
+
+
+def bytes_per_rate(summaries: list[Row], labels: Labels) -> Figure | None:
+    """Bytes sent per frame after the keyframe over the rate, mean and largest, two lines per method."""
+    coded = [row for row in summaries if row["codec"] not in (None, "none") and row["bytes_total_mean"] is not None]
+    traces = []
+    for index, (key, label) in enumerate(labels.items()):
+        own = [row for row in coded if _key(row) == key]
+        for nth, (name, statistic) in enumerate((("mean", "mean"), ("largest", "max")), start=1):
+            traces.append(
+                {
+                    "type": "scatter", "mode": "lines+markers", "name": f"{label}, {name}",
+                    "x": [coding_label(row["codec"], row["crf"]) for row in own],
+                    "y": [row[f"bytes_total_{statistic}"] / 1000 for row in own],
+                    "line": {"color": _colour(index), "width": 2, "dash": _dash(index, nth)},
+                    "opacity": 1.0 if nth == 1 else 0.55, "marker": {"size": 8}, "hovertemplate": "%{y:,.4~g} kB",
+                }
+            )  # fmt: skip
+    rates = sorted({(row["codec"], -1 if row["crf"] is None else row["crf"]) for row in coded})
+    order = [coding_label(codec, None if crf < 0 else crf) for codec, crf in rates]
+    figure = _figure([trace for trace in traces if trace["x"]], "", "sent per frame (kB) ↓")
+    if figure:
+        ticks = [digit * 10**power for power in range(-3, 7) for digit in (1, 2, 5)]
+        figure["layout"]["xaxis"] |= {"type": "category", "categoryorder": "array", "categoryarray": order}
+        figure["layout"]["yaxis"] |= {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
+    return figure
+
+
+def _key(row: Row) -> Key:
+    return row["method"], row["variant"]
+
+
+def _colour(index: int) -> str:
+    return COLOURS[index % len(COLOURS)]
+
+
+def _dash(index: int, nth: int) -> str:
+    """The first line of each method is solid while there are colours; the others, and other codings, are not."""
+    return DASHES[(index // len(COLOURS) + nth - 1) % len(DASHES)]
+
+
+def _figure(traces: list[dict], x_title: str, y_title: str, from_zero: bool = False) -> Figure | None:
+    if not traces:
+        return None
+    mode = {"rangemode": "tozero"} if from_zero else {}
+    return {
+        "data": traces,
+        "layout": {
+            "height": 400,
+            "hovermode": "closest" if from_zero else "x unified",
+            "showlegend": True,
+            "legend": {"orientation": "h", "y": 1.03, "yanchor": "bottom", "x": 0},
+            "margin": {"l": 64, "r": 16, "t": 28, "b": 48},
+            "xaxis": {"title": {"text": x_title}, "automargin": True, "zeroline": False} | mode,
+            "yaxis": {"title": {"text": y_title}, "automargin": True, "zeroline": False} | mode,
+        },
+    }

@@ -1,0 +1,162 @@
+"""Pictures of a run: where they lie in its folder, and how they get into the report.
+
+`pictures/reference/frame_0000.png` is the reference of a frame; `pictures/FOLDER/frame_0000_NAME.png` are those of one
+method and variant, NAME being client, flip, atlas, alpha or anything else. `pictures/pictures.json` says whose each
+FOLDER is: {FOLDER: {"method": ..., "variant": ...}}.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import tempfile
+from collections.abc import Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from shading_atlas_bench.reports.store.results import StoreError
+
+EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
+ATLAS_SIDE = 1024
+QUALITY = 92  # of JPEG, for what is not embedded as it is
+MOST_FRAMES = 3
+WORKERS = 2  # threads that code pictures
+FIRST = ("client", "flip", "atlas")
+REDUCED = ("atlas", "alpha")  # planes, as large as an atlas
+
+PNG_END = b"IEND\xaeB`\x82"  # the last chunk of every PNG file
+
+_NAME = re.compile(r"frame_(\d+)_(\w+)\.png")
+_REFERENCE = re.compile(r"frame_(\d+)\.png")
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """Files by frame. methods: by (method, variant), then frame, then name of the picture."""
+
+    references: dict[int, Path]
+    methods: dict[tuple[str, str], dict[int, dict[str, Path]]]
+
+    def frames(self) -> list[int]:
+        """All frames that have a picture of some method."""
+        return sorted({frame for frames in self.methods.values() for frame in frames})
+
+
+def find_pictures(folder: Path) -> Pictures:
+    """The whole pictures in `folder`/pictures: none where there is no such folder, and none that a kill cut off.
+
+    Raises StoreError if the list of folders is broken.
+    """
+    references: dict[int, Path] = {}
+    for path in _whole_pictures(folder / "pictures" / "reference"):
+        if match := _REFERENCE.fullmatch(path.name):
+            references[int(match[1])] = path
+    methods: dict[tuple[str, str], dict[int, dict[str, Path]]] = {}
+    for name, owner in _known(folder).items():
+        frames = methods.setdefault((owner["method"], owner["variant"]), {})
+        for path in _whole_pictures(folder / "pictures" / name):
+            if match := _NAME.fullmatch(path.name):
+                frames.setdefault(int(match[1]), {})[match[2]] = path
+    return Pictures(references, methods)
+
+
+def _whole_pictures(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.glob("*.png")) if path.read_bytes().endswith(PNG_END)]
+
+
+def _known(folder: Path) -> dict[str, dict[str, str]]:
+    file = folder / "pictures" / "pictures.json"
+    try:
+        return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
+    except json.JSONDecodeError as error:
+        raise StoreError(f"{file} is broken ({error}): run the same command again, or remove the file.") from error
+
+
+def embed(pictures: Pictures, frames: Iterable[int], labels: dict[tuple[str, str], str]) -> dict:
+    """The pictures of the first of `frames` that fit, but at least of one, as data URLs, for the report's viewer.
+
+    Pictures are embedded as they are if those of all frames fit, else all as JPEG; atlases always as JPEG, reduced to
+    ATLAS_SIDE. Returns {"exact": bool, "frames": [{"frame", "reference", "methods": {label: {name: url}}}]}.
+    """
+    frames = list(frames)
+    exact = sum(path.stat().st_size for frame in frames for path in _exact_files(pictures, frame)) <= EMBED_BYTES
+    chosen: list[dict] = []
+    size = 0
+    for frame in frames:
+        entry, cost = _embed_frame(pictures, frame, labels, exact)
+        size += cost
+        if chosen and size > EMBED_BYTES:
+            break
+        chosen.append(entry)
+    return {"exact": exact, "frames": sorted(chosen, key=lambda entry: entry["frame"])}
+
+
+def _exact_files(pictures: Pictures, frame: int) -> list[Path]:
+    """The files of a frame that may be embedded as they are."""
+    references = [pictures.references[frame]] if frame in pictures.references else []
+    by_method = [by_frame.get(frame, {}) for by_frame in pictures.methods.values()]
+    return references + [path for files in by_method for name, path in files.items() if name not in REDUCED]
+
+
+def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], str], exact: bool) -> tuple[dict, int]:
+    """One frame for the viewer, and how many bytes its pictures have."""
+    reference = pictures.references.get(frame)
+    entry: dict = {"frame": frame, "reference": reference and _data_url(reference, exact), "methods": {}}
+    asked = []
+    for key, label in labels.items():
+        files = pictures.methods.get(key, {}).get(frame, {})
+        names = [name for name in FIRST if name in files] + sorted(set(files) - set(FIRST))
+        asked += [(label, name, files[name]) for name in names]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        coded = [
+            pool.submit(_data_url, path, exact and name not in REDUCED, ATLAS_SIDE if name in REDUCED else None)
+            for _, name, path in asked
+        ]
+        for (label, name, _), url in zip(asked, coded, strict=True):
+            entry["methods"].setdefault(label, {})[name] = url.result()
+    urls = [entry["reference"] or "", *(url for layers in entry["methods"].values() for url in layers.values())]
+    return entry, sum(len(url) * 3 // 4 for url in urls)
+
+
+def _data_url(path: Path, exact: bool, side: int | None = None) -> str:
+    data, kind = (path.read_bytes(), "png") if exact else (_jpeg(path, side), "jpeg")
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
+
+
+def _jpeg(path: Path, side: int | None) -> bytes:
+    """The picture as JPEG without subsampled colour, averaged over blocks until no side is longer than `side`."""
+    from OpenImageIO import UINT8, ImageInput, ImageOutput, ImageSpec, geterror
+
+    source = ImageInput.open(str(path))
+    if source is None:
+        raise OSError(f"{path} cannot be embedded in the report: {geterror()}.")
+    pixels = source.read_image(UINT8)[..., :3]
+    source.close()
+    if side:
+        pixels = _reduced(pixels, -(-max(pixels.shape) // side))
+    spec = ImageSpec(pixels.shape[1], pixels.shape[0], 3, UINT8)
+    spec.attribute("compression", f"jpeg:{QUALITY}")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder) / "picture.jpg"
+        output = ImageOutput.create(str(file))
+        if not (output.open(str(file), spec) and output.write_image(np.ascontiguousarray(pixels)) and output.close()):
+            raise OSError(f"{path} cannot be embedded in the report: {output.geterror()}.")
+        return file.read_bytes()
+
+
+def _reduced(pixels: np.ndarray, factor: int) -> np.ndarray:
+    """Means of whole blocks of factor x factor pixels, uint8; blocks that the picture cuts are left out."""
+    height, width = (length // factor for length in pixels.shape[:2])
+    if factor == 1 or 0 in (height, width):
+        return pixels
+    cut = pixels[: height * factor, : width * factor]
+    total = np.zeros((height, width, 3), np.uint32)
+    for row in range(factor):
+        for column in range(factor):
+            total += cut[row::factor, column::factor]
+    return (total // factor**2).astype(np.uint8)

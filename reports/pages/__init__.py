@@ -1,0 +1,1 @@
+"""The reports: HTML files that need nothing else."""

@@ -1,0 +1,1 @@
+"""The results store, its documented columns, and CSV."""

@@ -1,0 +1,343 @@
+"""The results store: one SQLite file per run, one transaction per finished frame.
+
+SQLite's rollback journal makes every transaction whole or absent, also after `kill -9`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sqlite3
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from zlib import crc32
+
+from shading_atlas_bench.reports.store.columns import BY_NAME, FRAME_COLUMNS, FRAME_KEY, STATUSES, Column
+
+FILE = "results.sqlite"
+LONGEST_PATH = 504  # bytes, of a file that SQLite opens with its journal beside it
+WAIT_SECONDS = 60  # for another process that writes to the same file
+SQL_TYPES = {str: "TEXT", int: "INTEGER", float: "REAL"}
+REQUIRED = (*(name for name in FRAME_KEY if name not in ("codec", "crf")), "status")
+
+_FRAME = "method TEXT NOT NULL, variant TEXT NOT NULL, frame INTEGER NOT NULL"
+_TABLES = (
+    "CREATE TABLE plan (content TEXT NOT NULL)",
+    "CREATE TABLE notes (key TEXT PRIMARY KEY, value TEXT NOT NULL)",
+    f"CREATE TABLE finished ({_FRAME}, PRIMARY KEY (method, variant, frame))",
+    f"CREATE TABLE rows ({', '.join(f'{c.name} {SQL_TYPES[c.type]}' for c in FRAME_COLUMNS)})",
+    # NULL differs from NULL in an index, so absent codecs and rates are given a value there.
+    "CREATE UNIQUE INDEX row_key ON rows"
+    " (scene, path_hash, method, variant, coalesce(codec, ''), coalesce(crf, -1), frame)",
+    "CREATE INDEX row_frame ON rows (method, variant, frame)",
+    f"CREATE TABLE stages ({_FRAME}, stage TEXT NOT NULL, ms REAL, launches INTEGER NOT NULL,"
+    " PRIMARY KEY (method, variant, frame, stage))",
+    f"CREATE TABLE statistics ({_FRAME}, name TEXT NOT NULL, value REAL, PRIMARY KEY (method, variant, frame, name))",
+    f"CREATE TABLE repeats ({_FRAME}, repetition INTEGER NOT NULL, stage TEXT NOT NULL, ms REAL,"
+    " PRIMARY KEY (method, variant, frame, repetition, stage))",
+)
+# Another one for every other layout of the tables, so that none is read as if it were this one.
+SCHEMA_VERSION = crc32("".join(_TABLES).encode()) >> 1
+_OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
+
+
+class StoreError(ValueError):
+    """A store that cannot be used, or a value that does not belong in it; the message is for people."""
+
+
+class Store:
+    """The results of one run, in `folder`/results.sqlite.
+
+    folder: made if absent, unless must_exist. Everything written is committed at once; a frame is committed as a whole.
+
+    Raises StoreError if must_exist and there is no store, if the file is no store of this version, or if its path is
+    too long for SQLite.
+    """
+
+    def __init__(self, folder: Path, *, must_exist: bool = False) -> None:
+        self.folder = Path(folder)
+        file = self.folder / FILE
+        if must_exist and not file.is_file():
+            raise StoreError(f"There are no results in {self.folder}: give a folder that `bench run` wrote.")
+        long = len(os.fsencode(file.absolute()))
+        if long > LONGEST_PATH:
+            own = len(FILE) + 1
+            raise StoreError(
+                f"The folder's path has {long - own:,} bytes, and SQLite opens files in up to {LONGEST_PATH - own}: "
+                "give a shorter --out."
+            )
+        try:
+            self.folder.mkdir(parents=True, exist_ok=True)
+            self._connection = sqlite3.connect(file, timeout=WAIT_SECONDS, isolation_level=None)
+            try:
+                self._prepare()
+            except BaseException:
+                self._connection.close()
+                raise
+        except (OSError, sqlite3.Error) as error:
+            raise StoreError(f"{file} cannot be opened as a results store: {error}.") from error
+        self.notes = Notes(self._connection)
+
+    def close(self) -> None:
+        """Close the file; nothing is pending, so this loses nothing."""
+        self._connection.close()
+
+    def __enter__(self) -> Store:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def plan(self) -> dict[str, Any] | None:
+        """The plan of this run, None before `set_plan`."""
+        found = self._connection.execute("SELECT content FROM plan").fetchone()
+        return json.loads(found[0]) if found else None
+
+    def set_plan(self, plan: dict[str, Any], *, begun: bool | None = None) -> None:
+        """Bind the store to a plan, given as JSON values; before it has begun its device may still change.
+
+        begun: whether there are results of it; if None, whether a frame is finished here. Raises StoreError, naming
+        each difference, if the store is bound to another one.
+        """
+        wanted = json.loads(json.dumps(plan))
+        with self._transaction():
+            existing = self.plan()
+            begun = bool(self.finished()) if begun is None else begun
+            if existing and not begun and existing | {"device": wanted.get("device")} == wanted:
+                existing = None
+            if existing is None:
+                self._connection.execute("DELETE FROM plan")
+                self._connection.execute("INSERT INTO plan VALUES (?)", (json.dumps(wanted, sort_keys=True),))
+        if existing is not None and existing != wanted:
+            differences = "; ".join(_differences(flat(existing), flat(wanted)))
+            raise StoreError(
+                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments to resume."
+            )
+
+    def finished(self) -> set[tuple[str, str, int]]:
+        """The committed frames, as (method, variant, frame)."""
+        return set(self._connection.execute("SELECT method, variant, frame FROM finished"))
+
+    def commit_frame(
+        self,
+        method: str,
+        variant: str,
+        frame: int,
+        rows: list[dict[str, Any]],
+        stages: Iterable[tuple[str, float, int]] = (),
+        statistics: Mapping[str, float] | None = None,
+        repeats: Iterable[tuple[int, str, float]] = (),
+    ) -> None:
+        """Write all results of one frame of one method in one transaction, in place of earlier ones.
+
+        rows: by column name of frames.csv; method, variant and frame may be left out. None, NaN and infinity mean that
+            there is no value. NumPy scalars are taken as their Python values.
+        stages: (stage, milliseconds, launches). statistics: name to number.
+        repeats: (repetition, stage, milliseconds): every timing of `--repeat`, of which rows and stages hold medians.
+
+        Raises StoreError for an unknown column or status, a lacking key, a value of the wrong type, or no row.
+        """
+        place = (str(method), str(variant), int(frame))
+        named = dict(zip(("method", "variant", "frame"), place, strict=True))
+        if not rows:
+            raise StoreError(f"Frame {frame} of {method} has no row: each frame has at least one, also a failed one.")
+        records = [_record({**row, **named}, row) for row in rows]
+        stage_records = [(*place, stage, _number(ms), int(launches)) for stage, ms, launches in stages]
+        statistic_records = [(*place, name, _number(value)) for name, value in (statistics or {}).items()]
+        repeat_records = [(*place, int(repetition), stage, _number(ms)) for repetition, stage, ms in repeats]
+        try:
+            with self._transaction():
+                for table in _OF_FRAME:
+                    self._connection.execute(
+                        f"DELETE FROM {table} WHERE method = ? AND variant = ? AND frame = ?", place
+                    )
+                self._insert("rows", records)
+                self._insert("stages", stage_records)
+                self._insert("statistics", statistic_records)
+                self._insert("repeats", repeat_records)
+                self._insert("finished", [place])
+        except sqlite3.IntegrityError as error:
+            raise StoreError(
+                f"Frame {frame} of {method} cannot be stored: two entries of one key ({error})."
+            ) from error
+
+    def add_repetition(
+        self, method: str, variant: str, repetition: int, times: Iterable[tuple[int, str, float]]
+    ) -> None:
+        """Write one more timing of a method's finished frames, as (frame, stage, milliseconds), in one transaction.
+
+        It takes the place of an earlier one of the same number. Rows and stages stay as they are.
+        """
+        records = [(method, variant, int(frame), repetition, stage, _number(ms)) for frame, stage, ms in times]
+        with self._transaction():
+            self._connection.execute(
+                "DELETE FROM repeats WHERE method = ? AND variant = ? AND repetition = ?", (method, variant, repetition)
+            )
+            self._insert("repeats", records)
+
+    def rows(self) -> list[dict[str, Any]]:
+        """All rows, by column name, sorted by the key; absent values are None and sort first."""
+        return self._select(f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}")
+
+    def stages(self) -> list[dict[str, Any]]:
+        """Time of each stage, by the column names of stages.csv, sorted by its key."""
+        return self._select(_of_frames("stages", "stage, ms, launches", "stage"))
+
+    def statistics(self) -> list[dict[str, Any]]:
+        """What methods report, by the column names of statistics.csv, sorted by its key; also of invalid frames."""
+        return self._select(_of_frames("statistics", "name, value", "name"))
+
+    def repeats(self) -> list[dict[str, Any]]:
+        """Every repetition of a timing: place of its frame, repetition, stage and ms, sorted by all but the last."""
+        return self._select(_of_frames("repeats", "repetition, stage, ms", "repetition, stage"))
+
+    def _prepare(self) -> None:
+        """Make the tables of a new file, or check the version of an old one."""
+        with self._transaction():
+            (version,) = self._connection.execute("PRAGMA user_version").fetchone()
+            if version == 0:
+                for statement in _TABLES:
+                    self._connection.execute(statement)
+                self._connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+        if version not in (0, SCHEMA_VERSION):
+            self._connection.close()
+            raise StoreError(
+                f"{self.folder / FILE} was written by another version of this program, with other columns: "
+                "use that version, or run again into a new folder."
+            )
+
+    @contextmanager
+    def _transaction(self) -> Iterator[None]:
+        self._connection.execute("BEGIN IMMEDIATE")
+        try:
+            yield
+        except BaseException:
+            self._connection.execute("ROLLBACK")
+            raise
+        self._connection.execute("COMMIT")
+
+    def _insert(self, table: str, records: list[tuple]) -> None:
+        if records:
+            places = ", ".join("?" * len(records[0]))
+            self._connection.executemany(f"INSERT INTO {table} VALUES ({places})", records)
+
+    def _select(self, query: str) -> list[dict[str, Any]]:
+        cursor = self._connection.execute(query)
+        names = [description[0] for description in cursor.description]
+        return [dict(zip(names, values, strict=True)) for values in cursor]
+
+
+class Notes(MutableMapping[str, str]):
+    """Texts about a run, by key; each is committed as it is set, and iteration is sorted by key.
+
+    Keys are PREFIX/NAME. The report shows `environment/...` (machine, device, versions), `warning/...`,
+    `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...`,
+    `label/METHOD[VARIANT]` (what it is called), `prepare_ms/METHOD[VARIANT]`, `rare/METHOD[VARIANT]/STATISTIC` (what a
+    method does in a few frames only, and did in none of these) and `published/METHOD` (what changes where its
+    parameters are as published).
+    """
+
+    def __init__(self, connection: sqlite3.Connection) -> None:
+        self._connection = connection
+
+    def __getitem__(self, key: str) -> str:
+        found = self._connection.execute("SELECT value FROM notes WHERE key = ?", (key,)).fetchone()
+        if found is None:
+            raise KeyError(key)
+        return found[0]
+
+    def __setitem__(self, key: str, value: object) -> None:
+        self._connection.execute("INSERT OR REPLACE INTO notes VALUES (?, ?)", (key, str(value)))
+
+    def __delitem__(self, key: str) -> None:
+        if self._connection.execute("DELETE FROM notes WHERE key = ?", (key,)).rowcount == 0:
+            raise KeyError(key)
+
+    def __iter__(self) -> Iterator[str]:
+        return iter([key for (key,) in self._connection.execute("SELECT key FROM notes ORDER BY key")])
+
+    def __len__(self) -> int:
+        return self._connection.execute("SELECT count(*) FROM notes").fetchone()[0]
+
+    def under(self, prefix: str) -> dict[str, str]:
+        """The notes whose key starts with `prefix`/ (the slash may be given), by the rest of their key."""
+        start = f"{prefix.rstrip('/')}/"
+        return {key.removeprefix(start): self[key] for key in self if key.startswith(start)}
+
+    def replace(self, prefix: str, texts: Mapping[str, str]) -> None:
+        """Make these the notes under `prefix`/, by the rest of their key, in place of all that were there."""
+        for key in self.under(prefix):
+            del self[f"{prefix}/{key}"]
+        self.update({f"{prefix}/{key}": text for key, text in texts.items()})
+
+
+def _of_frames(table: str, values: str, order: str) -> str:
+    """A query of a table of frames, with the scene and path that the frames belong to."""
+    return (
+        f"SELECT scene, path_hash, method, variant, frame, {values} FROM {table}"
+        " JOIN (SELECT DISTINCT scene, path_hash, method, variant, frame FROM rows) USING (method, variant, frame)"
+        f" ORDER BY scene, path_hash, method, variant, frame, {order}"
+    )
+
+
+def _record(row: dict[str, Any], given: dict[str, Any]) -> tuple:
+    """A row as the values of all columns in order, checked; `given` is the row as the caller gave it."""
+    unknown = [name for name in row if name not in BY_NAME]
+    if unknown:
+        raise StoreError(
+            f"frames.csv has no column {', '.join(map(repr, unknown))}; reports/store/columns.py lists them."
+        )
+    for name in ("method", "variant", "frame"):
+        if name in given and given[name] != row[name]:
+            raise StoreError(f"A row of {row['method']} says {name} {given[name]!r} instead of {row[name]!r}.")
+    record = {name: _checked(column, row.get(name)) for name, column in BY_NAME.items()}
+    lacking = [name for name in REQUIRED if record[name] is None]
+    if lacking:
+        raise StoreError(f"A row of {row['method']} lacks {', '.join(lacking)}.")
+    if record["status"] not in STATUSES:
+        raise StoreError(f"The status {record['status']!r} is unknown; known are {', '.join(STATUSES)}.")
+    return tuple(record.values())
+
+
+def _checked(column: Column, value: Any) -> str | int | float | None:
+    """The value as the column's type; None for None, NaN and infinity."""
+    if hasattr(value, "item"):
+        value = value.item()
+    if column.type is str:
+        if value is None or isinstance(value, str):
+            return value
+    elif value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+        number = _number(value)
+        if number is None or column.type is float:
+            return number
+        if number == int(number):
+            return int(value)
+    raise StoreError(f"The column {column.name!r} takes {column.type.__name__}, not {value!r}.")
+
+
+def _number(value: float | None) -> float | None:
+    """A finite float, or None."""
+    if value is None or not math.isfinite(value):
+        return None
+    return float(value)
+
+
+def flat(value: Any, prefix: str = "") -> dict[str, Any]:
+    """Nested dicts as one, keys joined by dots."""
+    if not isinstance(value, dict):
+        return {prefix: value}
+    found: dict[str, Any] = {}
+    for key, inner in value.items():
+        found |= flat(inner, f"{prefix}.{key}" if prefix else str(key))
+    return found
+
+
+def _differences(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    def text(values: dict[str, Any], key: str) -> str:
+        return json.dumps(values[key]) if key in values else "absent"
+
+    keys = sorted(key for key in old.keys() | new.keys() if text(old, key) != text(new, key))
+    return [f"{key} was {text(old, key)} and is now {text(new, key)}" for key in keys]
