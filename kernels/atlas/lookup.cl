@@ -6,9 +6,11 @@
 // places are NaN, stay as they are. `room`, where the places' y begin, is a multiple of 8.
 __kernel void look_up(int count, int room, __global const int *triangle, __global const int *texel,
                       __global const float *places, __global const int *ids, __global const int *plane, int width,
-                      int height, __global uint *rgb, __global int *drawn) {
+                      int height, __global uint *rgb, __global int *drawn)
+{
     const int first = 8 * get_global_id(0);
-    if (first >= count) return;
+    if (first >= count)
+        return;
     const int lanes = LESSER(8, count - first);
     const float8 x = *(__global const loose_float8 *)(places + first);
     const float8 y = *(__global const loose_float8 *)(places + room + first);

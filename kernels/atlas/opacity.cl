@@ -5,7 +5,8 @@
 __kernel void fragment_opacity(const int count, __global const int *triangle, __global const int *drawn,
                                __global const int *constants, __global int *opacity
 #if PLANE
-                               , __global const uint *alphas
+                               ,
+                               __global const uint *alphas
 #endif
 )
 {

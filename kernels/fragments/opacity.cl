@@ -6,9 +6,8 @@
 // light kept. Opaque ones cover all.
 __kernel void fragment_opacity(const int count, __global const int *triangle, __global const float *bary1,
                                __global const float *bary2, __global const float *footprint,
-                               __global const int *indices, __global const int2 *faces,
-                               __global const float4 *surfaces, __global const float4 *corners,
-                               __global int *opacity, TEXTURE_PARAMETERS)
+                               __global const int *indices, __global const int2 *faces, __global const float4 *surfaces,
+                               __global const float4 *corners, __global int *opacity, TEXTURE_PARAMETERS)
 {
     const int first = get_global_id(0) * 8;
     if (first >= count)

@@ -135,8 +135,8 @@ __kernel void choose_clusters(const int chunks, const int clusters, const float4
 }
 
 // Strike from a list as `choose_clusters` makes it what the picture hides.
-__kernel void strike_hidden(const int chunks, const int clusters, const float4 eye, const float16 rows,
-                            const int width, const int height, __global const float8 *boxes, const int tiles_x,
+__kernel void strike_hidden(const int chunks, const int clusters, const float4 eye, const float16 rows, const int width,
+                            const int height, __global const float8 *boxes, const int tiles_x,
                             __global const float *blocks, __global const float *tiles, __global int *listed,
                             __global int *counts)
 {

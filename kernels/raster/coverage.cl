@@ -5,8 +5,8 @@
 
 #if MASKED
 #include "texture/mask.cl"
-#define ALPHA_PARAMETERS                                                                                               \
-    , const float4 eye, const float16 rows, __global const float *positions, __global const int *indices,              \
+#define ALPHA_PARAMETERS                                                                                  \
+    , const float4 eye, const float16 rows, __global const float *positions, __global const int *indices, \
         MASK_PARAMETERS
 #define ALPHA_ARGUMENTS , eye, rows, positions, indices, MASK_ARGUMENTS
 #else
@@ -99,9 +99,8 @@ INLINE int8 without_holes(int8 draw, const MaskedTriangle *masked, const float8 
     const float8 a0 = u[1] * v[2] - v[1] * u[2], a1 = u[2] * v[0] - v[2] * u[0], a2 = u[0] * v[1] - v[0] * u[1];
     const float8 sum = (a0 + a1) + a2, b1 = a1 / sum, b2 = a2 / sum;
     for (int lane = 0; lane < 8; lane++)
-        if (((const int *)&draw)[lane] &&
-            !mask_keeps(masked->triangle, ((const float *)&b1)[lane], ((const float *)&b2)[lane], masked->level,
-                        MASK_ARGUMENTS))
+        if (((const int *)&draw)[lane] && !mask_keeps(masked->triangle, ((const float *)&b1)[lane],
+                                                      ((const float *)&b2)[lane], masked->level, MASK_ARGUMENTS))
             ((int *)&draw)[lane] = 0;
     return draw;
 }

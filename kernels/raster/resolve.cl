@@ -38,9 +38,9 @@ __kernel void list_covered(const int width, const int height, __global const int
 // centre, h = (x - px w, y - py w): their cross products are the barycentrics up to scale, also behind the camera, and
 // small differences stay exact (the homogeneous rasterisation of Olano and Greer 1997, shifted to each pixel).
 __kernel void sample_covered(const int count, const int width, const int height, const float4 eye, const float16 rows,
-                             __global const float *positions, __global const int *indices,
-                             __global const int *triangle, __global const int *texel, __global float *bary1,
-                             __global float *bary2, __global float *footprint)
+                             __global const float *positions, __global const int *indices, __global const int *triangle,
+                             __global const int *texel, __global float *bary1, __global float *bary2,
+                             __global float *footprint)
 {
     const int first = get_global_id(0) * 8;
     if (first >= count)

@@ -12,10 +12,10 @@
 
 typedef struct {
     int width, height, tiles_x, capacity;
-    __global int *records; // of this chunk
-    __global int *counts;  // records per tile, of this chunk
-    int written, entries;  // records, and the tiles that they touch, added up
-    int resumes;                   // whether farthest[] is filled
+    __global int *records;          // of this chunk
+    __global int *counts;           // records per tile, of this chunk
+    int written, entries;           // records, and the tiles that they touch, added up
+    int resumes;                    // whether farthest[] is filled
     __global const float *farthest; // drawn depth of each 8 x 8 block
 } Output;
 
@@ -87,11 +87,16 @@ typedef struct {
 INLINE double plane_distance(const double4 p, const int plane)
 {
     switch (plane) {
-    case 0: return p.w - p.z;
-    case 1: return GUARD * p.w - p.x;
-    case 2: return GUARD * p.w + p.x;
-    case 3: return GUARD * p.w - p.y;
-    default: return GUARD * p.w + p.y;
+    case 0:
+        return p.w - p.z;
+    case 1:
+        return GUARD * p.w - p.x;
+    case 2:
+        return GUARD * p.w + p.x;
+    case 3:
+        return GUARD * p.w - p.y;
+    default:
+        return GUARD * p.w + p.y;
     }
 }
 
@@ -286,8 +291,9 @@ __kernel void set_up(const int chunks, const int clusters, __global const int *l
     const int chunk = get_global_id(0);
     if (chunk >= chunks)
         return;
-    Output out = {width, height, tiles_x, capacity, records + (size_t)chunk * capacity * RECORD,
-                  counts + (size_t)chunk * tiles, 0, 0, resumes, farthest};
+    Output out = {
+        width, height, tiles_x, capacity, records + (size_t)chunk * capacity * RECORD, counts + (size_t)chunk * tiles,
+        0,     0,      resumes, farthest};
     for (int tile = 0; tile < tiles; tile++)
         out.counts[tile] = 0;
     int total = 0;

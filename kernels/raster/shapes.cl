@@ -4,8 +4,8 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 typedef struct {
-    int8 left, top, right, bottom; // the tile's pixels that the boxes hold
-    int8 id;                       // triangle | MASK_BIT
+    int8 left, top, right, bottom;      // the tile's pixels that the boxes hold
+    int8 id;                            // triangle | MASK_BIT
     int8 along_x[3], along_y[3], at[3]; // edges, as in Edge, at the tile's first pixel
     double8 rise_x, rise_y;             // depth per sub-pixel
     int8 corner_x, corner_y;
@@ -80,7 +80,8 @@ INLINE void set_shapes(Shapes *shapes, const int8 *record, const int2 origin)
     set_edge(shapes, 2, cx, cy, ax, ay, centre);
     const double8 abx = convert_double8(bx - ax), aby = convert_double8(by - ay);
     const double8 acx = convert_double8(cx - ax), acy = convert_double8(cy - ay);
-    const double8 rise_b = convert_double8(db) - convert_double8(da), rise_c = convert_double8(dc) - convert_double8(da);
+    const double8 rise_b = convert_double8(db) - convert_double8(da),
+                  rise_c = convert_double8(dc) - convert_double8(da);
     const double8 scale = 1.0 / (abx * acy - aby * acx); // both products are exact
     shapes->rise_x = (rise_b * acy - rise_c * aby) * scale;
     shapes->rise_y = (rise_c * abx - rise_b * acx) * scale;

@@ -129,8 +129,8 @@ INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int b
     UNROLL
     for (int i = 0; i < 3; i++) {
         const Edge edge = shape->edges[i];
-        inside[i] = (edge.at + edge.along_x * px + edge.along_y * py) +
-                    (edge.along_x * columns + edge.along_y * rows_down);
+        inside[i] =
+            (edge.at + edge.along_x * px + edge.along_y * py) + (edge.along_x * columns + edge.along_y * rows_down);
     }
     float16 *depth = tile->depth + block * (BLOCK / 2);
     int16 *ids = tile->ids + block * (BLOCK / 2);
@@ -141,8 +141,8 @@ INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int b
         z = LESSER(z, shape->plane.nearest);
         z = GREATER(z, shape->plane.farthest);
         const float16 before = depth[j];
-        int16 draw = ((inside[0] | inside[1] | inside[2]) >= 0) &
-                     ((z > before) | ((z == before) & (shape->id < ids[j])));
+        int16 draw =
+            ((inside[0] | inside[1] | inside[2]) >= 0) & ((z > before) | ((z == before) & (shape->id < ids[j])));
 #if MASKED
         if (shape->is_masked)
             draw = rows_without_holes(draw, &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
@@ -177,8 +177,8 @@ INLINE void draw_shape(Tile *tile, const Shape *shape ALPHA_PARAMETERS)
     float8 corners[BLOCKS];
     ulong touched = 0; // 8 blocks per row
     for (int by = shape->top / BLOCK; by <= shape->bottom / BLOCK; by++) {
-        const float8 z0 = convert_float8(
-            along + plane.along_y * (by * (BLOCK * SUBPIXELS) + shape->centre.y - plane.corner.y));
+        const float8 z0 =
+            convert_float8(along + plane.along_y * (by * (BLOCK * SUBPIXELS) + shape->centre.y - plane.corner.y));
         float8 reached = (z0 + down) + right;
         reached = LESSER(reached, plane.nearest);
         int8 inside = 0;
@@ -258,7 +258,8 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
     tile.depths = depths;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         tile.held[i] = 0;
-        ((float *)tile.farthest)[i / BLOCKS * 8 + i % BLOCKS] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
+        ((float *)tile.farthest)[i / BLOCKS * 8 + i % BLOCKS] =
+            resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
     }
     for (; count > 0; count = next_batch(&bins, numbers)) {
         Fetched fetched;

@@ -27,8 +27,7 @@ INLINE float8 incident8(__global const float *light, vector8 position, vector8 *
         *direction = (vector8){d.x * inverse, d.y * inverse, d.z * inverse};
         float8 arriving = 1.0f / largest8(squared * light[11], (float8)1e-4f);
         if ((int)light[0] == SPOT) {
-            const float8 cosine =
-                -(direction->x * light[8] + direction->y * light[9] + direction->z * light[10]);
+            const float8 cosine = -(direction->x * light[8] + direction->y * light[9] + direction->z * light[10]);
             float8 fade = (cosine - light[12]) * light[13];
             fade = (fade < 1.0f) ? positive8(fade) : (float8)1.0f;
             arriving *= fade * fade * (3.0f - 2.0f * fade);

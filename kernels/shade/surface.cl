@@ -9,12 +9,12 @@
 #define DETAILS (SURFACE_MAPS || OCCLUSION || UNLIT || FURTHER_UVS)
 #define MATERIAL_ROWS 3 // float8 per material
 
-#define SURFACE_PARAMETERS                                                                                             \
-    __global const float8 *vertices, __global const float8 *extras, __global const int *indices,                       \
-        __global const int2 *faces, __global const float8 *materials, TEXTURE_PARAMETERS,                              \
-        __global const float *lights, __global const float *shadow_maps, __global const float *environment,            \
+#define SURFACE_PARAMETERS                                                                                  \
+    __global const float8 *vertices, __global const float8 *extras, __global const int *indices,            \
+        __global const int2 *faces, __global const float8 *materials, TEXTURE_PARAMETERS,                   \
+        __global const float *lights, __global const float *shadow_maps, __global const float *environment, \
         __global const float *environment_map
-#define SURFACE_ARGUMENTS                                                                                              \
+#define SURFACE_ARGUMENTS \
     vertices, extras, indices, faces, materials, TEXTURE_ARGUMENTS, lights, shadow_maps, environment, environment_map
 
 // What the lanes' triangles say about their samples. `face` is the unnormalised geometric normal.

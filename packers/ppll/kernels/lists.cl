@@ -29,8 +29,7 @@ __kernel void count_deleted(const int count, const int run, const int words, __g
 }
 
 // A pixel's list is the new one where that holds anything, else the one held.
-__kernel void count_spliced(const int pixels, __global const int *held, __global const int *fresh,
-                            __global int *counts)
+__kernel void count_spliced(const int pixels, __global const int *held, __global const int *fresh, __global int *counts)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
@@ -40,8 +39,8 @@ __kernel void count_spliced(const int pixels, __global const int *held, __global
 }
 
 __kernel void splice_lists(const int pixels, const int words, __global const int *held, __global const uint *held_rows,
-                           __global const int *fresh, __global const uint *fresh_rows,
-                           __global const int *offsets, __global uint *rows)
+                           __global const int *fresh, __global const uint *fresh_rows, __global const int *offsets,
+                           __global uint *rows)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)

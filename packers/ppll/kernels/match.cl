@@ -210,8 +210,8 @@ __kernel void merge_fragments(const int pixels, __global const int *moved_offset
 // each that no kept one stands for.
 __kernel void apply_differences(const int pixels, __global const int *moved_offsets, __global const uint *moved,
                                 __global const int *change_offsets, __global const uint *changes,
-                                __global uchar *moved_stays, __global uchar *change_stays,
-                                __global const int *offsets, __global uint *rows)
+                                __global uchar *moved_stays, __global uchar *change_stays, __global const int *offsets,
+                                __global uint *rows)
 {
     const int p = get_global_id(0);
     if (p >= pixels)

@@ -2,10 +2,10 @@
 
 // How large the sides of a patch's rectangle appear from the eye; 8 patches per step.
 
-#define STEPS 8  // sizes are logarithms to base 2 in steps of 1/8
+#define STEPS 8 // sizes are logarithms to base 2 in steps of 1/8
 #define SIZES 128
 
-#define MAGIC 12582912.0f  // 1.5 * 2^23: adding and subtracting it rounds to a whole number
+#define MAGIC 12582912.0f // 1.5 * 2^23: adding and subtracting it rounds to a whole number
 #define HALF_PI 1.57079633f
 
 typedef struct {
@@ -13,14 +13,16 @@ typedef struct {
 } Points8;
 
 // atan on 0..1 within 2e-6, relative error 3e-5 near 0 (the polynomial is from Hastings 1955).
-INLINE float8 small_atan(float8 t) {
+INLINE float8 small_atan(float8 t)
+{
     const float8 s = t * t;
     return t * (0.99997726f +
                 s * (-0.33262347f + s * (0.19354346f + s * (-0.11643287f + s * (0.05265332f + s * -0.01172120f)))));
 }
 
 // The angle between two directions, from its sine and cosine, which stays exact for small and for flat angles.
-INLINE float8 subtended(Points8 a, Points8 b) {
+INLINE float8 subtended(Points8 a, Points8 b)
+{
     const float8 cx = a.y * b.z - a.z * b.y, cy = a.z * b.x - a.x * b.z, cz = a.x * b.y - a.y * b.x;
     const float8 sine = sqrt(cx * cx + cy * cy + cz * cz), cosine = a.x * b.x + a.y * b.y + a.z * b.z;
     const float8 size = cosine < 0.0f ? -cosine : cosine;
@@ -31,7 +33,8 @@ INLINE float8 subtended(Points8 a, Points8 b) {
 }
 
 // log2 of values from 1 on, exact at powers of two, within 1e-6 elsewhere: the series of the inverse hyperbolic tangent.
-INLINE float8 log2_of(float8 value) {
+INLINE float8 log2_of(float8 value)
+{
     const int8 bits = as_int8(value);
     const float8 mantissa = as_float8((bits & 0x7FFFFF) | 0x3F800000);
     const int8 upper = mantissa > 1.41421356f;
@@ -42,7 +45,8 @@ INLINE float8 log2_of(float8 value) {
     return (as_float8(exponent + 0x4B400000) - MAGIC) + series;
 }
 
-INLINE int8 size_steps(float8 pixels) {
+INLINE int8 size_steps(float8 pixels)
+{
     const float8 steps = STEPS * log2_of(GREATER(pixels, (float8)(1.0f)));
     const float8 rounded = (steps + MAGIC) - MAGIC;
     const int8 up = (as_int8(rounded + MAGIC) - 0x4B400000) - (rounded < steps);
@@ -53,9 +57,11 @@ INLINE int8 size_steps(float8 pixels) {
 // that the order of the additions changes nothing.
 __kernel void measure_sides(int count, __global const int *patches, __global const int *points,
                             __global const float *positions, float eye_x, float eye_y, float eye_z, float low_x,
-                            float low_y, float low_z, float pixels, __global int *sizes, __global int *histogram) {
+                            float low_y, float low_z, float pixels, __global int *sizes, __global int *histogram)
+{
     const int first = 8 * get_global_id(0);
-    if (first >= count) return;
+    if (first >= count)
+        return;
     Points8 p[5];
     int8 quad, fan;
     for (int k = 0; k < 8; k++) {

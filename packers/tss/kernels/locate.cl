@@ -3,11 +3,12 @@
 
 // Where in a TSS atlas surface points lie, 8 per step.
 
-#define SLACK 0.0009765625f  // of a cell: rounding must not send a sample of the cut's line to its copy
+#define SLACK 0.0009765625f // of a cell: rounding must not send a sample of the cut's line to its copy
 #define UNPLACED -4
 
 // Position in the L of a point with weights b, c of corners 1 and 2: equation 4.
-INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y) {
+INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y)
+{
     const float8 a = 1.0f - b - c, l = convert_float8(level);
     const int8 one = b > a && b >= c, two = !one && c > a;
     const float8 across = one || two ? (one ? a : b) : b, down = two ? a : c;
@@ -21,7 +22,8 @@ INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y) {
 }
 
 // Screen weights of corners 1 and 2 of the piece that holds a point, and the piece's number; n along an edge.
-INLINE int8 find_piece(int8 n, float8 *b, float8 *c) {
+INLINE int8 find_piece(int8 n, float8 *b, float8 *c)
+{
     const float8 number = convert_float8(n), u = *b * number, v = *c * number;
     // Bounded before they are converted: samples beyond their triangle may lie anywhere, and what is no number counts as 0.
     const float8 right = GREATER(u, 0.0f), down = GREATER(v, 0.0f);
@@ -35,7 +37,8 @@ INLINE int8 find_piece(int8 n, float8 *b, float8 *c) {
 }
 
 // Position in right triangles of a point with weights b of the base's end and c of the apex; `second` says in which of the two.
-INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, float8 *x, float8 *y, int8 *second) {
+INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, float8 *x, float8 *y, int8 *second)
+{
     const float8 foot = convert_float8(before), base = convert_float8(before + after);
     const float8 along = b * base + c * foot - foot, up = c * convert_float8(h);
     *second = (along >= 0.0f && after > 0) || before == 0;
@@ -49,9 +52,11 @@ INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, 
 // the longest edge begins; places; texels along the base before and after the foot, << 10; height << 20. UNPLACED.
 __kernel void locate(int count, int room, __global const int *triangle, __global const float *bary1,
                      __global const float *bary2, __global const float *inverse, __global const int *pieces,
-                     __global const int *starts, __global const int *records, __global float *places) {
+                     __global const int *starts, __global const int *records, __global float *places)
+{
     const int first = 8 * get_global_id(0);
-    if (first >= count) return;
+    if (first >= count)
+        return;
     float8 v0, v1, v2;
     int8 n, start, record[4];
     for (int k = 0; k < 8; k++) {

@@ -8,7 +8,8 @@ typedef struct {
     float u, v, step;
 } Piece;
 
-INLINE Piece piece_of(int n, int index) {
+INLINE Piece piece_of(int n, int index)
+{
     int row = 0, start = 0;
     while (index - start >= 2 * (n - row) - 1) {
         start += 2 * (n - row) - 1;
@@ -24,7 +25,8 @@ INLINE Piece piece_of(int n, int index) {
 // 1, 2, at most 1. Ratios are bounded by a quarter of the height in texels (where a triangle leaves the view its pieces may
 // be as low as one), so that samples up to two texels outside the triangle stay before the horizon, and lookups are off by
 // a sixteenth of a texel at most.
-INLINE float3 inverse_depths(float4 depths, int pieces, float scale) {
+INLINE float3 inverse_depths(float4 depths, int pieces, float scale)
+{
     const float height = scale * depths.w, parts = (float)pieces, low = -height < parts ? -height : parts;
     const float quarter = 0.25f * (height < 0.0f ? low : height);
     const float ratio = quarter > 1.0f ? quarter : 1.0f;
