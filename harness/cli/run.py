@@ -21,11 +21,12 @@ def run(given: Given) -> None:
 
     Exit codes: 0 every row is ok or skipped with a reason, 1 some rows failed, 2 unusable arguments or input.
     """
-    out, dry_run, explained = given.pop("out", None), given.pop("dry_run", False), given.pop("explain", False)
+    out, dry_run = given.pop("out", None), given.pop("dry_run", False)
     with guarded():
         if given.get("preset") == LINKED_LISTS:
             _linked_lists(given, out or Path("runs") / LINKED_LISTS, dry_run)
             return
+        explained = given.pop("explain", False)
         settings = _settings_of(given)
         if dry_run:
             from shading_atlas_bench.harness.cli.dry_run import show_plan
