@@ -294,19 +294,23 @@ INLINE int create_superblock(Manager m, const Strip *s, bool whole)
     return state[SUPERBLOCKS]++;
 }
 
-// The gap in which most of a strip's slots have room.
+// The gap in which most of a strip's slots have room. Where it must look at the gaps of a superblock, it notes the largest.
 INLINE Gap roomiest_gap(Manager m, const Strip *s)
 {
     Gap found = {-1, -1, 0, 0};
     int most = 0;
-    for (int block = 0; block < m.state[SUPERBLOCKS]; block++) {
+    for (int block = 0; block < m.state[SUPERBLOCKS] && most < s->count; block++) {
+        if (m.blocks[block].room < s->lines)
+            continue;
         const int per_row = slots_in(s, m.blocks[block].width);
-        if (per_row == 0 || m.blocks[block].room < s->lines)
+        if (m.blocks[block].room / s->lines * per_row <= most)
             continue;
         int end = 0, above = -1;
+        m.blocks[block].room = 0;
         for (int below = m.blocks[block].first;; below = m.strips[below].next) {
             const int lines = (below < 0 ? m.blocks[block].height : m.strips[below].y) - end;
             const int slots = min(s->count, lines / s->lines * per_row);
+            m.blocks[block].room = max(m.blocks[block].room, lines);
             if (slots > most)
                 most = slots, found = (Gap){block, above, end, lines};
             if (below < 0)
@@ -446,7 +450,7 @@ INLINE int width_class(int width)
 
 // By what orphans are placed, the highest first: the width of their slots in eighths of powers of two, or in a tight
 // atlas their lines, whatever the order asked for (see band_height).
-INLINE int place_class(Manager m, const Strip *s)
+INLINE int place_class(Manager m, __global const Strip *s)
 {
     if (m.fit == TIGHT)
         return s->lines;
@@ -470,21 +474,24 @@ INLINE void place_orphans(Manager m, __global const int *tops)
     for (int i = 0; i < state[ORPHANS]; i++) {
         if (m.strips[m.orphans[i]].superblock < 0)
             reshape(m, m.orphans[i], tops);
-        const Strip s = m.strips[m.orphans[i]];
-        highest = max(highest, place_class(m, &s));
+        highest = max(highest, place_class(m, m.strips + m.orphans[i]));
     }
-    for (int class = highest; class >= 0; class --)
+    for (int class = highest, lower = -1; class >= 0; class = lower) {
+        lower = -1;
         for (int i = 0; i < state[ORPHANS]; i++) {
-            const int strip = m.orphans[i];
-            const Strip s = rest_of(m, strip);
-            if (place_class(m, &s) != class || attach_orphan(m, strip, made))
+            const int strip = m.orphans[i], own = place_class(m, m.strips + strip);
+            if (own < class)
+                lower = max(lower, own);
+            if (own != class || attach_orphan(m, strip, made))
                 continue;
+            const Strip s = rest_of(m, strip);
             const int block = create_superblock(m, &s, true);
             if (block >= 0)
                 attach(m, strip, block), made = block;
             else if (!attach_anywhere(m, strip, false))
                 state[LEFT] += place_in_parts(m, strip);
         }
+    }
 }
 
 // frozen: triangles join strips, and none that has a slot moves. used: bins with triangles, ascending. map: target of each bin.
