@@ -13,8 +13,8 @@
 
 INLINE int8 clamped(int8 value, int largest)
 {
-    const int8 upper = LESSER(value, (int8)(largest));
-    return GREATER(upper, (int8)(0));
+    const int8 upper = MIN(value, (int8)(largest));
+    return MAX(upper, (int8)(0));
 }
 
 INLINE int8 fetch(__global const int *plane, int8 at)
@@ -28,12 +28,12 @@ INLINE int8 fetch(__global const int *plane, int8 at)
 // x; far outside any plane, and for what is no number, a place that shows the border: MAGIC rounds only up to 2^22.
 INLINE float8 bounded(float8 x)
 {
-    const float8 before = LESSER(x, FAR);
-    return GREATER(before, -FAR);
+    const float8 before = MIN(x, FAR);
+    return MAX(before, -FAR);
 }
 
-// Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel; beyond the plane, those of
-// its border.
+// Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel; beyond the plane, those
+// of its border.
 INLINE int8 bilinear(__global const int *plane, int width, int height, float8 x, float8 y)
 {
     x = bounded(x);

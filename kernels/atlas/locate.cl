@@ -11,7 +11,7 @@ __kernel void locate(int count, int room, __global const int *triangle, __global
         return;
     float8 c[3 * CORNER];
     for (int k = 0; k < 8; k++) {
-        __global const float *corner = corners + 3 * CORNER * triangle[LESSER(first + k, count - 1)];
+        __global const float *corner = corners + 3 * CORNER * triangle[MIN(first + k, count - 1)];
         for (int j = 0; j < 3 * CORNER; j++)
             ((float *)&c[j])[k] = corner[j];
     }

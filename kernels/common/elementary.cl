@@ -3,7 +3,8 @@
 // range, by iteratively reweighted least squares.
 #include "common/wide.cl"
 
-// log2 x for normal x > 0, within 3 units of the last place of max(|log2 x|, 2^-10): x = 2^e m, sqrt(1/2) <= m < sqrt(2).
+// log2 x for normal x > 0, within 3 units of the last place of max(|log2 x|, 2^-10): x = 2^e m, sqrt(1/2) <= m <
+// sqrt(2).
 #define DEFINE_LOG2(NAME, FLOAT, INT, AS_FLOAT, AS_INT, CONVERT_FLOAT) \
     INLINE FLOAT NAME(const FLOAT x)                                   \
     {                                                                  \

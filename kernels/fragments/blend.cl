@@ -40,8 +40,8 @@ __kernel void blend_lists(const int pixels, __global const int *offsets, __globa
     picture[pixel] = over_background(over, background[pixel]);
 }
 
-// Blend the fragments in front of a picture over it, and note whose is nearest of those that are visible. Pixels without
-// fragments are left alone. opacity: 0..255.
+// Blend the fragments in front of a picture over it, and note whose is nearest of those that are visible. Pixels
+// without fragments are left alone. opacity: 0..255.
 __kernel void blend_layers(const int pixels, __global const int *offsets, __global const uint *colours,
                            __global const int *opacity, __global const int *ids, __global uint *picture,
                            __global int *nearest)

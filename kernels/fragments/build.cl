@@ -103,8 +103,8 @@ INLINE int8 bits_per_byte(ulong bits)
     return convert_int8(as_uchar8(bits));
 }
 
-// Add the fragments of a shape in a block, at the pixels and depths that the rasteriser gives it; z0 is its depth at the
-// block's first pixel.
+// Add the fragments of a shape in a block, at the pixels and depths that the rasteriser gives it; z0 is its depth at
+// the block's first pixel.
 INLINE void add_block(Target *target, const Shape *shape, const int bx, const int by,
                       const float z0 ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
@@ -125,13 +125,13 @@ INLINE void add_block(Target *target, const Shape *shape, const int bx, const in
     UNROLL
     for (int j = 0; j < BLOCK / 2; j++) {
         z[j] = (z0 + (2 * j + down) * shape->slope_y) + across * shape->slope_x;
-        z[j] = LESSER(z[j], shape->nearest);
-        z[j] = GREATER(z[j], shape->farthest);
+        z[j] = MIN(z[j], shape->nearest);
+        z[j] = MAX(z[j], shape->farthest);
         draw[j] = ((inside[0] | inside[1] | inside[2]) >= 0) & (z[j] > 0.0f) & in_width &
                   (2 * j + rows_down < target->height - target->origin.y - py);
 #if MASKED
         if (shape->is_masked)
-            draw[j] = rows_without_holes(draw[j], &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
+            draw[j] = alpha_tested_rows(draw[j], &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
 #endif
 #if FRONT
         draw[j].lo = in_front(draw[j].lo, target, px, py + 2 * j, z[j].lo, shape->id FRONT_ARGUMENTS);
@@ -191,7 +191,7 @@ INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_
         const Edge edge = {AT(&shapes->along_x[i], int, lane), AT(&shapes->along_y[i], int, lane),
                            AT(&shapes->at[i], int, lane)};
         shape.edges[i] = edge;
-        reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
+        reach[i] = edge.at + 7 * (MAX(edge.along_x, 0) + MAX(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
     }
     float8 corners[BLOCKS]; // depth at the blocks' first pixels
     ulong touched = 0;      // 8 blocks per row
@@ -246,7 +246,7 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
             if (i + 8 < count) // ahead of their use, because they are seldom in the cache
                 fetch_records(&fetched, records, listed + i + 8, count - i - 8);
             set_shapes(&shapes, fields, target.origin);
-            for (int lane = 0; lane < LESSER(count - i, 8); lane++)
+            for (int lane = 0; lane < MIN(count - i, 8); lane++)
                 if (members[AT(&shapes.id, int, lane) & ~MASK_BIT] == member)
                     add_lane(&target, &shapes, lane ALPHA_ARGUMENTS FRONT_ARGUMENTS);
         }
@@ -261,11 +261,11 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
 // A fragment as a number that is less the nearer it is (the greater its depth, which is positive), and of equal depths
 // the lower its triangle is.
 #define KEY(z, id) ((ulong)~as_uint(z) << 32 | (uint)(id))
-#define ORDER(i, j)                                                                   \
-    {                                                                                 \
-        const ulong low = LESSER(keys[i], keys[j]), high = GREATER(keys[i], keys[j]); \
-        keys[i] = low;                                                                \
-        keys[j] = high;                                                               \
+#define ORDER(i, j)                                                            \
+    {                                                                          \
+        const ulong low = MIN(keys[i], keys[j]), high = MAX(keys[i], keys[j]); \
+        keys[i] = low;                                                         \
+        keys[j] = high;                                                        \
     }
 #define NETWORK 4
 
@@ -275,14 +275,14 @@ INLINE void sort_few(const int count, __global int *ids, __global float *depths)
     ulong keys[NETWORK];
     UNROLL
     for (int i = 0; i < NETWORK; i++)
-        keys[i] = i < count ? KEY(depths[LESSER(i, count - 1)], ids[LESSER(i, count - 1)]) : ~(ulong)0;
+        keys[i] = i < count ? KEY(depths[MIN(i, count - 1)], ids[MIN(i, count - 1)]) : ~(ulong)0;
     ORDER(0, 1)
     ORDER(2, 3)
     ORDER(0, 2)
     ORDER(1, 3)
     ORDER(1, 2)
     for (int i = NETWORK - 1; i >= 0; i--) { // what lies beyond the end becomes the last once more, and is overwritten
-        const int to = LESSER(i, count - 1);
+        const int to = MIN(i, count - 1);
         ids[to] = (int)(uint)keys[i];
         depths[to] = as_float(~(uint)(keys[i] >> 32));
     }
@@ -361,7 +361,7 @@ __kernel void place_fragments(const int tiles, const int tiles_x, const int widt
     if (tile >= tiles)
         return;
     const int2 origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
-    const int rows = LESSER(TILE, height - origin.y), columns = LESSER(TILE, width - origin.x);
+    const int rows = MIN(TILE, height - origin.y), columns = MIN(TILE, width - origin.x);
     if (firsts[tile] < 0) {
         for (int y = 0; y < rows; y++)
             for (int x = 0; x < columns; x += BLOCK)

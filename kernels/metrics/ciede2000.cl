@@ -87,7 +87,8 @@ INLINE float16 ciede2000(const wide3 p, const wide3 q)
     const float16 hue_size = dot_pq > -0.5f * safe ? fabs(near_hue) : far_hue;
     const float16 dh = grey ? (float16)(0.0f) : (cross_pq < 0.0f ? -hue_size : hue_size);
 
-    // Mean hue as a unit vector: the sum of both hues, or, for nearly opposite ones, at right angles to their difference.
+    // Mean hue as a unit vector: the sum of both hues, or, for nearly opposite ones, at right angles to their
+    // difference.
     const float16 pi = 1.0f / larger(pc, 1e-12f), qi = 1.0f / larger(qc, 1e-12f);
     const float16 px = pa * pi, py = p.z * pi, qx = qa * qi, qy = q.z * qi;
     const float16 sx = px + qx, sy = py + qy, dx = px - qx, dy = py - qy;

@@ -1,7 +1,8 @@
 // FLIP for low dynamic range (Andersson et al. 2020): colours after the eye's contrast sensitivity in a Hunt-adjusted
 // CIELAB, features as edges and points of luminance, and the difference of both.
 //
-// Defined by the launcher: SHARP_RADIUS (luminance and red-green), BLUR_RADIUS (blue-yellow), FEATURE_RADIUS, in pixels.
+// Defined by the launcher: SHARP_RADIUS (luminance and red-green), BLUR_RADIUS (blue-yellow), FEATURE_RADIUS, in
+// pixels.
 
 #include "metrics/colour.cl"
 

@@ -1,5 +1,5 @@
-// Information content weighted SSIM (Wang and Li 2011): SSIM of the bands of a Laplacian pyramid, each pixel weighted by
-// the information that its neighbourhood in the band (and the coarser band) carries about both pictures.
+// Information content weighted SSIM (Wang and Li 2011): SSIM of the bands of a Laplacian pyramid, each pixel weighted
+// by the information that its neighbourhood in the band (and the coarser band) carries about both pictures.
 
 #include "common/wide.cl"
 #include "metrics/ssim.cl"

@@ -17,9 +17,9 @@ __kernel void centred_luma(const int width, const int height, const int stride, 
     vstore16(luma(load_pixels(image, width, row, column)) - 128.0f, 0, plane + plane_offset(stride, row, column));
 }
 
-// Horizontal pass. Pictures are compared by their difference d = b - a: what all formulas make of it is exactly 0 where it
-// is 0, however a compiler rounds. rows: 3 planes: the means of d, b b and d d. against: 1, or 0 where nothing is compared
-// and d is b. Pixels within RADIUS of a side border mean nothing.
+// Horizontal pass. Pictures are compared by their difference d = b - a: what all formulas make of it is exactly 0 where
+// it is 0, however a compiler rounds. rows: 3 planes: the means of d, b b and d d. against: 1, or 0 where nothing is
+// compared and d is b. Pixels within RADIUS of a side border mean nothing.
 __kernel void window_rows(const int width, const int height, const int stride, const float against,
                           __global const float *a, __global const float *b, __global const float *taps,
                           __global float *rows)

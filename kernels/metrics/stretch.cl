@@ -36,8 +36,9 @@ INLINE int16 usable(const wide_texels here, const wide_texels there, const int16
     return exists && here.triangle == there.triangle && there.u == there.u && there.v == there.v;
 }
 
-// The derivative from the neighbours before and after: the shorter difference, or the one there is. Where the map is cut
-// or made of parts, one neighbour may lie anywhere in the atlas; both do only where a part is narrower than a pixel.
+// The derivative from the neighbours before and after: the shorter difference, or the one there is. Where the map is
+// cut or made of parts, one neighbour may lie anywhere in the atlas; both do only where a part is narrower than a
+// pixel.
 INLINE void derivative(const wide_texels before, const wide_texels here, const wide_texels after,
                        const int16 has_before, const int16 has_after, float16 *u, float16 *v)
 {

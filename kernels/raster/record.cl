@@ -10,11 +10,11 @@
 
 INLINE int least(const int a, const int b, const int c)
 {
-    return LESSER(LESSER(a, b), c);
+    return MIN(MIN(a, b), c);
 }
 INLINE int most(const int a, const int b, const int c)
 {
-    return GREATER(GREATER(a, b), c);
+    return MAX(MAX(a, b), c);
 }
 
 // The first and the last pixel whose centre is not outside [low, high] sub-pixels.

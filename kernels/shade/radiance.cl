@@ -21,7 +21,7 @@ __kernel void shade_radiance(const int count, __global const int *triangles, __g
     STORE8(c.x, red);
     STORE8(c.y, green);
     STORE8(c.z, blue);
-    for (int lane = 0; lane < LESSER(8, count - first); lane++) {
+    for (int lane = 0; lane < MIN(8, count - first); lane++) {
         radiances[3 * (first + lane)] = red[lane];
         radiances[3 * (first + lane) + 1] = green[lane];
         radiances[3 * (first + lane) + 2] = blue[lane];

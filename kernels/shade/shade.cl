@@ -6,14 +6,14 @@
 #include "shade/environment.cl"
 
 // A normal this near to its triangle's plane has no side to turn: foliage that is lit like the ground it grows on.
-#define SIDELESS 0.25f
+#define IN_PLANE 0.25f
 
 #if DOUBLE_SIDED
 // Turn normals to the side of the triangle that is seen.
 INLINE void turn8(const surface8 *s, const vector8 face, const vector8 towards, vector8 *n, vector8 *smooth)
 {
-    const float8 along = magnitude8(dot8(*smooth, face));
-    const int8 turned = s->double_sided > 0.0f && dot8(face, towards) < 0.0f && along > SIDELESS;
+    const float8 along = abs8(dot8(*smooth, face));
+    const int8 turned = s->double_sided > 0.0f && dot8(face, towards) < 0.0f && along > IN_PLANE;
     const float8 side = turned ? (float8)-1.0f : (float8)1.0f;
     *n = scaled8(*n, side);
     *smooth = scaled8(*smooth, side);
@@ -59,9 +59,9 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
                       SURFACE_PARAMETERS)
 {
     surface8 s = fetch8(triangle, bary1, bary2, SURFACE_ARGUMENTS);
-    const vector8 face = unit8(s.face, (vector8){0.0f, 1.0f, 0.0f});
+    const vector8 face = normalize8(s.face, (vector8){0.0f, 1.0f, 0.0f});
     const vector8 towards = {eye.x - s.position.x, eye.y - s.position.y, eye.z - s.position.z};
-    vector8 smooth = unit8(s.normal, face), n = smooth;
+    vector8 smooth = normalize8(s.normal, face), n = smooth;
 #if NORMAL_MAPS
     n = bumped8(&s, n, footprint, TEXTURE_ARGUMENTS);
 #endif
@@ -70,7 +70,7 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #endif
     vector8 albedo = s.colour;
 #if TEXTURES
-    albedo = times8(albedo, textured8(&s, s.base_texture, 0.0f, footprint, TEXTURE_ARGUMENTS));
+    albedo = multiply8(albedo, textured8(&s, s.base_texture, 0.0f, footprint, TEXTURE_ARGUMENTS));
 #endif
 #if SURFACE_MAPS // roughness in green, metalness in blue (glTF 2.0, 3.9.2)
     const vector8 map = textured8(&s, s.surface_texture, SET_OF(&s, surface), footprint, TEXTURE_ARGUMENTS);
@@ -87,19 +87,19 @@ INLINE vector8 shade8(const int *triangle, const float *bary1, const float *bary
 #endif
     const vector8 none = {0.0f, 0.0f, 0.0f};
     arriving8 sum = {blurred, none, none};
-    const vector8 v = unit8(towards, n);
-    const float8 nv = GREATER(dot8(n, v), (float8)1e-3f), rough = GREATER(s.roughness, (float8)0.05f);
+    const vector8 v = normalize8(towards, n);
+    const float8 nv = MAX(dot8(n, v), (float8)1e-3f), rough = MAX(s.roughness, (float8)0.05f);
 #if LIGHTS
     light8(s.position, n, smooth, v, nv, rough * rough, &sum, lights, shadow_maps);
 #endif
-    vector8 out = times8(albedo, sum.diffuse);
+    vector8 out = multiply8(albedo, sum.diffuse);
 #if SPECULAR
     out = with_reflections8(out, albedo, &s, n, v, nv, rough, &sum, blurred, open, environment, environment_map);
 #endif
 #if EMISSIVE
     vector8 glow = s.emissive;
 #if TEXTURES
-    glow = times8(glow, textured8(&s, s.emissive_texture, SET_OF(&s, emissive), footprint, TEXTURE_ARGUMENTS));
+    glow = multiply8(glow, textured8(&s, s.emissive_texture, SET_OF(&s, emissive), footprint, TEXTURE_ARGUMENTS));
 #endif
     out = (vector8){out.x + glow.x, out.y + glow.y, out.z + glow.z};
 #endif
@@ -121,7 +121,7 @@ __kernel void shade_samples(const int count, const int run, __global const int *
     const int id = get_global_id(0);
     if (id > (count - 1) / run)
         return;
-    const int end = LESSER((id + 1) * run, count);
+    const int end = MIN((id + 1) * run, count);
     const float3 eye = (float3)(eye_x, eye_y, eye_z);
     const float exposure = environment[EXPOSURE];
     for (int i = id * run; i < end; i += 8) {
@@ -135,7 +135,7 @@ __kernel void shade_samples(const int count, const int run, __global const int *
         const float8 footprint = *(__global const loose_float8 *)(footprints + i);
         const vector8 c = shade8(triangle, bary1, bary2, footprint, eye, SURFACE_ARGUMENTS);
         STORE_INT8(packed8(encode8(exposure * c.x), encode8(exposure * c.y), encode8(exposure * c.z)), colours);
-        const int last = LESSER(8, count - i);
+        const int last = MIN(8, count - i);
         for (int lane = 0; lane < last; lane++)
             target[texel[i + lane]] = colours[lane];
     }

@@ -1,5 +1,5 @@
-// Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py. VERTEX_ALPHA is 1 where vertices have an
-// alpha that counts.
+// Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py. VERTEX_ALPHA is 1 where vertices have
+// an alpha that counts.
 #include "common/elementary.cl"
 
 #if VERTEX_ALPHA
@@ -38,8 +38,8 @@ INLINE float mask_wrapped(const float coordinate, const int mode)
 #if VERTEX_ALPHA
 #define FADED 8 // thresholds of a level
 
-// A level's threshold where vertices have an alpha: the cutoff of the finest level is `cutoff` / alpha there. Beyond 255
-// nothing reaches it.
+// A level's threshold where vertices have an alpha: the cutoff of the finest level is `cutoff` / alpha there. Beyond
+// 255 nothing reaches it.
 INLINE float faded_threshold(__global const float *thresholds, const float cutoff, const float alpha)
 {
     const float wanted = cutoff / (alpha > 1e-6f ? (alpha < 1.0f ? alpha : 1.0f) : 1e-6f);

@@ -9,8 +9,8 @@ INLINE int class_of_word(uint word, int top)
     return size_class(block.w, block.h, top);
 }
 
-// wanted: the class of the block a patch needs, -1 if it has one of that size. released: the class of the block it gives
-// up for it, -1 if none.
+// wanted: the class of the block a patch needs, -1 if it has one of that size. released: the class of the block it
+// gives up for it, -1 if none.
 __kernel void request(int count, __global const int *patches, __global const int *sizes, int bias, int top,
                       __global const uint *words, __global int *wanted, __global int *released)
 {
@@ -26,9 +26,9 @@ __kernel void request(int count, __global const int *patches, __global const int
 }
 
 // Advances each class's superblocks by what its requests need beyond its free slots, in the order of classes.
-// used: slots ever handed out, owned: superblocks, bases: `used` before this call, all per class. table (classes, total):
-// the superblocks of a class in order; ordinals (total): the inverse. state[0]: superblocks taken, state[1]: 1 if they
-// did not suffice.
+// used: slots ever handed out, owned: superblocks, bases: `used` before this call, all per class. table (classes,
+// total): the superblocks of a class in order; ordinals (total): the inverse. state[0]: superblocks taken, state[1]: 1
+// if they did not suffice.
 __kernel void provision(int top, int total, __global const int *requests, __global const int *free_slots,
                         __global int *used, __global int *owned, __global int *bases, __global int *table,
                         __global int *ordinals, __global int *state)

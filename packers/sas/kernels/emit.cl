@@ -29,12 +29,12 @@ INLINE int2 touched_columns(Shape shape, int row)
 {
     if (shape.full)
         return (int2)(0, shape.width);
-    const int width = shape.width - 1, height = GREATER(shape.height - 1, 1), mask = shape.mask;
-    const int above = GREATER(row - 1, 0), below = LESSER(row + 1, height);
+    const int width = shape.width - 1, height = MAX(shape.height - 1, 1), mask = shape.mask;
+    const int above = MAX(row - 1, 0), below = MIN(row + 1, height);
     if (shape.size < 3) {
         const int past = (width * (height - above) + height - 1) / height; // of the triangle at (0, 0)
         const int before = width * (height - below) / height;              // of the one at (1, 1)
-        return (int2)((mask & 1) ? 0 : before, (mask & 2) ? width + 1 : LESSER(past, width) + 1);
+        return (int2)((mask & 1) ? 0 : before, (mask & 2) ? width + 1 : MIN(past, width) + 1);
     }
     int first = width, last = 0;
     if (mask & 1) {
@@ -43,20 +43,20 @@ INLINE int2 touched_columns(Shape shape, int row)
     }
     if (mask & 2) {
         const int right = width * (height + above) / (2 * height);
-        first = LESSER(first, right);
+        first = MIN(first, right);
         last = width;
     }
     if (mask & 4) {
         const int left = (width * (height - above) + 2 * height - 1) / (2 * height);
         first = 0;
-        last = GREATER(last, left);
+        last = MAX(last, left);
     }
-    return (int2)(first, LESSER(last, width) + 1);
+    return (int2)(first, MIN(last, width) + 1);
 }
 
 // The ways on the surface along u and along v, from side to side of the patch: lengths, two per triangle.
-__kernel void measure_ways(int count, __global const uchar *codes, __global const float *weights,
-                           __global const int *indices, __global const float *positions, __global float *ways)
+__kernel void texel_derivatives(int count, __global const uchar *codes, __global const float *weights,
+                                __global const int *indices, __global const float *positions, __global float *ways)
 {
     const int triangle = get_global_id(0);
     if (triangle >= count)
@@ -162,7 +162,7 @@ __kernel void count_samples(int count, int run, int runs, int complete, __global
     if (r >= runs)
         return;
     int sum = 0, bare = 0;
-    const int end = LESSER(count, (r + 1) * run);
+    const int end = MIN(count, (r + 1) * run);
     for (int i = r * run; i < end; i++) {
         const uint word = words[patches[i]];
         if (!word)
@@ -217,8 +217,8 @@ INLINE void store_lanes(int8 value, __global int *array, int count)
         array[k] = ((int *)&value)[k];
 }
 
-// codes: role and rotation per triangle. weights: a1 b1 c1 a2 b2 c2 0 0 of each code. ways: as from measure_ways. The
-// rest as in count_samples.
+// codes: role and rotation per triangle. weights: a1 b1 c1 a2 b2 c2 0 0 of each code. ways: as from texel_derivatives.
+// The rest as in count_samples.
 __kernel void emit_samples(int count, int run, int runs, int complete, __global const int *patches,
                            __global const uchar *masks, __global const int *members, __global const uint *words,
                            __global const uchar *codes, __global const float *weights, __global const float *ways,
@@ -231,7 +231,7 @@ __kernel void emit_samples(int count, int run, int runs, int complete, __global 
         return;
     int at = offsets[r];
     const int last = at + counts[r];
-    const int end = LESSER(count, (r + 1) * run);
+    const int end = MIN(count, (r + 1) * run);
     for (int i = r * run; i < end; i++) {
         const uint word = words[patches[i]];
         if (!word)
@@ -247,7 +247,7 @@ __kernel void emit_samples(int count, int run, int runs, int complete, __global 
             const float along_u = shape.width > 1 ? step_u * ways[2 * t] : ways[2 * t];
             const float along_v = shape.height > 1 ? step_v * ways[2 * t + 1] : ways[2 * t + 1];
             part[k] =
-                (Part){t, GREATER(along_u, along_v), weight[0], weight[1], weight[2], weight[3], weight[4], weight[5]};
+                (Part){t, MAX(along_u, along_v), weight[0], weight[1], weight[2], weight[3], weight[4], weight[5]};
         }
         for (int y = 0; y < shape.height; y++) {
             const Row row = make_row(shape, y, step_u, step_v, atlas_width);
@@ -263,7 +263,7 @@ __kernel void emit_samples(int count, int run, int runs, int complete, __global 
                     *(__global loose_float8 *)(footprint + to) = s.footprint;
                     *(__global loose_int8 *)(texel + to) = s.texel;
                 } else {
-                    const int left = LESSER(8, samples - k);
+                    const int left = MIN(8, samples - k);
                     store_lanes(s.triangle, triangle + to, left);
                     store_lanes(as_int8(s.bary1), (__global int *)bary1 + to, left);
                     store_lanes(as_int8(s.bary2), (__global int *)bary2 + to, left);

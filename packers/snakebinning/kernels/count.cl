@@ -1,7 +1,7 @@
 #include "bins.cl"
 
-// Which bins are used, by how many triangles, and how wide these are. Sums and maxima of whole numbers only, so that the
-// order of the atomics changes nothing.
+// Which bins are used, by how many triangles, and how wide these are. Sums and maxima of whole numbers only, so that
+// the order of the atomics changes nothing.
 
 // used: a bit per bin. widest: two per bin, lengths before and after the height's foot, in 1/8 texel.
 __kernel void count_bins(int count, __global const int *triangles, __global const int *bins,

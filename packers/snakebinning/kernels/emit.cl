@@ -14,7 +14,7 @@ INLINE int2 own_columns(const Strip *s, ushort4 own, int line, int enlarge)
 {
     const int2 slot = needed_columns(s->before8, s->before8, s->after8, s->height8, s->inset, line, enlarge);
     const int2 needed = needed_columns(s->before8, own.x, own.y, own.z, s->inset, line, enlarge);
-    return (int2)(GREATER(slot.x, needed.x), LESSER(slot.y, needed.y));
+    return (int2)(MAX(slot.x, needed.x), MIN(slot.y, needed.y));
 }
 
 // sizes: room for the texels of a slot of each strip, in whole steps of eight.
@@ -25,9 +25,9 @@ __kernel void size_slots(int count, __global const Strip *strips, __global int *
         sizes[i] = strips[i].bin < 0 || strips[i].superblock < 0 ? 0 : (strips[i].texels + 7) & ~7;
 }
 
-// texels: of a slot of each strip, line by line from the longest edge: column | line << 16. All triangles of a strip have the
-// same. lists: what else their samples need of it, all of which stays in the nearest caches: the tip's column in 1/8 texel, how
-// many texels, and where they are listed.
+// texels: of a slot of each strip, line by line from the longest edge: column | line << 16. All triangles of a strip
+// have the same. lists: what else their samples need of it, all of which stays in the nearest caches: the tip's column
+// in 1/8 texel, how many texels, and where they are listed.
 __kernel void list_slots(int count, int run, int enlarge, __global const Strip *strips, __global const int *sizes,
                          __global const int *offsets, __global int *texels, __global int4 *lists)
 {
@@ -49,8 +49,8 @@ __kernel void list_slots(int count, int run, int enlarge, __global const Strip *
     }
 }
 
-// counts: samples of each run of triangles. lists: see list_slots. full: whether whole slots are filled; those of pieces
-// never are, because what lies beside a piece belongs to the next one.
+// counts: samples of each run of triangles. lists: see list_slots. full: whether whole slots are filled; those of
+// pieces never are, because what lies beside a piece belongs to the next one.
 __kernel void count_samples(int count, int run, int runs, int full, int enlarge, int first_piece,
                             __global const int *triangles, __global const int2 *slots, __global const uint *places,
                             __global const ushort4 *drawn, __global const Strip *strips, __global const int4 *lists,
@@ -78,17 +78,17 @@ __kernel void count_samples(int count, int run, int runs, int full, int enlarge,
     counts[r] = sum;
 }
 
-// Eight triangles: lengths in texels, q = 1 / w of their corners, which of these are at the ends of the longest edge, and the
-// edges 0-1 and 0-2.
+// Eight triangles: lengths in texels, q = 1 / w of their corners, which of these are at the ends of the longest edge,
+// and the edges 0-1 and 0-2.
 typedef struct {
     float8 before, after, height, q[3];
     int8 a, b;
     float8 along1[3], along2[3];
 } Shapes;
 
-// What is the same for all samples of each of eight triangles. Object-space barycentrics are mu q / sum(mu q) for screen-space
-// ones mu (section 5 of Tessellated Shading Streaming). n1, n2 and sum: mu q of vertices 1 and 2, and the sum, at column x and
-// line y of a slot, from its tip: [0] + [1] x + [2] y.
+// What is the same for all samples of each of eight triangles. Object-space barycentrics are mu q / sum(mu q) for
+// screen-space ones mu (section 5 of Tessellated Shading Streaming). n1, n2 and sum: mu q of vertices 1 and 2, and the
+// sum, at column x and line y of a slot, from its tip: [0] + [1] x + [2] y.
 typedef struct {
     float8 n1[3], n2[3], sum[3];
     float8 q1, q2, centre, edge; // q of vertices 1 and 2, their mean, and the least that is allowed
@@ -108,9 +108,9 @@ INLINE void planes_of(const Shapes *s, Planes *p)
     const float8 area = (before + after) * height;
     const float8 over_a = area / sqrt(height * height + after * after);
     const float8 over_b = area / sqrt(height * height + before * before);
-    const float8 low_a = -1.0f - OUTSIDE / GREATER(over_a, (float8)(1.0f));
-    const float8 low_b = -1.0f - OUTSIDE / GREATER(over_b, (float8)(1.0f));
-    const float8 low_c = -1.0f - OUTSIDE / GREATER(height, (float8)(1.0f));
+    const float8 low_a = -1.0f - OUTSIDE / MAX(over_a, (float8)(1.0f));
+    const float8 low_b = -1.0f - OUTSIDE / MAX(over_b, (float8)(1.0f));
+    const float8 low_c = -1.0f - OUTSIDE / MAX(height, (float8)(1.0f));
     float8 n[3][3];
     UNROLL for (int k = 0; k < 3; k++)
     {
@@ -122,8 +122,8 @@ INLINE void planes_of(const Shapes *s, Planes *p)
     }
     UNROLL for (int k = 0; k < 3; k++) p->n1[k] = n[1][k], p->n2[k] = n[2][k], p->sum[k] = n[0][k] + n[1][k] + n[2][k];
     p->q1 = s->q[1], p->q2 = s->q[2], p->centre = (s->q[0] + s->q[1] + s->q[2]) * (1.0f / 3.0f);
-    const float8 least = LESSER(s->q[0], s->q[1]);
-    p->edge = POSITIVE * LESSER(least, s->q[2]);
+    const float8 least = MIN(s->q[0], s->q[1]);
+    p->edge = POSITIVE * MIN(least, s->q[2]);
     const float8 *u = s->along1, *v = s->along2;
     p->g11 = u[0] * u[0] + u[1] * u[1] + u[2] * u[2];
     p->g12 = 2.0f * (u[0] * v[0] + u[1] * v[1] + u[2] * v[2]);
@@ -141,8 +141,8 @@ INLINE bool any8(int8 mask)
     return (four.x | four.y | four.z | four.w) != 0;
 }
 
-// Eight samples of which some are far outside: brought towards the middle until the inverse distance is positive, and then
-// to what is allowed.
+// Eight samples of which some are far outside: brought towards the middle until the inverse distance is positive, and
+// then to what is allowed.
 typedef struct {
     float8 q, bary1, bary2, allowed1, allowed2;
 } Near8;
@@ -192,7 +192,7 @@ INLINE Samples8 sample8(const Planes *p, int k, float8 x, float8 y)
     const float8 v1 = down1 - bary1 * down, v2 = down2 - bary2 * down;
     const float8 right = u1 * (u1 * g11 + u2 * g12) + u2 * u2 * g22;
     const float8 below = v1 * (v1 * g11 + v2 * g12) + v2 * v2 * g22;
-    s.footprint = sqrt(GREATER(GREATER(right, below), (float8)(0.0f))) * inverse;
+    s.footprint = sqrt(MAX(MAX(right, below), (float8)(0.0f))) * inverse;
     return s;
 }
 
@@ -219,9 +219,9 @@ typedef struct {
     int end;
 } Out;
 
-// A triangle in its slot: the texel of the first column and line, steps of the texel per column and line, column and line 0
-// from the tip, the slot's texels and where these are listed, which triangle the samples name, and barycentrics of a
-// piece's corners in that, else 0.
+// A triangle in its slot: the texel of the first column and line, steps of the texel per column and line, column and
+// line 0 from the tip, the slot's texels and where these are listed, which triangle the samples name, and barycentrics
+// of a piece's corners in that, else 0.
 typedef struct {
     int first, across, down;
     float x, y;
@@ -275,9 +275,9 @@ INLINE int emit_own(const Planes *planes, const int k, const Slot *slot, const S
     int emitted = 0;
     for (int line = 0; line < lines_of(own.z); line++) {
         const int2 columns = own_columns(s, own, line, enlarge);
-        const int samples = GREATER(0, columns.y - columns.x + 1);
+        const int samples = MAX(0, columns.y - columns.x + 1);
         for (int i = 0; i < samples; i += 8)
-            emit8(planes, k, slot, (columns.x + i + lane) | line << 16, out, at + emitted + i, LESSER(8, samples - i));
+            emit8(planes, k, slot, (columns.x + i + lane) | line << 16, out, at + emitted + i, MIN(8, samples - i));
         emitted += samples;
     }
     return emitted;
@@ -303,7 +303,7 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
         Planes planes;
         Slot of[8];
         int8 heads[8];
-        for (int k = 0; k < LESSER(8, end - start); k++) {
+        for (int k = 0; k < MIN(8, end - start); k++) {
             const int triangle = triangles[start + k], strip = slots[triangle].x;
             const uint place = places[triangle];
             const ushort4 own = drawn[triangle];
@@ -329,13 +329,13 @@ __kernel void emit_samples(int count, int run, int runs, int full, int enlarge, 
             add_shape(&shapes, k, point ? POINT_SHAPE : own, words[triangle], corner);
         }
         planes_of(&shapes, &planes);
-        for (int k = 0; k < LESSER(8, end - start); k++) {
+        for (int k = 0; k < MIN(8, end - start); k++) {
             const Slot slot = of[k];
             if (slot.strip < 0)
                 continue;
             int8 texels = heads[k];
             for (int i = 0; i < slot.texels; i += 8) {
-                emit8(&planes, k, &slot, texels, out, at + i, LESSER(8, slot.texels - i));
+                emit8(&planes, k, &slot, texels, out, at + i, MIN(8, slot.texels - i));
                 texels = *(__global loose_int8 *)(slot_texels + slot.list + i + 8);
             }
             at += slot.texels;

@@ -35,13 +35,13 @@ INLINE Vector8 cross8(Vector8 a, Vector8 b)
     return (Vector8){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
 }
 
-INLINE float8 magnitude8(float8 a)
+INLINE float8 abs8(float8 a)
 {
     return a < 0.0f ? -a : a;
 }
 
 // a of length 1, or `otherwise` where it has none. Longer than `shortest` it counts.
-INLINE Vector8 unit8(Vector8 a, float shortest, float3 otherwise)
+INLINE Vector8 normalize8(Vector8 a, float shortest, float3 otherwise)
 {
     const float8 length = sqrt(dot8(a, a));
     const int8 usable = length > shortest;
@@ -65,16 +65,16 @@ INLINE Projected8 project8(const Vector8 *corner, __global const float *view)
         p[k].z = (corner[k].z - view[2]) - view[5];
     }
     const Vector8 middle = {p[0].x + p[1].x + p[2].x, p[0].y + p[1].y + p[2].y, p[0].z + p[1].z + p[2].z};
-    const Vector8 n = unit8(middle, 0.0f, cross3(up, right));
+    const Vector8 n = normalize8(middle, 0.0f, cross3(up, right));
     const Vector8 up8 = {up.x, up.y, up.z};
-    const Vector8 across = unit8(cross8(n, up8), 1e-3f, right), upwards = cross8(across, n);
+    const Vector8 across = normalize8(cross8(n, up8), 1e-3f, right), upwards = cross8(across, n);
     Projected8 result;
     result.back = (float8)(0.0f);
     for (int k = 0; k < 3; k++) {
         const float8 x = dot8(p[k], across), y = dot8(p[k], upwards), z = dot8(p[k], n);
-        const float8 for_x = magnitude8(x) * view[13] - z, for_y = magnitude8(y) * view[14] - z;
-        const float8 further = GREATER(GREATER(for_x, for_y), view[15] - z);
-        result.back = GREATER(result.back, further);
+        const float8 for_x = abs8(x) * view[13] - z, for_y = abs8(y) * view[14] - z;
+        const float8 further = MAX(MAX(for_x, for_y), view[15] - z);
+        result.back = MAX(result.back, further);
         result.x[k] = x, result.y[k] = y, result.w[k] = z;
     }
     for (int k = 0; k < 3; k++) {
@@ -88,7 +88,7 @@ INLINE Projected8 project8(const Vector8 *corner, __global const float *view)
 
 INLINE float8 doubled_area8(const Projected8 *p)
 {
-    return magnitude8((p->x[1] - p->x[0]) * (p->y[2] - p->y[0]) - (p->y[1] - p->y[0]) * (p->x[2] - p->x[0]));
+    return abs8((p->x[1] - p->x[0]) * (p->y[2] - p->y[0]) - (p->y[1] - p->y[0]) * (p->x[2] - p->x[0]));
 }
 
 // Corner a with the angle alpha, b with beta, c above the edge between them; before and after alpha and beta meet the
@@ -273,7 +273,7 @@ __kernel void measure_triangles(int count, __global const int *triangles, __glob
         return;
     Vector8 corner[3];
     for (int lane = 0; lane < 8; lane++) {
-        const int triangle = triangles[LESSER(first + lane, count - 1)];
+        const int triangle = triangles[MIN(first + lane, count - 1)];
         for (int k = 0; k < 3; k++) {
             __global const float *position = corner_of(triangle, k, positions, indices, first_piece, pieces);
             ((float *)&corner[k].x)[lane] = position[0];

@@ -1,9 +1,10 @@
 // A client's samples on sliced triangles: which piece each lies in.
 
-// pieces: by triangle of the client, first and number of its pieces. maps: six floats per piece, which take the parent's
-// barycentrics 1 and 2 to the piece's: o1 and o2 of the piece's corner 0, then a, b of a (b1 - o1) + b (b2 - o2) for 1,
-// then for 2. Differences come first, because those of near numbers are exact: in a small piece of a very large triangle
-// a and b are large. Pieces count on from `triangles`. Weights are kept inside the piece, beyond which it has no texels.
+// pieces: by triangle of the client, first and number of its pieces. maps: six floats per piece, which take the
+// parent's barycentrics 1 and 2 to the piece's: o1 and o2 of the piece's corner 0, then a, b of a (b1 - o1) + b (b2 -
+// o2) for 1, then for 2. Differences come first, because those of near numbers are exact: in a small piece of a very
+// large triangle a and b are large. Pieces count on from `triangles`. Weights are kept inside the piece, beyond which
+// it has no texels.
 __kernel void split_samples(int count, int triangles, __global const int2 *pieces, __global const float *maps,
                             __global const int *triangle, __global const float *bary1, __global const float *bary2,
                             __global int *to_triangle, __global float *to_bary1, __global float *to_bary2)

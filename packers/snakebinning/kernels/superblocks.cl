@@ -167,8 +167,8 @@ INLINE bool insert(Manager m, int strip, Strip s, Gap gap, int rows)
     return true;
 }
 
-// Puts a strip, or what has no slot of one that is placed, into the first gap of a superblock that holds it; whether there
-// is one.
+// Puts a strip, or what has no slot of one that is placed, into the first gap of a superblock that holds it; whether
+// there is one.
 INLINE bool attach(Manager m, int strip, int block)
 {
     const Strip s = rest_of(m, strip);
@@ -294,7 +294,8 @@ INLINE int create_superblock(Manager m, const Strip *s, bool whole)
     return state[SUPERBLOCKS]++;
 }
 
-// The gap in which most of a strip's slots have room. Where it must look at the gaps of a superblock, it notes the largest.
+// The gap in which most of a strip's slots have room. Where it must look at the gaps of a superblock, it notes the
+// largest.
 INLINE Gap roomiest_gap(Manager m, const Strip *s)
 {
     Gap found = {-1, -1, 0, 0};
@@ -388,8 +389,8 @@ INLINE bool too_narrow(const Strip *s)
     return s->native && (8 * s->need_before8 > 9 * s->before8 + 32 || 8 * s->need_after8 > 9 * s->after8 + 32);
 }
 
-// Shrinks a placed strip, or takes it out and makes it an orphan: one that is too small, or that is in parts and needs less
-// room. In a frozen frame, in which nothing moves, what has no slot in it is an orphan.
+// Shrinks a placed strip, or takes it out and makes it an orphan: one that is too small, or that is in parts and needs
+// less room. In a frozen frame, in which nothing moves, what has no slot in it is an orphan.
 INLINE void update(Manager m, int strip)
 {
     const Strip s = m.strips[strip];
@@ -431,7 +432,8 @@ INLINE void collapse(Manager m)
     }
 }
 
-// Fits a strip's slots to its triangles, before it is placed; in a frozen frame these are those before and the new ones.
+// Fits a strip's slots to its triangles, before it is placed; in a frozen frame these are those before and the new
+// ones.
 INLINE void reshape(Manager m, int strip, __global const int *tops)
 {
     Strip s = m.strips[strip];
@@ -494,8 +496,8 @@ INLINE void place_orphans(Manager m, __global const int *tops)
     }
 }
 
-// frozen: triangles join strips, and none that has a slot moves. used: bins with triangles, ascending. map: target of each bin.
-// tops: height of each bin of heights in 1/8 texel.
+// frozen: triangles join strips, and none that has a slot moves. used: bins with triangles, ascending. map: target of
+// each bin. tops: height of each bin of heights in 1/8 texel.
 __kernel void manage(int frame, int frozen, int used_count, __global const int *used, __global const int *map,
                      __global const int *counts, __global const int *widest, __global const int *tops, int atlas_width,
                      int atlas_height, int height, float capacity, float shrink, float share, int enlarge, int fit,

@@ -16,7 +16,7 @@ INLINE int samples_of(int4 form, int2 places, __global const int *starts)
         const int w = side ? form.w : form.z;
         if ((side ? places.y : places.x) < 0 || w == 0)
             continue;
-        const int h = form.y, p = GREATER(w, h), q = LESSER(w, h);
+        const int h = form.y, p = MAX(w, h), q = MIN(w, h);
         for (int row = 0; row <= q; row++)
             sum += row_length(p, q, row);
     }
@@ -29,7 +29,7 @@ __kernel void count_samples(int count, int run, int runs, __global const int *fo
     const int r = get_global_id(0);
     if (r >= runs)
         return;
-    const int end = LESSER(count, (r + 1) * run);
+    const int end = MIN(count, (r + 1) * run);
     int sum = 0;
     for (int i = r * run; i < end; i++)
         sum += samples_of(vload4(i, forms), vload2(i, places), starts);
@@ -40,8 +40,8 @@ typedef struct {
     float x, y, z;
 } Vector;
 
-// A triangle as its samples see it. v0: inverse depth of corner 0; k1, k2: what those of the others have more; e1, e2: its
-// edges from corner 0; least: of the perspective's denominator, against samples beyond the horizon.
+// A triangle as its samples see it. v0: inverse depth of corner 0; k1, k2: what those of the others have more; e1, e2:
+// its edges from corner 0; least: of the perspective's denominator, against samples beyond the horizon.
 typedef struct {
     int id;
     float v0, v1, v2, k1, k2, least;
@@ -114,7 +114,7 @@ INLINE void store_lanes(int8 value, __global int *array, int count)
 INLINE void emit8(Sink *sink, Surface *s, float8 m1, float8 m2, int8 texel, int number)
 {
     float8 d = s->v0 + m1 * s->k1 + m2 * s->k2;
-    d = 1.0f / GREATER(d, (float8)(s->least));
+    d = 1.0f / MAX(d, (float8)(s->least));
     const float8 l1 = m1 * s->v1 * d, l2 = m2 * s->v2 * d;
     const float8 t1 = s->share * l1, t2 = s->share * l2;
     const float8 x = s->step.x - t1 * s->e1.x - t2 * s->e2.x, y = s->step.y - t1 * s->e1.y - t2 * s->e2.y;
@@ -141,7 +141,7 @@ INLINE void emit8(Sink *sink, Surface *s, float8 m1, float8 m2, int8 texel, int 
 INLINE void emit_l(Sink *sink, Surface *s, Piece piece, int level, int word, int width, __global const int *starts,
                    __global const float *cell_1, __global const float *cell_2, __global const int *cell_at)
 {
-    const float spacing = piece.step / (float)GREATER(level, 1), third = piece.step / 3.0f;
+    const float spacing = piece.step / (float)MAX(level, 1), third = piece.step / 3.0f;
     const float c1 = piece.u + third, c2 = piece.v + third;
     float way = longer_step(s, spacing, 0.0f, c1, c2, -1.0f);
     way = longer_step(s, 0.0f, spacing, c1, c2, way);
@@ -152,7 +152,7 @@ INLINE void emit_l(Sink *sink, Surface *s, Piece piece, int level, int word, int
         const float8 m1 = piece.u + piece.step * *(__global const loose_float8 *)(cell_1 + k);
         const float8 m2 = piece.v + piece.step * *(__global const loose_float8 *)(cell_2 + k);
         const int8 at = *(__global const loose_int8 *)(cell_at + k);
-        emit8(sink, s, m1, m2, origin + place.sign * ((at & 0xFFFF) + (at >> 16) * width), LESSER(8, end - k));
+        emit8(sink, s, m1, m2, origin + place.sign * ((at & 0xFFFF) + (at >> 16) * width), MIN(8, end - k));
     }
 }
 
@@ -169,7 +169,7 @@ INLINE float2 corner_of(Piece piece, int corner)
 INLINE void emit_half(Sink *sink, Surface *s, float2 foot, float2 along, float2 up, int w, int h, int word, int width)
 {
     const Place place = unpack_place(word);
-    const int p = GREATER(w, h), q = LESSER(w, h), origin = place.row * width + place.column;
+    const int p = MAX(w, h), q = MIN(w, h), origin = place.row * width + place.column;
     const float2 across = w > h ? along : up, down = w > h ? up : along;
     const int8 columns = place.sign * (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     for (int row = 0; row <= q; row++) {
@@ -178,7 +178,7 @@ INLINE void emit_half(Sink *sink, Surface *s, float2 foot, float2 along, float2 
         for (int k = 0; k < length; k += 8) {
             const float8 column = (float)k + IOTA;
             emit8(sink, s, m1 + column * across.x, m2 + column * across.y, start + place.sign * k + columns,
-                  LESSER(8, length - k));
+                  MIN(8, length - k));
         }
     }
 }
@@ -210,7 +210,7 @@ __kernel void emit_samples(int count, int run, int runs, __global const int *for
     if (r >= runs)
         return;
     Sink sink = {triangle, bary1, bary2, footprint, texel, offsets[r], offsets[r] + counts[r]};
-    const int end = LESSER(count, (r + 1) * run);
+    const int end = MIN(count, (r + 1) * run);
     for (int i = r * run; i < end; i++) {
         const int4 form = vload4(i, forms);
         const int2 at = vload2(i, places);

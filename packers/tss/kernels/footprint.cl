@@ -13,8 +13,8 @@ INLINE float8 length_of(Points8 a, Points8 b)
     return sqrt(x * x + y * y + z * z);
 }
 
-// The level and height of a triangle if all of it were as near as its nearest point may be: at least the distance of its
-// plane, and of its farthest corner less its longest edge.
+// The level and height of a triangle if all of it were as near as its nearest point may be: at least the distance of
+// its plane, and of its farthest corner less its longest edge.
 INLINE float8 level_nearby(const Points8 *p, __global const float *camera, float8 *height)
 {
     const Points8 a = {p[1].x - p[0].x, p[1].y - p[0].y, p[1].z - p[0].z};
@@ -27,11 +27,11 @@ INLINE float8 level_nearby(const Points8 *p, __global const float *camera, float
     float8 farthest = (float8)(0.0f), longest = (float8)(0.0f);
     for (int k = 0; k < 3; k++) {
         const float8 distance = length_of(p[k], eye), edge = length_of(p[k], p[k == 2 ? 0 : k + 1]);
-        farthest = GREATER(distance, farthest);
-        longest = GREATER(edge, longest);
+        farthest = MAX(distance, farthest);
+        longest = MAX(edge, longest);
     }
-    float8 distance = GREATER(plane, farthest - longest);
-    distance = GREATER(distance, (float8)(camera[NEAR]));
+    float8 distance = MAX(plane, farthest - longest);
+    distance = MAX(distance, (float8)(camera[NEAR]));
     const float8 scale = camera[SCALE_X] / distance;
     *height = scale * twice / (longest > 0.0f ? longest : (float8)(1.0f));
     return sqrt(twice * (2.0f / 3.0f)) * scale;
@@ -48,7 +48,7 @@ __kernel void measure_triangles(int count, __global const int *ids, __global con
         return;
     Points8 p[3];
     for (int k = 0; k < 8; k++) {
-        const int id = ids[LESSER(first + k, count - 1)];
+        const int id = ids[MIN(first + k, count - 1)];
         for (int j = 0; j < 3; j++) {
             __global const float *position = positions + 3 * (size_t)indices[3 * (size_t)id + j];
             ((float *)&p[j].x)[k] = position[0];
@@ -68,7 +68,7 @@ __kernel void measure_triangles(int count, __global const int *ids, __global con
     float8 nearby_height;
     const float8 nearby = level_nearby(p, camera, &nearby_height);
     const float8 level = bounded && nearby > shape.level ? nearby : shape.level;
-    const float8 wanted = scale * GREATER(level / LEVELS, shape.base / LONGEST);
+    const float8 wanted = scale * MAX(level / LEVELS, shape.base / LONGEST);
     const float8 most = scale * (bounded ? nearby_height : shape.height) / LEAST_HEIGHT;
     const float8 fewer = shape.base > threshold * shape.height && most < wanted ? floor(most) : ceil(wanted);
     const float8 along_edge = clamp(fewer, 1.0f, MOST_PIECES);

@@ -1,7 +1,7 @@
 #include "common/wide.cl"
 
-// Where bins lie, and the items in them. A shelf is a row of slots; a bin continues the last shelf with as many slots as
-// fit above and beside each other, and then opens shelves of its own.
+// Where bins lie, and the items in them. A shelf is a row of slots; a bin continues the last shelf with as many slots
+// as fit above and beside each other, and then opens shelves of its own.
 
 #define REGION 6 // x, y and slots per column of its part of the last shelf, slots there; y of its shelves, slots in one
 
@@ -18,7 +18,7 @@ __kernel void lay_out(int count, int width, __global const int *slot_width, __gl
         if (totals[b] == 0)
             continue;
         const int w = slot_width[b], h = slot_height[b], slots = (totals[b] + 1) / 2;
-        const int stack = shelf / h, here = stack > 0 && x + w <= width ? LESSER(slots, (width - x) / w * stack) : 0;
+        const int stack = shelf / h, here = stack > 0 && x + w <= width ? MIN(slots, (width - x) / w * stack) : 0;
         const int rest = slots - here, row = width / w;
         __global int *region = regions + REGION * b;
         region[0] = x, region[1] = y, region[2] = stack, region[3] = here, region[4] = y + shelf, region[5] = row;

@@ -25,10 +25,11 @@ INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y)
 INLINE int8 find_piece(int8 n, float8 *b, float8 *c)
 {
     const float8 number = convert_float8(n), u = *b * number, v = *c * number;
-    // Bounded before they are converted: samples beyond their triangle may lie anywhere, and what is no number counts as 0.
-    const float8 right = GREATER(u, 0.0f), down = GREATER(v, 0.0f);
-    const int8 row = convert_int8(LESSER(down, number - 1.0f));
-    const int8 column = convert_int8(LESSER(right, number - 1.0f - convert_float8(row)));
+    // Bounded before they are converted: samples beyond their triangle may lie anywhere, and what is no number counts
+    // as 0.
+    const float8 right = MAX(u, 0.0f), down = MAX(v, 0.0f);
+    const int8 row = convert_int8(MIN(down, number - 1.0f));
+    const int8 column = convert_int8(MIN(right, number - 1.0f - convert_float8(row)));
     const float8 p = u - convert_float8(column), q = v - convert_float8(row);
     const int8 turned = p + q > 1.0f && column + row < n - 1;
     *b = turned ? 1.0f - p : p;
@@ -36,7 +37,8 @@ INLINE int8 find_piece(int8 n, float8 *b, float8 *c)
     return n * n - (n - row) * (n - row) + 2 * column + (turned ? (int8)(1) : (int8)(0));
 }
 
-// Position in right triangles of a point with weights b of the base's end and c of the apex; `second` says in which of the two.
+// Position in right triangles of a point with weights b of the base's end and c of the apex; `second` says in which of
+// the two.
 INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, float8 *x, float8 *y, int8 *second)
 {
     const float8 foot = convert_float8(before), base = convert_float8(before + after);
@@ -48,8 +50,9 @@ INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, 
     *y = wide ? up : way;
 }
 
-// records: per primitive 4 integers. An L: level (0 for a single texel) and place. Right triangles: -1 - the corner where
-// the longest edge begins; places; texels along the base before and after the foot, << 10; height << 20. UNPLACED.
+// records: per primitive 4 integers. An L: level (0 for a single texel) and place. Right triangles: -1 - the corner
+// where the longest edge begins; places; texels along the base before and after the foot, << 10; height << 20.
+// UNPLACED.
 __kernel void locate(int count, int room, __global const int *triangle, __global const float *bary1,
                      __global const float *bary2, __global const float *inverse, __global const int *pieces,
                      __global const int *starts, __global const int *records, __global float *places)
@@ -60,7 +63,7 @@ __kernel void locate(int count, int room, __global const int *triangle, __global
     float8 v0, v1, v2;
     int8 n, start, record[4];
     for (int k = 0; k < 8; k++) {
-        const int t = triangle[LESSER(first + k, count - 1)];
+        const int t = triangle[MIN(first + k, count - 1)];
         const float4 v = vload4(t, inverse);
         ((float *)&v0)[k] = v.x, ((float *)&v1)[k] = v.y, ((float *)&v2)[k] = v.z;
         ((int *)&n)[k] = pieces[t];

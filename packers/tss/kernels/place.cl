@@ -15,5 +15,5 @@ INLINE int row_length(int p, int q, int row)
     if (row == 0)
         return p + 1;
     const int reach = (p * (q - row + 1) + q - 1) / q;
-    return LESSER(reach, p) + 1;
+    return MIN(reach, p) + 1;
 }

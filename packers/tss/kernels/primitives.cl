@@ -31,7 +31,7 @@ __kernel void measure_primitives(int count, __global const int *parents, __globa
     Points8 p[3];
     float8 u, v, step, inverse[3];
     for (int k = 0; k < 8; k++) {
-        const int i = LESSER(first + k, count - 1), parent = parents[i];
+        const int i = MIN(first + k, count - 1), parent = parents[i];
         const size_t id = ids[parent];
         for (int j = 0; j < 3; j++) {
             __global const float *position = positions + 3 * (size_t)indices[3 * id + j];
