@@ -7,7 +7,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
-from shading_atlas_bench.arithmetic.arrays import Ints
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -34,7 +33,7 @@ def rank_by_class(
     return ranks, totals
 
 
-def rank_by_class_twin(classes: Ints, class_count: int) -> tuple[arrays.Array, arrays.Array]:
+def rank_by_class_twin(classes: arrays.Array, class_count: int) -> tuple[arrays.Array, arrays.Array]:
     """The same on the host."""
     totals = np.bincount(classes[classes >= 0], minlength=class_count)
     order = np.argsort(classes, kind="stable")
