@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles, Ints, Longs
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER
@@ -20,6 +22,7 @@ from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
+    from pyopencl.typing import KernelArg
 
     from shading_atlas_bench.kernels.device import Kernels
     from shading_atlas_bench.kernels.texture.mask import AlphaMask
@@ -117,8 +120,11 @@ class Builder:
         lists, and their number. Where the pool has too few pages, it grows and all is drawn again."""
         device, camera, scratch = self.device, picture.camera, self._scratch
         mask, triangles, tiles = self.rasteriser.mask, self.rasteriser.triangles, picture.tiles
-        alpha = (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments) if mask else ()
-        alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
+        alpha: tuple[KernelArg, ...] = ()
+        if mask:
+            alpha += (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments)
+        if front:
+            alpha += (front.visibility.triangle, front.visibility.depth, front.numbers)
         kernel = self._kernels(mask, int(front is not None)).draw_fragments
         size = (tiles, picture.tiles_x, camera.width, camera.height)
         listed = (device.chunks, bins.bins, bins.entries, bins.records, members, member)
@@ -141,22 +147,24 @@ class Builder:
         return self.device.build("fragments/build.cl", TILE=TILE, PAGE=PAGE, FRONT=front, **mask_defines(mask))
 
 
-def build_twin(
-    triangles: Triangles, camera: Camera, members: np.ndarray, member: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def build_twin(triangles: Triangles, camera: Camera, members: arrays.Array, member: int) -> tuple[Longs, Ints, Doubles]:
     """Offsets int64 (pixels + 1), triangle int32 (n) and depth float64 (n), as `Builder.build` without masks, but
     without snapping: the kernels' may differ where an edge passes within 1/256 pixel of a pixel's centre."""
     screen = ScreenTriangles.of(triangles, camera)
     rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
     centres = np.stack([columns, rows, np.ones_like(rows)], axis=-1).reshape(-1, 3)
-    found = []
+    pixels: list[Longs] = [np.zeros(0, np.int64)]
+    numbers: list[Longs] = [np.zeros(0, np.int64)]
+    depths: list[Doubles] = [np.zeros(0)]
     for number in np.flatnonzero(screen.drawn & (members == member)):
         depth = centres @ screen.depth[number]
         inside = (centres @ screen.edges[number].T >= 0).all(axis=-1) & (depth > 0) & (depth <= 1)
-        pixel = np.flatnonzero(inside)
-        found.append((pixel, np.full(len(pixel), number), depth[pixel]))
-    pixel, triangle, depth = (np.concatenate(part) for part in zip(*found, strict=True)) if found else np.zeros((3, 0))
-    order = np.lexsort((triangle, -depth, pixel))
-    counts = np.bincount(pixel.astype(np.int64), minlength=len(centres))
+        covered = np.flatnonzero(inside).astype(np.int64)
+        pixels.append(covered)
+        numbers.append(np.full(len(covered), number, np.int64))
+        depths.append(depth[covered])
+    pixel, triangle, every_depth = np.concatenate(pixels), np.concatenate(numbers), np.concatenate(depths)
+    order = np.lexsort((triangle, -every_depth, pixel))
+    counts = np.bincount(pixel, minlength=len(centres))
     offsets = np.concatenate([[0], np.cumsum(counts)])
-    return offsets, triangle[order].astype(np.int32), depth[order]
+    return offsets, triangle[order].astype(np.int32), every_depth[order]

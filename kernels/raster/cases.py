@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Ints
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, random_soup, soup
 from shading_atlas_bench.kernels.raster.camera import Camera
@@ -14,7 +15,7 @@ from shading_atlas_bench.kernels.raster.mark import mark_visible, mark_visible_t
 from shading_atlas_bench.kernels.raster.picture import Picture
 from shading_atlas_bench.kernels.raster.rasteriser import CLUSTER, TILE, Rasteriser
 from shading_atlas_bench.kernels.raster.resolve import resolve, resolve_twin
-from shading_atlas_bench.kernels.raster.setup import RECORD, Scratch, set_up, set_up_twin
+from shading_atlas_bench.kernels.raster.setup import RECORD, Bins, Scratch, set_up, set_up_twin
 from shading_atlas_bench.kernels.raster.tiles import draw_tiles, draw_tiles_twin
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -40,7 +41,9 @@ def camera(width: int = WIDTH) -> Camera:
     return Camera.of(VIEW, PROJECTION, width, width * HEIGHT // WIDTH)
 
 
-def records_of(device: Device, triangles: Triangles, picture: Picture, scratch: Scratch, clusters: Clusters):
+def records_of(
+    device: Device, triangles: Triangles, picture: Picture, scratch: Scratch, clusters: Clusters
+) -> tuple[Bins, Ints]:
     """The set-up of all clusters in view: the bins, and the records of all chunks on the host."""
     chosen, _ = clusters.choose(picture.camera, 0, EVER, "raster/cull")
     bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER, Chosen, Clusters
 from shading_atlas_bench.kernels.raster.picture import BLOCK, Picture
@@ -86,14 +87,12 @@ class Rasteriser:
         self._scratch = Scratch(device, room, 4 * room)
         self._draws = 0
 
-    def in_frustum(self, view: np.ndarray, projection: np.ndarray) -> np.ndarray:
+    def in_frustum(self, view: Doubles, projection: Doubles) -> Ints:
         """The clusters of consecutive triangles that may have a part in the frustum, int32, ascending."""
         chosen, _ = self.clusters.choose(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
         return chosen.numbers(self.clusters.count)
 
-    def draw(
-        self, view: np.ndarray, projection: np.ndarray, width: int, height: int, stage: str = "raster"
-    ) -> Visibility:
+    def draw(self, view: Doubles, projection: Doubles, width: int, height: int, stage: str = "raster") -> Visibility:
         """Draw from a camera: view and projection float64 (4, 4), sizes in pixels, up to 8192.
 
         The projection has reversed depth: clip z = near and clip w = distance, or an orthographic one from 1 at the
@@ -133,9 +132,9 @@ class ScreenTriangles:
         and for triangles without area.
     """
 
-    edges: np.ndarray
-    depth: np.ndarray
-    drawn: np.ndarray
+    edges: Doubles
+    depth: Doubles
+    drawn: Bools
 
     @classmethod
     def of(cls, triangles: Triangles, camera: Camera) -> ScreenTriangles:
@@ -152,8 +151,8 @@ class ScreenTriangles:
 
 
 def draw_twin(
-    triangles: Triangles, view: np.ndarray, projection: np.ndarray, width: int, height: int
-) -> tuple[np.ndarray, np.ndarray]:
+    triangles: Triangles, view: Doubles, projection: Doubles, width: int, height: int
+) -> tuple[Ints, Doubles]:
     """Triangle int32 and depth float64 (height, width), as `Rasteriser.draw` without masks, but without snapping.
 
     The kernels' may differ where moving a corner by 1/256 pixel moves an edge over the pixel's centre or changes which

@@ -220,7 +220,8 @@ def _switched(lanes: Lanes, key: tuple[str, str]) -> Row:
 def mapping_parts(folders: Sequence[Path]) -> Parts:
     """Runs of SnakeBinning with mapping and without, in several packings: what superblocks take, and in runs that are
     coded, what mapping changes in layouts made anew in every frame and in frozen ones."""
-    rows, costs = [], {}
+    rows: list[Row] = []
+    costs: dict[tuple[str, ...], Row] = {}
     for folder in folders:
         lanes = Lanes(folder, first=1)
         size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
@@ -283,13 +284,13 @@ def strategy_parts(folders: Sequence[Path]) -> Parts:
         for key, chosen in sorted(variants, key=lambda variant: float(variant[1]["slanted"])):
             row: Row = {"scene": lanes.scene, "strategy": chosen["strategy"], "slanted": chosen["slanted"]}
             row["size"] = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
-            names = ("scale", "oversampling_share", "oversampling_outside_share", "gather_over_shading")
-            names += ("lpacking_samples", "oversampling_inside", "oversampling_outside")
+            names = ["scale", "oversampling_share", "oversampling_outside_share", "gather_over_shading"]
+            names += ["lpacking_samples", "oversampling_inside", "oversampling_outside"]
             row |= {name: lanes.statistic(key, name) for name in names}
-            of = {name: lanes.statistic(key, name) for name in ("primitives", "single_texels")}
+            primitives, single = (lanes.statistic(key, name) for name in ("primitives", "single_texels"))
             inside = (row["lpacking_samples"], row["oversampling_inside"])
             row["inside"] = None if None in inside else sum(inside)
-            larger = None if None in of.values() else of["primitives"] - of["single_texels"]
+            larger = None if primitives is None or single is None else primitives - single
             row["slanted_of_larger"] = _ratio(lanes.statistic(key, "oversampling_primitives"), larger)
             row |= {name: lanes.median(key, name, True) for name in ("samples", "dssim", "flip", "bytes_total")}
             rows.append(row | {"flip_lossless": lanes.median(key, "flip")})
@@ -351,7 +352,7 @@ def _equal(lanes: Lanes) -> Row:
     for key in lanes.keys:
         method, share = key[0], lanes.median(key, "samples") / asked[key[0]] - 1
         row |= {f"flip_{method}": lanes.median(key, "flip"), f"coded_{method}": lanes.median(key, "flip", True)}
-        row[f"kbytes_{method}"] = lanes.median(key, "bytes_total", True) / 1000
+        row[f"kbytes_{method}"] = _ratio(lanes.median(key, "bytes_total", True), 1000)
         off += [f"{method} {share:+.0%}"] if abs(share) > 0.05 else []
     return row | {"off": ", ".join(off)}
 
@@ -439,7 +440,7 @@ def stress_parts(folders: Sequence[Path]) -> Parts:
     (folder,) = folders
     rows = _typed(folder / "stress.csv", STRESS_COLUMNS)
     rows = [row | {"label": row["method"]} for row in rows]
-    ordered = {(r["test"], r["label"]): [] for r in rows}
+    ordered: dict[tuple[str, str], list[Row]] = {(r["test"], r["label"]): [] for r in rows}
     for row in sorted(rows, key=lambda row: row["step"]):
         ordered[row["test"], row["label"]].append(row)
     tests, errors = [], []
@@ -501,27 +502,27 @@ def claim_parts(folders: Sequence[Path]) -> Parts:
     (folder,) = folders
     results, _ = write_claims(folder)
     machine = {result.claim.id: _of_machine(result.claim) for result in results}
-    values = [
+    values: list[Row] = [
         {"id": r.claim.id, "run": "/".join(r.place), "measured": r.measured, "low": r.low, "high": r.high}
         | {"verdict": r.verdict, "machine": _of_machine(r.claim)}
         for r in results
     ]
-    claims = []
+    claims: list[Row] = []
     for _, group in groupby(results, key=lambda result: result.claim.id):
         own = list(group)
         claim = own[0].claim
         row = {"id": claim.id, "claim": claim.claim, "source": f"{claim.paper}, {claim.source}"}
-        row |= {"published": claim.published, "rule": claim.rule.text if claim.rule else ""}
+        row |= {"published": claim.published, "rule": claim.rule_text}
         claims.append(row | {"measured": places_text(own), "machine": _of_machine(claim)})
     verdicts = (CONFIRMED, NOT_CONFIRMED, UNDECIDED, NOT_MEASURABLE, NOT_MEASURED)
     counts = {
         (verdict, timed): sum(row["verdict"] == verdict and row["machine"] == timed for row in values)
         for verdict, timed in product(verdicts, (False, True))
     }
-    counted = [
+    counted: list[Row] = [
         {"verdict": v, "timed": "timed" if t else "exact", "count": n, "machine": t} for (v, t), n in counts.items()
     ]
-    why = {
+    why: Parts = {
         f"why-{method}": [row | {"machine": machine[row["id"]]} for row in why_not(folder, method)]
         for method in sorted({name for result in results for name in result.claim.methods})
     }
@@ -544,7 +545,7 @@ def places_text(results: Sequence[Judged]) -> str:
     for r in results:
         if not r.place:
             return f"{r.verdict}: {r.reason}"
-        ends = "" if r.low is None else f" ({short(r.low)} to {short(r.high)})"
+        ends = "" if r.low is None or r.high is None else f" ({short(r.low)} to {short(r.high)})"
         value = "" if r.measured is None else f" {short(r.measured)}{ends}"
         size = f" ({r.size})" if r.size else ""
         texts.append(f"{' / '.join(r.place)}{size}{value} **{r.verdict}**")

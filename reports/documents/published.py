@@ -140,9 +140,9 @@ def _title(quantity: Quantity, methods: Sequence[str]) -> str:
 
 def _over(values: list[float | None]) -> float | None:
     first, *rest = values
-    if first is None or None in rest or 0 in rest:
-        return None
-    return first / rest[0] if rest else first
+    if not rest:
+        return first
+    return first / rest[0] if first is not None and rest[0] else None
 
 
 def _short(value: Any, bold: bool = False) -> str:
