@@ -138,6 +138,17 @@ typedef struct {
     int block, above, y, lines;
 } Gap;
 
+// Free lines between the strips of a superblock, at most.
+INLINE int largest_gap(Manager m, int block)
+{
+    int end = 0, largest = 0;
+    for (int part = m.blocks[block].first; part >= 0; part = m.strips[part].next) {
+        largest = max(largest, m.strips[part].y - end);
+        end = m.strips[part].y + m.strips[part].rows * m.strips[part].lines;
+    }
+    return max(largest, m.blocks[block].height - end);
+}
+
 // Puts so many rows of a strip, or of a further part of one that is placed, into a gap that holds them; s: its shape.
 // Whether there is an entry for them.
 INLINE bool insert(Manager m, int strip, Strip s, Gap gap, int rows)
@@ -164,6 +175,7 @@ INLINE bool insert(Manager m, int strip, Strip s, Gap gap, int rows)
     b->used += rows * s.lines;
     b->strips++;
     b->peak = max(b->peak, b->used);
+    b->room = largest_gap(m, gap.block);
     return true;
 }
 
@@ -201,6 +213,8 @@ INLINE float wanted_area(Manager m, const Strip *s)
 
 INLINE float area_in(Manager m, const Strip *s, int block)
 {
+    if (m.blocks[block].room < s->lines)
+        return -1.0f;
     const int per_row = slots_in(s, m.blocks[block].width);
     if (per_row == 0)
         return -1.0f;
