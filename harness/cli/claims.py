@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from shading_atlas_bench.harness.cli.guard import guarded
+
 SOME_UNMEASURED = 1
 
 
@@ -34,8 +36,6 @@ def claims(
 
     Exit codes: 0 all was measured that can be, 1 something was not, 2 unusable arguments.
     """
-    from shading_atlas_bench.harness.cli.guard import guarded
-
     with guarded():
         from shading_atlas_bench.harness.experiments.claims import Wanted, run_claims, show_needs
 

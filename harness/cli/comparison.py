@@ -1,17 +1,28 @@
-"""What `bench compare` prints: one run beside another, metric by metric."""
+"""The command `bench compare`: one run beside another, metric by metric."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.markup import escape
 
+from shading_atlas_bench.harness.cli.guard import guarded
 from shading_atlas_bench.harness.console import make_console, make_table
 from shading_atlas_bench.harness.errors import InputError
 
 if TYPE_CHECKING:
     from shading_atlas_bench.reports.analysis.compare import Comparison
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A folder that `bench run` wrote")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another one")],
+) -> None:
+    """Say per method and metric whether run B is better, worse or ambiguous against run A, by a rank test."""
+    with guarded():
+        show_comparison(first, second)
 
 
 def show_comparison(first: Path, second: Path) -> None:

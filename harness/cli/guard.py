@@ -11,7 +11,7 @@ from rich.markup import escape
 from shading_atlas_bench.harness.console import make_console
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 
-UNUSABLE, INTERRUPTED = 2, 130
+SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
 
 
 @contextmanager

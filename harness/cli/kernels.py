@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from shading_atlas_bench.harness.cli.guard import guarded
+
 Names = Annotated[
     list[str] | None,
     typer.Option(
@@ -30,8 +32,6 @@ def kernels(
     device: DeviceName = None,
 ) -> None:
     """Measure every kernel's time against its error, in each build variant; write CSV and HTML."""
-    from shading_atlas_bench.harness.cli.guard import guarded
-
     with guarded():
         from shading_atlas_bench.harness.kernel_timing.timing import Wanted, bench_kernels
 

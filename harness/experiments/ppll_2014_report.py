@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.csv_files import replace_file
 
@@ -94,7 +94,7 @@ def write_report(folder: Path, tables: dict[str, list[Row]], note: str = "") -> 
         content = chart.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False})
         parts.append((figure.title, content))
     note = f'<ul class="warnings" role="note"><li>{escape(note)}</li></ul>' if note else ""
-    style = files("reports").joinpath("page.css").read_text(encoding="utf-8")
+    style = page_style()
     body = "\n".join(f"<section><h2>{escape(title)}</h2>{content}</section>" for title, content in parts)
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>ppll-2014</title>'

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.triangles import Triangles
 
 VARIES = 256  # in place of a material's opacity: it is not the same all over its triangles
-LET_THROUGH = 0.9  # of the light that a material transmits; the rest keeps clear glass visible
+TRANSMITTANCE = 0.9  # of the light that a material transmits; the rest keeps clear glass visible
 
 
 class BlendedMaterial(Protocol):
@@ -77,7 +77,7 @@ def _surface_row(material: BlendedMaterial) -> np.ndarray:
     has_alpha = material.alpha_mode == "blend"
     alpha, texture = (material.base_colour[3], material.base_texture + 1) if has_alpha else (1, 0)
     kind = 2 if has_alpha else int(blends(material))
-    return np.array([alpha, texture, kind, 1 - LET_THROUGH * material.transmission], np.float32)
+    return np.array([alpha, texture, kind, 1 - TRANSMITTANCE * material.transmission], np.float32)
 
 
 @dataclass(frozen=True)

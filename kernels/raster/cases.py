@@ -64,7 +64,7 @@ def building(device: Device, kind: str, size: int) -> Trial:
 
 CULLING = {
     "clusters.choose_clusters": Cost("c", "(32 + 4 + 4)*c", "8*3*7*c"),
-    "clusters.strike_hidden": Cost("c/2", "(32 + 4 + 4)*c/2", "8*3*7*c/2"),
+    "clusters.cull_occluded": Cost("c/2", "(32 + 4 + 4)*c/2", "8*3*7*c/2"),
     "clusters.note_seen": Cost("pixels/8", "4*pixels/8"),
 }
 
@@ -81,7 +81,7 @@ def culling(device: Device, kind: str, size: int) -> Trial:
     def run() -> None:
         clusters.last_seen.set(seen)
         _, others = clusters.choose(picture.camera, 1, 3, "raster/cull")
-        clusters.strike_hidden(others, picture, "raster/cull")
+        clusters.cull_occluded(others, picture, "raster/cull")
         clusters.note_seen(picture, 1, "raster/cull")
 
     def results() -> list[Result]:

@@ -91,12 +91,12 @@ class Clusters:
         self._launch_chunks("choose_clusters", 8, stage, *inputs, *results)
         return recent, others
 
-    def strike_hidden(self, chosen: Chosen, picture: Picture, stage: str) -> None:
+    def cull_occluded(self, chosen: Chosen, picture: Picture, stage: str) -> None:
         """Strike from the list those that the picture so far hides."""
         camera = picture.camera
         inputs = (*camera.arguments(), camera.width, camera.height, self.boxes)
         drawn = (picture.tiles_x, picture.block_depth, picture.tile_depth)
-        self._launch_chunks("strike_hidden", picture.tile, stage, *inputs, *drawn, chosen.listed, chosen.counts)
+        self._launch_chunks("cull_occluded", picture.tile, stage, *inputs, *drawn, chosen.listed, chosen.counts)
 
     def note_seen(self, picture: Picture, now: int, stage: str) -> None:
         """Remember which clusters draw number `now` shows."""

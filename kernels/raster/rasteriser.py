@@ -112,7 +112,7 @@ class Rasteriser:
         recent, others = self.clusters.choose(picture.camera, self._draws, RECALL if two_passes else EVER, cull)
         needed = [self._draw_clusters(recent, picture, False, stage)]
         if two_passes:
-            self.clusters.strike_hidden(others, picture, cull)
+            self.clusters.cull_occluded(others, picture, cull)
             needed.append(self._draw_clusters(others, picture, True, stage))
         if self.two_passes:
             self.clusters.note_seen(picture, self._draws, cull)

@@ -10,14 +10,14 @@ import numpy as np
 from shading_atlas_bench.kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
 from shading_atlas_bench.kernels.shade.environment import look_up, map_share
 from shading_atlas_bench.kernels.shade.faces import uv_scale_twin
-from shading_atlas_bench.kernels.shade.shadow_lookup import lit_share
+from shading_atlas_bench.kernels.shade.shadow_lookup import shadow_visibility
 from shading_atlas_bench.kernels.shade.tables import KINDS, Tables
 from shading_atlas_bench.kernels.texture.sample import trilinear
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
-SIDELESS = 0.25  # as in shade.cl
+IN_PLANE = 0.25  # as in shade.cl
 
 
 @dataclass(frozen=True)
@@ -83,7 +83,7 @@ def shade8_twin(
     for light in tables.lights.astype(np.float64):
         to_light, arriving = _incident(light, points.position)
         arriving = arriving * np.maximum(_dot(n, to_light), 0)
-        arriving = arriving * lit_share(light, shadow_maps, points.position, smooth, to_light)
+        arriving = arriving * shadow_visibility(light, shadow_maps, points.position, smooth, to_light)
         irradiance = arriving[:, None] * light[16:19]
         diffuse = diffuse + irradiance / np.pi
         if specular:
@@ -177,7 +177,7 @@ def _shading_normals(
         bump = x * scale * tangent + y * scale * sign * np.cross(n, tangent) + z * n
         n = np.where(points.material[:, 12:13] > 0, _unit(bump, n), n)
     away = (points.material[:, 6] > 0) & (_dot(points.face, towards) < 0)
-    away &= np.abs(_dot(points.normal, points.face)) > SIDELESS
+    away &= np.abs(_dot(points.normal, points.face)) > IN_PLANE
     side = np.where(away, -1, 1)[:, None]
     return n * side, points.normal * side
 

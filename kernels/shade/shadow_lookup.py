@@ -7,7 +7,7 @@ import numpy as np
 NORMAL_OFFSET, LIGHT_OFFSET = 2.83, 0.75  # as in shadow_lookup.cl, in texels
 
 
-def lit_share(
+def shadow_visibility(
     light: np.ndarray, shadow_maps: np.ndarray, position: np.ndarray, normal: np.ndarray, to_light: np.ndarray
 ) -> np.ndarray:
     """The share (n) of a light that arrives at points: 3x3 bilinear taps, each with a ramp one texel deep.

@@ -367,6 +367,16 @@ def texel_parts(folders: Sequence[Path]) -> Parts:
     return {ROWS: rows}
 
 
+def cell_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of one method in one view cell each: its samples, and whether the atlas had no room for its own rule."""
+    rows = []
+    for lanes in map(Lanes, folders):
+        (key,) = lanes.keys
+        row: Row = {"scene": lanes.scene, "cell": f"{lanes.rows[0]['cell_radius']:g} m, {lanes.rows[0]['cell_fov']:g}°"}
+        rows.append(row | {"samples": lanes.median(key, "samples"), "atlas_full": lanes.statistic(key, "atlas_full")})
+    return {ROWS: rows}
+
+
 def set_parts(folders: Sequence[Path]) -> Parts:
     """Runs of one method over densities of the visible set's views: its triangles, what it lacks, and its time."""
     rows = []

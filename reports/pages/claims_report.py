@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from html import escape
-from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from shading_atlas_bench.reports.analysis.claims import (
     read_claims,
 )
 from shading_atlas_bench.reports.pages.html import caption, facts_list, section
+from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.columns import CAUSE_COLUMNS, CLAIM_COLUMNS, CLAIM_VERDICTS
 from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
@@ -231,7 +231,7 @@ def _page(claims: Claims, results: Sequence[Judged], causes: Sequence[Explained]
         "Date": state["date"].replace("T", " "),
     }
     papers = "".join(_paper(name, title, results) for name, title in claims.papers.items())
-    style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    style = page_style()
     return PAGE.format(
         style=style + STYLE,
         facts=facts_list(facts),

@@ -176,7 +176,7 @@ def budget(device: Device, kind: str, size: int) -> Trial:
 
 EMISSION = {
     "emit.count_samples": Cost("p", "9*p"),
-    "emit.measure_ways": Cost("p", "(12 + 3 + 36 + 108 + 24)*p", "60*p"),
+    "emit.texel_derivatives": Cost("p", "(12 + 3 + 36 + 108 + 24)*p", "60*p"),
     "emit.emit_samples": Cost("n", "20*n", "12*n"),
 }
 

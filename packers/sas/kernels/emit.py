@@ -58,7 +58,7 @@ class Unfolded:
         weights, ways = device.upload(CODE_WEIGHTS), device.empty((triangles.count, 2), np.float32)
         arrays = (codes, weights, triangles.indices, triangles.positions, ways)
         device.launch(
-            "prepare/ways", device.build(HERE / "emit.cl").measure_ways, triangles.count, triangles.count, *arrays
+            "prepare/ways", device.build(HERE / "emit.cl").texel_derivatives, triangles.count, triangles.count, *arrays
         )
         return cls(members, codes, weights, ways)
 
