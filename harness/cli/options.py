@@ -6,7 +6,7 @@ import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import typer
 
@@ -31,7 +31,7 @@ class Option:
     panel: str
     help: str
     metavar: str | None = None
-    default: Any = None
+    default: float | None = None
     commands: tuple[str, ...] = BOTH
 
     @property
@@ -41,10 +41,10 @@ class Option:
 
     def parameter(self) -> inspect.Parameter:
         """As Typer takes it from a function's signature."""
-        info = typer.Option(self.flag, help=self.help, metavar=self.metavar, rich_help_panel=self.panel)
+        info = typer.Option(self.default, self.flag, help=self.help, metavar=self.metavar, rich_help_panel=self.panel)
         kind = list[str] if self.kind is list else self.kind
-        annotation = Annotated[kind if self.default is not None else kind | None, info]
-        return inspect.Parameter(self.name, inspect.Parameter.KEYWORD_ONLY, default=self.default, annotation=annotation)
+        annotation = kind if self.default is not None else kind | None
+        return inspect.Parameter(self.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=annotation)
 
 
 OPTIONS = (
@@ -158,8 +158,7 @@ OPTIONS = (
 
 def with_options(command: str) -> Callable[[Callable[[Given], None]], Callable[..., None]]:
     """Make a function of the options given a command of this name, which takes all options that are its own."""
-    own = [option for option in OPTIONS if command in option.commands]
-    signature = inspect.Signature([option.parameter() for option in own])
+    signature = inspect.Signature([option.parameter() for option in OPTIONS if command in option.commands])
 
     def wrap(function: Callable[[Given], None]) -> Callable[..., None]:
         def run(**values: Any) -> None:
@@ -167,10 +166,7 @@ def with_options(command: str) -> Callable[[Callable[[Given], None]], Callable[.
 
         run.__doc__ = function.__doc__
         vars(run)["__signature__"] = signature
-        run.__annotations__ = {
-            option.name: parameter.annotation.__origin__
-            for option, parameter in zip(own, signature.parameters.values(), strict=True)
-        }
+        run.__annotations__ = {name: parameter.annotation for name, parameter in signature.parameters.items()}
         return run
 
     return wrap

@@ -6,13 +6,16 @@ from mild to hard. `@stress(name, what, magnitudes)` adds it to CATALOGUE, and n
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import cos, sin, tan
 from shading_atlas_bench.harness.conformance.trial import Case
 from shading_atlas_bench.harness.workload.views import Cell, Pose
@@ -22,12 +25,15 @@ from shading_atlas_bench.scenes.model import Light, Material, Scene
 from shading_atlas_bench.scenes.paths import PathError, make_path
 from shading_atlas_bench.scenes.raw import Part, RawScene
 
-Magnitudes = tuple[float, ...]
+Magnitudes: TypeAlias = tuple[float, ...]
 PIXELS_PER_TANGENT = 80 / tan(np.radians(30))  # of a trial's client, 160 pixels wide at 60 degrees
 DOUBLE = Material(base_colour=(0.9, 0.9, 0.9, 1.0), double_sided=True)
 LAMP = Light("point", (8.0, 7.5, 7.0), (0.5, 1.0, 1.0))
 SUN = Light("directional", (1.2, 1.2, 1.1), direction=(-0.3, -1.0, -0.5))
 AHEAD = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+Make: TypeAlias = Callable[[float], Case]
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class StressTest:
     name: str
     what: str
     magnitudes: Magnitudes
-    make: Callable[[float], Case]
+    make: Make
     unit: str = ""
     invariant: bool = False
     refusable: bool = False
@@ -50,11 +56,19 @@ class StressTest:
 CATALOGUE: dict[str, StressTest] = {}
 
 
-def stress(name: str, what: str, magnitudes: Magnitudes, **properties) -> Callable:
+def stress(
+    name: str,
+    what: str,
+    magnitudes: Magnitudes,
+    *,
+    unit: str = "",
+    invariant: bool = False,
+    refusable: bool = False,
+) -> Callable[[Make], Make]:
     """Register a test."""
 
-    def add(make: Callable[[float], Case]) -> Callable[[float], Case]:
-        CATALOGUE[name] = StressTest(name, what, magnitudes, make, **properties)
+    def add(make: Make) -> Make:
+        CATALOGUE[name] = StressTest(name, what, magnitudes, make, unit, invariant, refusable)
         return make
 
     return add
@@ -68,19 +82,21 @@ def powers(first: int, last: int) -> Magnitudes:
 # Scenes
 
 
-def grid(corner, along_u, along_v, columns: int, rows: int, bump: float = 0.0) -> np.ndarray:
+def grid(
+    corner: ArrayLike, along_u: ArrayLike, along_v: ArrayLike, columns: int, rows: int, bump: float = 0.0
+) -> Doubles:
     """Corners, float64 (T, 3, 3), of a parallelogram of columns x rows pairs of triangles, bent by up to `bump`."""
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
-    along_u, along_v = np.asarray(along_u, np.float64), np.asarray(along_v, np.float64)
-    normal = np.cross(along_u, along_v) / np.linalg.norm(np.cross(along_u, along_v), axis=-1)
+    right, up = np.asarray(along_u, np.float64), np.asarray(along_v, np.float64)
+    normal = np.cross(right, up) / np.linalg.norm(np.cross(right, up), axis=-1)
     height = bump * sin(7 * u + 3 * v) * sin(np.pi * u) * sin(np.pi * v)
-    points = np.asarray(corner) + u[..., None] * along_u + v[..., None] * along_v + height[..., None] * normal
+    points = np.asarray(corner) + u[..., None] * right + v[..., None] * up + height[..., None] * normal
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
     pairs = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2)
     return pairs.reshape(-1, 3, 3)
 
 
-def room() -> np.ndarray:
+def room() -> Doubles:
     """6 x 3 x 6 units around the origin: a floor of two triangles, bumpy walls, loose triangles, a few slivers."""
     rng = draws.generator(7)
     x, y, z = np.diag([6.0, 3.0, 6.0])
@@ -91,26 +107,32 @@ def room() -> np.ndarray:
     return np.concatenate([*walls, grid(low + x, z, y, 6, 4, 0.1), loose])
 
 
-def backdrop(distance: float = 4.0) -> np.ndarray:
+def backdrop(distance: float = 4.0) -> Doubles:
     """A wall of 32 triangles across the view."""
     reach = distance * 0.9
     return grid((-reach, -reach, -distance), (2 * reach, 0, 0), (0, 2 * reach, 0), 4, 4)
 
 
-def scene_of(corners: np.ndarray, offset=(0, 0, 0), scale: float = 1.0, **changes) -> Scene:
+def scene_of(
+    corners: Doubles,
+    offset: ArrayLike = (0, 0, 0),
+    scale: float = 1.0,
+    *,
+    materials: Sequence[Material] = (DOUBLE,),
+    poison: Callable[[RawScene], None] | None = None,
+) -> Scene:
     """A scene as a file with these corners, (T, 3, 3), would give: scaled, moved, then loaded, all in float64.
 
-    changes: `materials`, `lights`, and `poison`, a function of the raw scene before it is loaded.
+    poison: is given the raw scene before it is loaded.
     """
     points, indices = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    colours = np.ones((len(points), 4))
+    colours = np.ones((len(points), 4), np.float32)
     colours[:, :3] = 0.55 + 0.4 * sin(3 * points)
-    offset = np.asarray(offset, np.float64)
-    lights = [replace(light, position=tuple(np.array(light.position) * scale + offset))
-              for light in changes.get("lights", (LAMP, SUN))]  # fmt: skip
-    part = Part(points * scale + offset, indices.reshape(-1, 3), 0, colours=colours)
-    raw = RawScene([part], list(changes.get("materials", (DOUBLE,))), lights=lights)
-    if poison := changes.get("poison"):
+    moved = np.asarray(offset, np.float64)
+    lights = [replace(light, position=_triple(np.array(light.position) * scale + moved)) for light in (LAMP, SUN)]
+    part = Part(points * scale + moved, indices.reshape(-1, 3), 0, colours=colours)
+    raw = RawScene([part], list(materials), lights=lights)
+    if poison:
         poison(raw)
     scene = assemble("stress", raw)
     scene.metres_per_unit = 1 / scale
@@ -118,25 +140,29 @@ def scene_of(corners: np.ndarray, offset=(0, 0, 0), scale: float = 1.0, **change
     return scene
 
 
-def as_they_are(corners: np.ndarray) -> Scene:
+def _triple(values: Doubles) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z
+
+
+def as_they_are(corners: Doubles) -> Scene:
     """A scene of exactly these corners, (T, 3, 3), as float32 and without a loader's cleaning."""
-    positions = corners.reshape(-1, 3).astype(np.float32)
-    positions, indices = np.unique(positions, axis=0, return_inverse=True)
+    positions, indices = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
     colours = np.ones((len(positions), 4), np.float32)
     colours[:, :3] = 0.55 + 0.4 * sin(3 * positions)
     up = np.tile(np.array([0, 1, 0], np.float32), (len(positions), 1))
     ids = np.zeros(len(corners), np.int32)
-    indices = indices.reshape(-1, 3).astype(np.int32)
+    faces = indices.reshape(-1, 3).astype(np.int32)
     uvs = np.zeros((len(positions), 2), np.float32)
-    return Scene("stress", positions, indices, up, uvs, colours, ids, [DOUBLE], lights=[LAMP])
+    return Scene("stress", positions, faces, up, uvs, colours, ids, [DOUBLE], lights=[LAMP])
 
 
-def walk(scene: Scene, count: int = 2, offset=(0, 0, 0), scale: float = 1.0) -> tuple[Pose, ...]:
+def walk(scene: Scene, count: int = 2, offset: ArrayLike = (0, 0, 0), scale: float = 1.0) -> tuple[Pose, ...]:
     """Poses in the room: 3 cm and 2 degrees a step."""
     poses = []
     for step in range(count):
         half = np.radians(2 * step) / 2
-        position = np.array([0.03 * step, 0, 2 - 0.01 * step]) * scale + offset - scene.origin
+        position = np.array([0.03 * step, 0, 2 - 0.01 * step]) * scale + np.asarray(offset) - scene.origin
         poses.append(Pose(position, np.array([0, sin(half), 0, cos(half)])))
     return tuple(poses)
 
@@ -146,20 +172,21 @@ def still(scene: Scene, count: int = 2) -> tuple[Pose, ...]:
     return (Pose(-scene.origin, AHEAD),) * count
 
 
-def seen_from_origin(corners: np.ndarray, **changes) -> Case:
+def seen_from_origin(corners: Doubles, atlas: tuple[int, int] = (256, 256)) -> Case:
     """A case of a scene seen from the file's origin along -z."""
     scene = scene_of(corners)
-    return Case(scene, still(scene), **changes)
+    return Case(scene, still(scene), atlas=atlas)
 
 
-def facing(centres: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
+def facing(centres: Doubles, radius: Doubles | float) -> Doubles:
     """Equilateral triangles (n, 3, 3) that face +z, at centres (n, 3), each turned otherwise."""
     turn = np.arange(len(centres))[:, None] * 2.4 + np.arange(3) * 2 * np.pi / 3
     spokes = np.stack([cos(turn), sin(turn), np.zeros_like(turn)], axis=-1)
-    return centres[:, None] + spokes * np.broadcast_to(radius, len(centres))[:, None, None]
+    corners: Doubles = centres[:, None] + spokes * np.broadcast_to(radius, len(centres))[:, None, None]
+    return corners
 
 
-def scattered(count: int, distance: float, seed: int = 1) -> np.ndarray:
+def scattered(count: int, distance: float, seed: int = 1) -> Doubles:
     """Points (count, 3) all over the client's picture, at about a distance along -z."""
     rng = draws.generator(seed)
     across = rng.uniform(-0.5, 0.5, (count, 2)) * [1, 0.55]
@@ -181,7 +208,7 @@ def world_offset(magnitude: float) -> Case:
 def float32_offset(magnitude: float) -> Case:
     offset = magnitude * np.array([1.0, 0.5, -1.0])
     scene = as_they_are(room() + offset)
-    scene.lights = [replace(LAMP, position=tuple(np.array(LAMP.position) + offset))]
+    scene.lights = [replace(LAMP, position=_triple(np.array(LAMP.position) + offset))]
     return Case(scene, walk(scene, offset=offset))
 
 
@@ -303,8 +330,8 @@ def blend_alpha(magnitude: float) -> Case:
 
 @stress("mask-alpha", "masked surfaces, cut at half of their alpha", (1, 0.5, 0.1, 2 / 255, 1 / 255, 0), unit="alpha")
 def mask_alpha(magnitude: float) -> Case:
-    look = {"alpha_mode": "mask", "alpha_cutoff": magnitude / 2}
-    return _alpha(replace(DOUBLE, base_colour=(0.9, 0.7, 0.5, magnitude), **look))
+    colour = (0.9, 0.7, 0.5, magnitude)
+    return _alpha(replace(DOUBLE, base_colour=colour, alpha_mode="mask", alpha_cutoff=magnitude / 2))
 
 
 def _alpha(material: Material) -> Case:
@@ -403,12 +430,12 @@ def empty_frames(magnitude: float) -> Case:
 SHARES = (1e-3, 1e-2, 0.1, 0.3, 0.6, 1.0)
 
 
-def poisoned(array: np.ndarray, share: float) -> np.ndarray:
+def poisoned(array: Array, share: float) -> Doubles:
     """Some rows of an array as float64 with NaN, infinity and minus infinity in turn; one at least."""
-    array = np.array(array, np.float64)
-    rows = draws.generator(5).permutation(len(array))[: max(1, round(share * len(array)))]
-    array[rows, ..., 0] = np.resize([np.nan, np.inf, -np.inf], len(rows)).reshape(-1, *[1] * (array.ndim - 2))
-    return array
+    numbers = np.array(array, np.float64)
+    rows = draws.generator(5).permutation(len(numbers))[: max(1, round(share * len(numbers)))]
+    numbers[rows, ..., 0] = np.resize([np.nan, np.inf, -np.inf], len(rows)).reshape(-1, *[1] * (numbers.ndim - 2))
+    return numbers
 
 
 def _poisoned_room(poison: Callable[[RawScene], None]) -> Case:
@@ -454,7 +481,8 @@ def nan_uvs(magnitude: float) -> Case:
 @stress("nan-colours", "vertex colours that are not numbers", SHARES, unit="share", refusable=True)
 def nan_colours(magnitude: float) -> Case:
     def poison(raw: RawScene) -> None:
-        raw.parts[0].colours = poisoned(raw.parts[0].colours, magnitude)
+        if (colours := raw.parts[0].colours) is not None:
+            raw.parts[0].colours = poisoned(colours, magnitude).astype(np.float32)
 
     return _poisoned_room(poison)
 
@@ -480,9 +508,9 @@ def nan_transforms(magnitude: float) -> Case:
 def nan_lights(magnitude: float) -> Case:
     def poison(raw: RawScene) -> None:
         values = poisoned(np.ones((6, 3)), magnitude)
-        raw.lights += [Light("point", tuple(value), (0.0, 1.0, 0.0)) for value in values[:2]]
-        raw.lights += [Light("point", (1.0, 1.0, 1.0), tuple(value)) for value in values[2:4]]
-        raw.lights += [replace(SUN, direction=tuple(value), shadows=False) for value in values[4:]]
+        raw.lights += [Light("point", _triple(value), (0.0, 1.0, 0.0)) for value in values[:2]]
+        raw.lights += [Light("point", (1.0, 1.0, 1.0), _triple(value)) for value in values[2:4]]
+        raw.lights += [replace(SUN, direction=_triple(value), shadows=False) for value in values[4:]]
 
     return _poisoned_room(poison)
 

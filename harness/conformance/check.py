@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from rich.markup import escape
@@ -77,7 +77,7 @@ EXAMPLES, THOROUGH = 100, 1000
 class Kit:
     """A packer's class with its parameters, and the stages that checks share; those are kept for the next packer."""
 
-    def __init__(self, device: Device, packer: Packer, stages: dict[Any, Stage] | None = None) -> None:
+    def __init__(self, device: Device, packer: Packer, stages: dict[str, Stage] | None = None) -> None:
         self.device, self.kind = device, type(packer)
         self.parameters = {name: getattr(packer, name) for name in packer.parameters}
         self._stages = {} if stages is None else stages
@@ -86,7 +86,7 @@ class Kit:
         """A packer without a past."""
         return self.kind(**self.parameters)
 
-    def stage(self, key: Any, make: Callable[[], Stage]) -> Stage:
+    def stage(self, key: str, make: Callable[[], Stage]) -> Stage:
         """The stage of a key, made once."""
         if key not in self._stages:
             self._stages[key] = make()
@@ -116,22 +116,25 @@ def _frames_of(session: Session) -> Stage:
     return Stage(session.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
 
 
+Run: TypeAlias = Callable[[Kit], Finding]
+
+
 @dataclass(frozen=True)
 class Check:
     """A check: its name, what it means, and the function that runs it on a kit."""
 
     name: str
     what: str
-    run: Callable[[Kit], Finding]
+    run: Run
 
 
 CHECKS: dict[str, Check] = {}
 
 
-def check(name: str, what: str) -> Callable:
+def check(name: str, what: str) -> Callable[[Run], Run]:
     """Register a check."""
 
-    def add(run: Callable[[Kit], Finding]) -> Callable[[Kit], Finding]:
+    def add(run: Run) -> Run:
         CHECKS[name] = Check(name, what, run)
         return run
 
@@ -184,7 +187,7 @@ def deterministic(kit: Kit) -> Finding:
 @check("picture", "the client shows the surfaces that a float64 rendering shows, at a FLIP of at most 0.1")
 def picture(kit: Kit) -> Finding:
     found = kit.case("room", _room)
-    if found.good and found.error > 0.1:
+    if found.good and found.error is not None and found.error > 0.1:
         return replace(found, status="inaccurate", sentence=f"The client's picture has a FLIP of {found.error:.3f}.")
     return found
 
@@ -281,7 +284,7 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
         raise InputError(f"{spec} cannot be made: {describe(error)}") from error
     opened = Device.open(device)
     tell_passed_over(opened)
-    stages: dict[Any, Stage] = {}
+    stages: dict[str, Stage] = {}
     passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
     return all(passed)
 
@@ -320,7 +323,7 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     yield "benchmark", found
 
 
-def guarded_run(name: str, one: Callable[[Kit], Finding], kit: Kit, timeout: float) -> Finding:
+def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> Finding:
     """A check's finding within a time limit; whatever is raised becomes one."""
     try:
         with time_limit(timeout, f"{kit.kind.name}, check {name}"):
@@ -347,7 +350,10 @@ def benchmark(kit: Kit) -> Finding:
     for frame in stage.frames:
         packer.pack(frame)
     stage.device.finish()
-    structs, gather, wall, samples = [], [], [], 0
+    structs: list[float] = []
+    gather: list[float] = []
+    wall: list[float] = []
+    samples = 0
     until = time.perf_counter() + BENCHMARK
     while time.perf_counter() < until:
         start = time.perf_counter()

@@ -67,8 +67,8 @@ class Report:
     @property
     def worst(self) -> Finding | None:
         """The finding with the largest error over its bound, where anything was compared."""
-        compared = [finding for finding in self.findings if finding.over is not None]
-        return max(compared, key=lambda finding: finding.over, default=None)
+        compared = [(finding.over, finding) for finding in self.findings if finding.over is not None]
+        return max(compared, key=lambda pair: pair[0], default=(None, None))[1]
 
     def speed(self, of: Report | None) -> float | None:
         """How many times as fast as another device: the geometric mean over the cases that both were timed on."""

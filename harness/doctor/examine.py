@@ -44,7 +44,7 @@ def examine() -> list[Finding]:
         ("cache", _cache),
         ("calm", _calm),
     ]
-    findings = []
+    findings: list[Finding] = []
     for name, part in parts:
         try:
             findings += part()
@@ -146,7 +146,7 @@ def _video() -> Iterator[Finding]:
     colours = np.array([[[128, 128, 128], [255, 0, 0]], [[0, 200, 50], [10, 20, 240]]], np.uint8)
     picture = colours.repeat(32, axis=0).repeat(32, axis=1)
     frame = VideoStream("h264", 5, 64, 64, decode=True).encode(picture)
-    error = int(np.abs(frame.decoded.astype(int) - picture).max())
+    error = int(np.abs(frame.shown.astype(int) - picture).max())
     ok = error <= LARGEST_VIDEO_ERROR
     text = f"H.264 through PyAV {av.__version__}: {frame.bytes} bytes for 4 colours, {error} levels of 255 off"
     yield Finding("video", ok, text if ok else f"{text}: run pip install -e . again.")

@@ -198,7 +198,8 @@ def run_claims(wanted: Wanted, out: Path | None) -> bool:
     show_results(results, causes, folder)
     if stopped:
         raise StoppedError(f"Finished runs are kept: the same command with --out {folder} goes on.")
-    return not any(result.verdict == NOT_MEASURED for result in (*results, *causes))
+    verdicts = [*(result.verdict for result in results), *(cause.verdict for cause in causes)]
+    return NOT_MEASURED not in verdicts
 
 
 class Work:

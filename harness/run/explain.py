@@ -33,6 +33,11 @@ class Explained:
     with_ms: float | None = None
     without_ms: float | None = None
 
+    @property
+    def saved_ms(self) -> float | None:
+        """What the skip saves, where it applies."""
+        return None if self.with_ms is None or self.without_ms is None else self.without_ms - self.with_ms
+
 
 class Probe:
     """Some frames of a session, worked through again and again: milliseconds per frame of each part of the work."""
@@ -90,8 +95,10 @@ def explain(session: Session, progress: Callable[[str], None] = lambda text: Non
         forced = Probe(session, (skip.name,))
         forced.measure()
         rounds = [(base.measure(), forced.measure()) for _ in range(ROUNDS)]
-        spent = [median(sum(run[part] for part in skip.parts) for run in runs) for runs in zip(*rounds, strict=True)]
-        found.append(Explained(skip, True, *spent))
+        with_ms, without_ms = (
+            median(sum(run[part] for part in skip.parts) for run in runs) for runs in zip(*rounds, strict=True)
+        )
+        found.append(Explained(skip, True, with_ms, without_ms))
     return found
 
 
@@ -106,7 +113,7 @@ def rows_of(explained: list[Explained]) -> list[dict[str, Any]]:
             "parts": ", ".join(one.skip.parts),
             "with_ms": one.with_ms,
             "without_ms": one.without_ms,
-            "saved_ms": one.without_ms - one.with_ms if one.applies else None,
+            "saved_ms": one.saved_ms,
         }
         for one in explained
     ]

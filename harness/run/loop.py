@@ -7,19 +7,20 @@ import os
 import time
 import traceback
 import zlib
-from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
-from shading_atlas_bench.harness.measure.dump import dump_frame, dump_scene, folder_name, write_png
+from shading_atlas_bench.arithmetic.arrays import Bytes
+from shading_atlas_bench.harness.measure.dump import dump_frame, dump_scene, write_png
 from shading_atlas_bench.harness.measure.lane import Drawn, Filled, Lane, Measured, Packed, stopped_rows
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import NovelView, draw_novel_view
+from shading_atlas_bench.harness.plugins import folder_name
 from shading_atlas_bench.harness.progress import Progress, Task
 from shading_atlas_bench.harness.run.as_published import note_as_published
 from shading_atlas_bench.harness.run.full_atlas import note_full_atlas
@@ -34,6 +35,8 @@ from shading_atlas_bench.packers.interface import NotShippedError
 from shading_atlas_bench.reports.store import csv_files
 from shading_atlas_bench.reports.store.labels import NOTES as LABELS
 from shading_atlas_bench.reports.store.results import Store
+
+T = TypeVar("T")
 
 WORKERS = 2  # threads for what only the host does
 SERIAL = "BENCH_SERIAL"  # variable: one thread for that, so that a crash has one cause
@@ -56,7 +59,7 @@ class Run:
         # Clients must be alone with their payload in every frame: one that follows from the run is tried beforehand.
         known = f"{session.scene.host.content_hash} {session.path_hash}"
         self.tried = 1 + zlib.crc32(known.encode()) % (self.frames - 1) if self.frames > 1 else 0
-        self.spent: defaultdict[str, Counter[Lane]] = defaultdict(Counter)  # seconds of each lane by step, last frame
+        self.spent: dict[str, dict[Lane, float]] = {}  # seconds of each lane by step, last frame
 
     def _common_columns(self) -> dict[str, Any]:
         """The columns that are the same in every row."""
@@ -164,7 +167,7 @@ class Run:
         alive = [lane for lane in self.lanes if not lane.dead]
         for lane in fresh:
             if lane.dead:
-                self._commit_stopped(lane, index)
+                self._commit_stopped(lane, index, *lane.dead)
         unfinished = [lane for lane in alive if finished[lane.method, lane.variant] < self.frames]
         replayed = [lane for lane in unfinished if lane not in fresh]
         lanes = [lane for lane in fresh if not lane.dead]
@@ -180,8 +183,10 @@ class Run:
             with self._guarded(lane, doing), self._limited(lane, doing, PREPARE):
                 lane.replay(work)
         task.advance(len(alive) - len(lanes))
+        if not lanes:
+            return
         with self._common_step(f"frame {index}: novel view"):
-            novel = self._novel_view(work) if lanes else None
+            novel = self._novel_view(work)
         for first in range(0, len(lanes), TOGETHER):
             some = lanes[first : first + TOGETHER]
             self._announce(task, f"frame {index + 1}: {', '.join(lane.label for lane in some)}")
@@ -189,8 +194,14 @@ class Run:
             task.advance(len(some))
 
     def _novel_view(self, work: Work) -> NovelView:
-        known = (self.session.scene, self.session.forward, self.metrics, work.frame, work.novel)
-        novel = draw_novel_view(*known, self.settings.reference_eye)
+        novel = draw_novel_view(
+            self.session.scene,
+            self.session.forward,
+            self.metrics,
+            work.frame,
+            work.novel,
+            self.settings.reference_eye,
+        )
         if work.frame.index in self.pictured:
             self._write_picture("reference", work.frame.index, "", novel.rgb[..., :3])
         return novel
@@ -222,15 +233,15 @@ class Run:
         self._write_pictures(measured, work, novel)
         for lane in lanes:
             if lane.dead:
-                self._commit_stopped(lane, index)
+                self._commit_stopped(lane, index, *lane.dead)
             else:
                 self._commit(lane, index, measured[lane])
 
-    def _beside(self, step: str, lanes: Iterable[Lane], index: int, work: Callable[[Lane], Any]) -> dict[Lane, Any]:
+    def _beside(self, step: str, lanes: Iterable[Lane], index: int, work: Callable[[Lane], T]) -> dict[Lane, T]:
         """What `work` gives for each lane, several at a time; lanes that fail are stopped and left out."""
-        spent = self.spent[step]
+        spent = self.spent.setdefault(step, {})
 
-        def timed(lane: Lane) -> Any:
+        def timed(lane: Lane) -> T:
             start = time.perf_counter()
             with self._limited(lane, f"{step} frame {index}", PREPARE):
                 result = work(lane)
@@ -240,7 +251,7 @@ class Run:
         done = {}
         with ThreadPoolExecutor(self.workers) as pool:
             # What took longest in the last frame comes first, so that all threads end at about the same time.
-            tasks = {lane: pool.submit(timed, lane) for lane in sorted(lanes, key=lambda lane: -spent[lane])}
+            tasks = {lane: pool.submit(timed, lane) for lane in sorted(lanes, key=lambda lane: -spent.get(lane, 0.0))}
             for lane in lanes:
                 with self._guarded(lane, f"frame {index}"):
                     done[lane] = tasks[lane].result()
@@ -272,8 +283,7 @@ class Run:
             lane.dead = ("failed", f"{doing}: {type(error).__name__}: {error} ({where})")
             self.store.notes[f"traceback/{lane.method}[{lane.variant}]"] = traceback.format_exc()
 
-    def _commit_stopped(self, lane: Lane, index: int) -> None:
-        status, reason = lane.dead
+    def _commit_stopped(self, lane: Lane, index: int, status: str, reason: str) -> None:
         rows = [{**self.common, "frame": index, **row} for row in stopped_rows(lane.keys(), status, reason)]
         self.store.commit_frame(lane.method, lane.variant, index, rows)
 
@@ -281,7 +291,9 @@ class Run:
         """The pictures of a frame, and its dump."""
         index = work.frame.index
         groups = {lane: folder_name(lane.method, lane.variant) for lane in self.lanes}
-        named = [(groups[lane], index, *shown) for lane, found in measured.items() for shown in found.pictures.items()]
+        named = [
+            (groups[lane], index, name, rgb) for lane, found in measured.items() for name, rgb in found.pictures.items()
+        ]
         with ThreadPoolExecutor(WORKERS) as pool:
             for _ in pool.map(lambda picture: self._write_picture(*picture), named):
                 pass
@@ -309,7 +321,7 @@ class Run:
             details=measured.details,
         )
 
-    def _write_picture(self, group: str, index: int, name: str, rgb: Any) -> None:
+    def _write_picture(self, group: str, index: int, name: str, rgb: Bytes) -> None:
         path = self.folder / "pictures" / group / f"frame_{index:04d}{name and '_'}{name}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
         write_png(path, rgb)

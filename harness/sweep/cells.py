@@ -54,8 +54,9 @@ class SweepRun:
 
     def _repetitions(self, cells: list[Cell]) -> None:
         """Time the cells of a scene again until each has a reason to stop."""
-        known = {id(cell): Timed.read(cell, self.folder_of(cell)) for cell in cells}
-        going = [cell for cell in cells if known[id(cell)] and known[id(cell)].goes_on(self.wanted.rule)]
+        read = {id(cell): Timed.read(cell, self.folder_of(cell)) for cell in cells}
+        known = {number: timed for number, timed in read.items() if timed is not None}
+        going = [cell for cell in cells if id(cell) in known and known[id(cell)].goes_on(self.wanted.rule)]
         with self.progress.task("timing again", len(going)) as task:
             for turn in itertools.count(1):
                 for cell in shuffled(going, self.wanted.settings.seed, turn):

@@ -35,7 +35,7 @@ class Rule:
     def stop(self, times: Sequence[float], spent: float) -> str | None:
         """Why no further pass is needed after passes of these milliseconds and `spent` seconds; None to go on."""
         low, high = median_interval(sorted(times))
-        if low is not None and high - low <= self.precision * median(times):
+        if low is not None and high is not None and high - low <= self.precision * median(times):
             return "precise"
         if len(times) >= self.repetitions:
             return "repetitions"

@@ -76,8 +76,9 @@ class FrameSource:
         settings = self.settings
         pose = self._pose(index)
         novel, moved = self._novel_view(index, pose)
-        cell = (pose, self.radius, self.frustum, self.near)
-        pvs = potentially_visible(self.scene, *cell, settings.pvs_density, self.cached)
+        pvs = potentially_visible(
+            self.scene, pose, self.radius, self.frustum, self.near, settings.pvs_density, self.cached
+        )
         frame = Frame(
             index=index,
             scene=self.scene,

@@ -137,7 +137,8 @@ class Settings:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, by field name."""
-        return json.loads(json.dumps(asdict(self)))
+        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return values
 
     @classmethod
     def from_json(cls, values: dict[str, Any], source: str) -> Settings:
