@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from rich.markup import escape
 
+from shading_atlas_bench.harness.cases import MODULE, against_twin, own_cases
 from shading_atlas_bench.harness.conformance.catalogue import (
     CATALOGUE,
     facing,
@@ -39,6 +40,7 @@ from shading_atlas_bench.harness.conformance.trial import (
 from shading_atlas_bench.harness.console import make_console, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
+from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
 from shading_atlas_bench.reports.pages.stress import magnitude
 
@@ -192,6 +194,19 @@ def picture(kit: Kit) -> Finding:
 def _room() -> Case:
     scene = scene_of(room())
     return Case(scene, walk(scene), atlas=ATLAS)
+
+
+@check("kernels", "each of its own kernels against its float64 twin, on typical and on adversarial input")
+def kernels(kit: Kit) -> Finding:
+    own = own_cases(kit.kind)
+    if not own:
+        return Finding("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
+    for stage in own:
+        for kind in INPUTS:
+            apart = against_twin(kit.device, stage, kind)
+            if apart.over > 1:
+                return Finding("inaccurate", f"The kernels of {stage.name}, on {kind} input: {apart.what}.")
+    return Finding("ok")
 
 
 @check("empty set", "a frame in which nothing is visible, between two others, and as the first")
