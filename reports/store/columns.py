@@ -1,6 +1,6 @@
 """Every column of the CSV files: its name, unit, meaning, and which direction is better.
 
-COLUMNS.md is written from this file by `python -m reports.columns`.
+COLUMNS.md is written from this file by `python -m shading_atlas_bench.reports.store.columns`.
 """
 
 from __future__ import annotations
