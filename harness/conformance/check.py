@@ -120,21 +120,25 @@ def _frames_of(session: Session) -> Stage:
 
 @dataclass(frozen=True)
 class Check:
-    """A check: its name, what it means, and the function that runs it on a kit."""
+    """A check: its name, what it means, and the function that runs it on a kit.
+
+    patience: times the limit of a check that it may take.
+    """
 
     name: str
     what: str
     run: Callable[[Kit], Finding]
+    patience: int = 1
 
 
 CHECKS: dict[str, Check] = {}
 
 
-def check(name: str, what: str) -> Callable:
+def check(name: str, what: str, patience: int = 1) -> Callable:
     """Register a check."""
 
     def add(run: Callable[[Kit], Finding]) -> Callable[[Kit], Finding]:
-        CHECKS[name] = Check(name, what, run)
+        CHECKS[name] = Check(name, what, run, patience)
         return run
 
     return add
@@ -196,7 +200,7 @@ def _room() -> Case:
     return Case(scene, walk(scene), atlas=ATLAS)
 
 
-@check("kernels", "each of its own kernels against its float64 twin, on typical and on adversarial input")
+@check("kernels", "each of its own kernels against its float64 twin, on typical and adversarial input", patience=5)
 def kernels(kit: Kit) -> Finding:
     own = own_cases(kit.kind)
     if not own:
@@ -323,7 +327,7 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     console = make_console(stderr=True)
     for name, one in CHECKS.items():
         with console.status(name):
-            found = guarded_run(name, one.run, kit, timeout)
+            found = guarded_run(name, one.run, kit, timeout * one.patience)
         yield name, found
     count = THOROUGH if thorough else EXAMPLES
     name = f"fuzzing, {count} soups"
