@@ -42,7 +42,9 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, *, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Let links lead to pages of the site."""
+    """Let links lead to pages of the site; a page alone in its part of the navigation needs no list of it."""
+    if page.parent is None:
+        page.meta["hide"] = ["navigation"]
     here = _repository_path(page.file)
 
     def led(match: re.Match[str]) -> str:
