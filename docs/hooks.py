@@ -99,32 +99,27 @@ def _file(config: MkDocsConfig, path: str) -> File:
 
 def commands() -> str:
     """The page of the command line: every command with its options, as `--help` has them."""
-    from typer.main import get_command
+    from typer.core import TyperArgument, TyperOption
+    from typer.main import get_group
 
     from shading_atlas_bench.harness.cli.main import app
 
-    group = get_command(app)
+    group = get_group(app)
     parts = ["# Command line", f"`bench`: {group.help}", "Every command says all of this with `--help`."]
     for name, command in group.commands.items():
-        arguments = [one.metavar for one in command.params if one.param_type_name == "argument"]
-        rows = [f"| {_option(one)} | {_prose(one.help)} |" for one in command.params]
-        table = "\n".join(["| option | meaning |", "| --- | --- |", *rows])
-        parts += [
-            f"## bench {name}",
-            f"`{' '.join(['bench', name, '[OPTIONS]', *arguments])}`",
-            _prose(command.help),
-            table,
-        ]
+        words, rows = ["bench", name, "[OPTIONS]"], ["| option | meaning |", "| --- | --- |"]
+        for one in command.params:
+            value = one.metavar or str(one.name).upper()
+            if isinstance(one, TyperArgument):
+                words.append(value)
+                rows.append(f"| `{value}` | {_prose(one.help)} |")
+            elif isinstance(one, TyperOption):
+                names = ", ".join(one.opts)
+                rows.append(f"| `{names if one.is_flag else f'{names} {value}'}` | {_prose(one.help)} |")
+        parts += [f"## bench {name}", f"`{' '.join(words)}`", _prose(command.help), "\n".join(rows)]
     return "\n\n".join(parts) + "\n"
 
 
-def _option(parameter: Any) -> str:
-    """An option as it is typed, or an argument."""
-    if parameter.param_type_name == "argument":
-        return f"`{parameter.metavar}`"
-    return f"`{', '.join(parameter.opts)}{'' if parameter.is_flag else f' {parameter.metavar}'}`"
-
-
-def _prose(text: str) -> str:
+def _prose(text: str | None) -> str:
     """Help as Markdown: without the escapes of the console, safe in a cell of a table."""
-    return text.replace("\\[", "[").replace("|", "\\|").replace("<", "&lt;")
+    return (text or "").replace("\\[", "[").replace("|", "\\|").replace("<", "&lt;")

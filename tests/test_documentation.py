@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from typer.main import get_command
+from typer.main import get_group
 
 import shading_atlas_bench
 from shading_atlas_bench.harness.cli.main import app
@@ -65,7 +65,7 @@ def test_the_tutorial_ends_with_a_packer_that_passes_every_check(tmp_path: Path)
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_printed_commands_have_options_that_there_are(path: Path):
-    commands = get_command(app).commands
+    commands = get_group(app).commands
     for _, _, text in FENCE.findall(path.read_text(encoding="utf-8")):
         for line in re.split(r"\n| && ", text.replace("\\\n", " ")):
             if found := re.match(r"(?:\w+=\S+ )*bench (\w+)(.*)", line):
