@@ -81,10 +81,10 @@ def test_its_kernel_builds_with_the_headers_of_the_suite(device: Device, site: P
 @pytest.mark.parametrize("name", ["kernels/emit.cl", "kernels/emit.py", "cells.py"])
 def test_its_digest_changes_with_each_of_its_sources(packer: Packer, site: Path, name: str):
     before, file = method_digest(type(packer)), site / "shelves" / name
-    text = file.read_text(encoding="utf-8")
-    file.write_text(f"{text}\n", encoding="utf-8")
+    content = file.read_bytes()
+    file.write_bytes(content + b"\n")
     edited = method_digest(type(packer))
-    file.write_text(text, encoding="utf-8")
+    file.write_bytes(content)
     assert edited != before
     assert method_digest(type(packer)) == before
 
@@ -114,15 +114,15 @@ def test_bench_check_runs_its_twins(device: Device, packer: Packer, monkeypatch:
 def test_bench_check_finds_a_wrong_twin(site: Path, monkeypatch: pytest.MonkeyPatch):
     """Planted in the installed file: a twin whose texels lie one further to the right."""
     file = site / "shelves" / "kernels" / "emit.py"
-    text, right = file.read_text(encoding="utf-8"), "cells.columns[i] + column"
-    assert text.count(right) == 1
+    content, right = file.read_bytes(), b"cells.columns[i] + column"
+    assert content.count(right) == 1
     monkeypatch.setattr(check, "_findings", lambda kit, *_: [("kernels", CHECKS["kernels"].run(kit))])
-    file.write_text(text.replace(right, f"{right} + 1"), encoding="utf-8")
+    file.write_bytes(content.replace(right, right + b" + 1"))
     try:
         forget()
         result = CliRunner().invoke(app, ["check", "shelves"])
     finally:
-        file.write_text(text, encoding="utf-8")
+        file.write_bytes(content)
     said = " ".join(result.stdout.split())
     assert result.exit_code == 1
     assert f"FAIL kernels: The kernels of {CASE}, on typical input: " in said
