@@ -48,6 +48,7 @@ def test_the_tutorial_ends_with_a_packer_that_passes_every_check(tmp_path: Path)
     """All of its commands, as they are printed; what pip installs goes into a folder of its own."""
     pytest.importorskip("pip", reason="pip installs the plugin")
     place = {"PIP_TARGET": str(tmp_path / "site"), "PIP_NO_INDEX": "1", "PIP_DISABLE_PIP_VERSION_CHECK": "1"}
+    place |= {"PIP_NO_DEPS": "1", "PIP_NO_BUILD_ISOLATION": "0"}  # 0 means that there is none
     path = os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
     modules = os.pathsep.join([str(ROOT), place["PIP_TARGET"], str(tmp_path / "plugin")])
     done = subprocess.run(
