@@ -28,7 +28,9 @@ def claims(
             metavar="DIR",
         ),
     ] = None,
-    file: Annotated[Path | None, typer.Option(help="Other claims, in the form of reports/claims.toml")] = None,
+    file: Annotated[
+        Path | None, typer.Option(help="Other claims, in the form of reports/claims.toml", metavar="FILE")
+    ] = None,
     device: Annotated[str | None, typer.Option(help="Part of an OpenCL device's name", metavar="NAME")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run for which claims")] = False,
 ) -> None:

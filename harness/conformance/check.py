@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from rich.markup import escape
 
+from shading_atlas_bench.harness.cases import MODULE, against_twin, own_cases
 from shading_atlas_bench.harness.conformance.catalogue import (
     CATALOGUE,
     facing,
@@ -39,6 +40,7 @@ from shading_atlas_bench.harness.conformance.trial import (
 from shading_atlas_bench.harness.console import make_console, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
+from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
 from shading_atlas_bench.reports.pages.stress import magnitude
 
@@ -121,21 +123,25 @@ Run: TypeAlias = Callable[[Kit], Finding]
 
 @dataclass(frozen=True)
 class Check:
-    """A check: its name, what it means, and the function that runs it on a kit."""
+    """A check: its name, what it means, and the function that runs it on a kit.
+
+    patience: times the limit of a check that it may take.
+    """
 
     name: str
     what: str
     run: Run
+    patience: int = 1
 
 
 CHECKS: dict[str, Check] = {}
 
 
-def check(name: str, what: str) -> Callable[[Run], Run]:
+def check(name: str, what: str, patience: int = 1) -> Callable[[Run], Run]:
     """Register a check."""
 
     def add(run: Run) -> Run:
-        CHECKS[name] = Check(name, what, run)
+        CHECKS[name] = Check(name, what, run, patience)
         return run
 
     return add
@@ -195,6 +201,19 @@ def picture(kit: Kit) -> Finding:
 def _room() -> Case:
     scene = scene_of(room())
     return Case(scene, walk(scene), atlas=ATLAS)
+
+
+@check("kernels", "each of its own kernels against its float64 twin, on typical and adversarial input", patience=5)
+def kernels(kit: Kit) -> Finding:
+    own = own_cases(kit.kind)
+    if not own:
+        return Finding("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
+    for stage in own:
+        for kind in INPUTS:
+            apart = against_twin(kit.device, stage, kind)
+            if apart.over > 1:
+                return Finding("inaccurate", f"The kernels of {stage.name}, on {kind} input: {apart.what}.")
+    return Finding("ok")
 
 
 @check("empty set", "a frame in which nothing is visible, between two others, and as the first")
@@ -311,7 +330,7 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     console = make_console(stderr=True)
     for name, one in CHECKS.items():
         with console.status(name):
-            found = guarded_run(name, one.run, kit, timeout)
+            found = guarded_run(name, one.run, kit, timeout * one.patience)
         yield name, found
     count = THOROUGH if thorough else EXAMPLES
     name = f"fuzzing, {count} soups"

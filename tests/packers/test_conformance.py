@@ -34,7 +34,7 @@ def kit(device, stages, packer_spec) -> Kit:
 def test_packers_pass_the_check(kit, name, request):
     if name.startswith("stress") and name not in ALWAYS and not request.config.getoption("--packer", default=None):
         pytest.skip("run with --packer, and by bench check")
-    found = guarded_run(name, CHECKS[name].run, kit, 60)
+    found = guarded_run(name, CHECKS[name].run, kit, 60 * CHECKS[name].patience)
     assert found.good, found.sentence
 
 
