@@ -39,9 +39,9 @@ def claims(
     Exit codes: 0 all was measured that can be, 1 something was not, 2 unusable arguments.
     """
     with guarded():
-        from shading_atlas_bench.harness.experiments.claims import Wanted, run_claims, show_needs
+        from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, run_claims, show_needs
 
-        wanted = Wanted(tuple(only or ()), quick, tuple(reuse or ()), file, device)
+        wanted = ClaimsRequest(tuple(only or ()), quick, tuple(reuse or ()), file, device)
         if dry_run:
             show_needs(wanted, out)
             return

@@ -33,7 +33,7 @@ def kernels(
 ) -> None:
     """Measure every kernel's time against its error, in each build variant; write CSV and HTML."""
     with guarded():
-        from shading_atlas_bench.harness.kernel_timing.timing import Wanted, bench_kernels
+        from shading_atlas_bench.harness.kernel_timing.timing import TimingRequest, bench_kernels
 
         chosen = {"variants": tuple(variant)} if variant else {}
-        bench_kernels(Wanted(tuple(kernel or ()), repeat=repeat, device=device, **chosen), out)
+        bench_kernels(TimingRequest(tuple(kernel or ()), repeat=repeat, device=device, **chosen), out)

@@ -17,10 +17,10 @@ def sweep(given: Given) -> None:
     out, dry_run, vary = given.pop("out", None), given.pop("dry_run", False), given.pop("vary", ())
     timing = [given.pop(name) for name in ("precision", "repetitions", "budget", "workers")]
     with guarded():
-        from shading_atlas_bench.harness.sweep.wanted import read_wanted
+        from shading_atlas_bench.harness.sweep.request import read_request
         from shading_atlas_bench.harness.workload.settings import settings_of
 
-        wanted = read_wanted(settings_of(given), vary, *timing)
+        wanted = read_request(settings_of(given), vary, *timing)
         if dry_run:
             from shading_atlas_bench.harness.cli.sweep_tables import show_grid
 

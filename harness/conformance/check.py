@@ -27,11 +27,11 @@ from shading_atlas_bench.harness.conformance.catalogue import (
     still,
     walk,
 )
-from shading_atlas_bench.harness.conformance.fuzz import hunt, save_soup
+from shading_atlas_bench.harness.conformance.fuzz import find_failure, save_soup
 from shading_atlas_bench.harness.conformance.trial import (
-    Case,
     Finding,
     Stage,
+    TrialCase,
     describe,
     refuses,
     try_isolation,
@@ -108,7 +108,7 @@ class Kit:
                             width=wide, height=high, atlas_width=ATLAS[0], atlas_height=ATLAS[1])  # fmt: skip
         return open_session(settings, self.device)
 
-    def case(self, key: str, make: Callable[[], Case]) -> Finding:
+    def case(self, key: str, make: Callable[[], TrialCase]) -> Finding:
         """What comes out of a case."""
         return try_method(self.stage(key, lambda: Stage.of(self.device, make())), self.make, again=1)
 
@@ -198,9 +198,9 @@ def picture(kit: Kit) -> Finding:
     return found
 
 
-def _room() -> Case:
+def _room() -> TrialCase:
     scene = scene_of(room())
-    return Case(scene, walk(scene), atlas=ATLAS)
+    return TrialCase(scene, walk(scene), atlas=ATLAS)
 
 
 @check("kernels", "each of its own kernels against its float64 twin, on typical and adversarial input", patience=5)
@@ -224,9 +224,9 @@ def empty_set(kit: Kit) -> Finding:
 
 @check("one triangle", "a scene, and a set, of one triangle")
 def one_triangle(kit: Kit) -> Finding:
-    def alone() -> Case:
+    def alone() -> TrialCase:
         scene = scene_of(facing(np.array([[0, 0, -2.0]]), 0.5))
-        return Case(scene, still(scene))
+        return TrialCase(scene, still(scene))
 
     found = kit.case("one in the scene", alone)
     return found if not found.good else kit.case("one in the set", lambda: _sets([1.0, -1.0, 1.0]))
@@ -237,40 +237,40 @@ def other_set(kit: Kit) -> Finding:
     return kit.case("other set", lambda: _sets([0.5, -0.5, 0.5, 1.0]))
 
 
-def _sets(shares: list[float]) -> Case:
+def _sets(shares: list[float]) -> TrialCase:
     """The room with sets of the first share of the triangles; of the last where negative; -1 for one triangle."""
     scene = scene_of(room())
     ids, count = np.arange(scene.triangle_count, dtype=np.int32), scene.triangle_count
     parts = {-1.0: ids[count // 2 : count // 2 + 1]}
     sets = [parts.get(s, ids[: round(s * count)] if s >= 0 else ids[round((1 + s) * count) :]) for s in shares]
-    return Case(scene, walk(scene, 1) * len(sets), sets=tuple(sets), atlas=ATLAS)
+    return TrialCase(scene, walk(scene, 1) * len(sets), sets=tuple(sets), atlas=ATLAS)
 
 
 @check("slivers only", "a scene of nothing but triangles 1000 times as long as high")
 def slivers_only(kit: Kit) -> Finding:
-    def slivers() -> Case:
+    def slivers() -> TrialCase:
         corners = facing(scattered(100, 2.0), 0.4)
         corners[:, 2] = corners[:, 0] + (corners[:, 1] - corners[:, 0]) / 2 + 1e-3 * (corners[:, 2] - corners[:, 0])
         scene = scene_of(corners)
-        return Case(scene, still(scene))
+        return TrialCase(scene, still(scene))
 
     return kit.case("slivers only", slivers)
 
 
 @check("screen-filling", "one triangle that covers the whole picture")
 def screen_filling(kit: Kit) -> Finding:
-    def large() -> Case:
+    def large() -> TrialCase:
         scene = scene_of(facing(np.array([[0, 0, -2.0]]), 8))
-        return Case(scene, still(scene))
+        return TrialCase(scene, still(scene))
 
     return kit.case("screen-filling", large)
 
 
 @check("overflow", "an atlas of 16 x 16 texels: every triangle left out is named, with a reason")
 def overflow(kit: Kit) -> Finding:
-    def tiny() -> Case:
+    def tiny() -> TrialCase:
         scene = scene_of(np.concatenate([room(), grid((-1, -1, -2), (2, 0, 0), (0, 2, 0), 10, 10)]))
-        return Case(scene, walk(scene), atlas=(16, 16))
+        return TrialCase(scene, walk(scene), atlas=(16, 16))
 
     return kit.case("overflow", tiny)
 
@@ -279,7 +279,7 @@ def _stress_check(name: str, value: float) -> None:
     test = CATALOGUE[name]
 
     @check(f"stress {name} {magnitude(value)}", test.what)
-    def bears(kit: Kit) -> Finding:
+    def withstands(kit: Kit) -> Finding:
         return kit.case(f"{name} {value}", lambda: test.make(value))
 
 
@@ -354,7 +354,7 @@ def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> Finding:
 
 
 def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> Finding:
-    if smallest := hunt(kit.device, kit.kind, count, kit.parameters, timeout):
+    if smallest := find_failure(kit.device, kit.kind, count, kit.parameters, timeout):
         soup, found = smallest
         path = save_soup((out or Path(".")) / "regressions", kit.kind.name, soup, found)
         return replace(found, sentence=f"{found.sentence} The smallest such case is kept as {path}.")

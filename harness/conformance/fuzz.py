@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import sin
-from shading_atlas_bench.harness.conformance.trial import Case, Finding, Stage, describe, try_method
+from shading_atlas_bench.harness.conformance.trial import Finding, Stage, TrialCase, describe, try_method
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
-from shading_atlas_bench.harness.workload.views import Cell, Pose, from_rotation_vector, multiply
+from shading_atlas_bench.harness.workload.views import Pose, ViewCell, from_rotation_vector, multiply
 from shading_atlas_bench.scenes.model import Light, Material, Scene
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class Soup:
             if straight != self:
                 yield straight
 
-    def case(self) -> Case:
+    def case(self) -> TrialCase:
         """As a case; positions are float32 and nothing is cleaned."""
         corners = np.array(self.corners, np.float32).reshape(-1, 3)
         positions, indices = np.unique(corners, axis=0, return_inverse=True)
@@ -92,9 +92,11 @@ class Soup:
         yaw, pitch = (from_rotation_vector(np.radians(turn)) for turn in ([0, self.yaw, 0], [self.pitch, 0, 0]))
         pose = Pose(np.array(self.eye), multiply(yaw, pitch))
         sets = tuple(np.array(sorted(chosen), np.int32) for chosen in self.sets)
-        cell = Cell(0.08, min(179.0, self.fov + min(20.0, self.fov / 3)))
+        cell = ViewCell(0.08, min(179.0, self.fov + min(20.0, self.fov / 3)))
         width, height = self.atlas
-        return Case(scene, (pose,) * len(sets), fov=self.fov, cell=cell, size=SIZE, atlas=(width, height), sets=sets)
+        return TrialCase(
+            scene, (pose,) * len(sets), fov=self.fov, cell=cell, size=SIZE, atlas=(width, height), sets=sets
+        )
 
 
 def soups(packer: type[Packer]) -> SearchStrategy[Soup]:
@@ -142,7 +144,7 @@ def try_soup(device: Device, packer: type[Packer], soup: Soup) -> Finding:
     return try_method(stage, lambda: packer(**soup.parameters), again=1)
 
 
-def hunt(
+def find_failure(
     device: Device,
     packer: type[Packer],
     examples: int,

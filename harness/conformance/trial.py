@@ -31,9 +31,9 @@ from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.harness.workload.views import (
-    Cell,
     CellFrustum,
     Pose,
+    ViewCell,
     client_view,
     from_rotation_vector,
     multiply,
@@ -66,12 +66,12 @@ WRONG = 0.002  # share of pixels that may show another surface than float64 does
 HOLES = 0.002  # share of pixels that may be empty well inside what float64 shows, with every triangle placed
 FIRST = 6  # triangles and texels named in a sentence
 # What a trial can end as, best first. Only the first two are results.
-STATUSES = ("ok", "overflow", "refused", "inaccurate", "unsteady", "invalid", "failed", "timeout")
+STATUSES = ("ok", "overflow", "refused", "inaccurate", "nondeterministic", "invalid", "failed", "timeout")
 GOOD = ("ok", "overflow")
 
 
 @dataclass(frozen=True)
-class Case:
+class TrialCase:
     """A scene and the frames to pack of it; lengths in scene units, angles in degrees.
 
     poses: the server's, a frame each. ahead: the client's, each inside its frame's cell; beside the server's if empty.
@@ -84,7 +84,7 @@ class Case:
     ahead: tuple[Pose, ...] = ()
     near: float = 0.02
     fov: float = 60.0
-    cell: Cell = field(default_factory=Cell)
+    cell: ViewCell = field(default_factory=ViewCell)
     size: tuple[int, int] = (160, 90)
     atlas: tuple[int, int] = (256, 256)
     sets: tuple[Ints, ...] = ()
@@ -127,7 +127,7 @@ class Stage:
         self.forward = ForwardRenderer(server)
 
     @classmethod
-    def of(cls, device: Device, case: Case) -> Stage:
+    def of(cls, device: Device, case: TrialCase) -> Stage:
         """A case, with its scene uploaded. Raises what uploading raises."""
         server = upload_scene(device, case.scene)
         frustum = CellFrustum.around(case.cell, case.fov, *case.size)
@@ -205,14 +205,14 @@ class Stage:
         return Truth(self.server)
 
 
-def beside(pose: Pose, cell: Cell, fov: float) -> Pose:
+def beside(pose: Pose, cell: ViewCell, fov: float) -> Pose:
     """A client's pose that a cell allows: a third of its radius to the right, and turned by up to 2 degrees."""
     turn = np.radians(min(2.0, (cell.fov - fov) / 4))
     position = pose.position + turned(rotation(pose.orientation), [cell.radius / 3, 0, 0])
     return Pose(position, multiply(pose.orientation, from_rotation_vector(np.array([0, turn, 0]))))
 
 
-class Wrong(Exception):  # noqa: N818
+class TrialError(Exception):
     """A check did not hold: the status, a sentence, and the pictures that show it."""
 
     def __init__(self, status: str, sentence: str, pictures: dict[str, Bytes] | None = None) -> None:
@@ -248,7 +248,7 @@ def _caught(work: Callable[[], Finding]) -> Finding:
     start = time.perf_counter()
     try:
         found = work()
-    except Wrong as wrong:
+    except TrialError as wrong:
         found = Finding(wrong.status, wrong.sentence, pictures=wrong.pictures)
     except PackTimeoutError:
         found = Finding("timeout", "It did not finish in time.")
@@ -304,7 +304,7 @@ def fingerprint(payload: Payload) -> dict[str, str]:
 def _check_frame(
     stage: Stage, index: int, verifier: Verifier, payload: Payload, client: Client, stages: Iterable[str]
 ) -> None:
-    """Raise Wrong where a frame breaks a rule; stages: launched by packing it."""
+    """Raise TrialError where a frame breaks a rule; stages: launched by packing it."""
     frame, packer = stage.frames[index], verifier.packer
     owners = payload.owners()
     gaps = validity.Gaps() if packer.leaves_unwritten else None
@@ -318,7 +318,7 @@ def _check_frame(
     found += check_picture(stage.truth, frame, verified.draw, payload, seen, client.draw(stage.views[index]))[1]
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
-        raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
+        raise TrialError("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
     if owners is not None and payload.samples is not None:
         _check_colours(stage, index, payload, payload.samples, owners, client)
 
@@ -349,7 +349,7 @@ def _check_colours(
             f"({t % plane.shape[1]}, {t // plane.shape[1]}) of triangle {owner}"
             for t, owner in zip(owners.texel[bad[:FIRST]], owners.triangle[bad[:FIRST]], strict=True)
         )
-        raise Wrong(
+        raise TrialError(
             "invalid",
             f"Frame {index}: {bad.size} texels differ by up to {off[owners.texel].max()} levels from what the shading "
             f"function gives their samples. First: texels {texels}.",
@@ -360,7 +360,7 @@ def _check_colours(
 def _check_steady(
     stage: Stage, make: Callable[[], Packer], prints: list[dict[str, str]], local_sizes: list[int]
 ) -> None:
-    """Raise Wrong unless packing again, with work-groups of each of these sizes, gives the same bytes."""
+    """Raise TrialError unless packing again, with work-groups of each of these sizes, gives the same bytes."""
     usual = stage.device.local_size
     for size in local_sizes:
         with work_groups(stage.device, size):
@@ -371,7 +371,7 @@ def _check_steady(
                 other = [name for name in prints[index] if found.get(name) != prints[index][name]]
                 if other:
                     how = "packed a second time" if size == usual else f"packed with work-groups of {size}"
-                    raise Wrong("unsteady", f"Frame {index}, {how}: other bytes in {', '.join(other)}.")
+                    raise TrialError("nondeterministic", f"Frame {index}, {how}: other bytes in {', '.join(other)}.")
 
 
 @contextmanager
@@ -465,7 +465,9 @@ def _rasterised(stage: Stage) -> Finding:
         with work_groups(stage.device, size):
             for index, (view, frame) in enumerate(zip(stage.views, stage.frames, strict=True)):
                 if _Drawn.forward(stage, view, frame).digests != drawn[index].digests:
-                    return Finding("unsteady", f"Frame {index}: another picture when drawn with work-groups of {size}.")
+                    return Finding(
+                        "nondeterministic", f"Frame {index}: another picture when drawn with work-groups of {size}."
+                    )
     rgb, ids = drawn[-1].rgb, drawn[-1].ids
     error = stage.error(rgb)
     if stage.last is None:

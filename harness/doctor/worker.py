@@ -29,7 +29,7 @@ LONGEST = 300  # letters of an error
 
 
 @dataclass(frozen=True)
-class Finding:
+class CaseOutcome:
     """What a device made of a case on one input.
 
     over: the worst error over its bound; None if nothing could be compared. wrong: what must not be, in words; None
@@ -59,7 +59,7 @@ def examine_device(key: str, lines: TextIO) -> None:
         with time_limit(LIMIT, "opening it"):
             device = Device(next(found for found in find_devices() if found.key == key))
     except Exception as error:
-        _write(lines, Finding("opening it", "", wrong=_sentence(error)))
+        _write(lines, CaseOutcome("opening it", "", wrong=_sentence(error)))
         return
     well = True
     for case in find_cases():
@@ -71,7 +71,7 @@ def examine_device(key: str, lines: TextIO) -> None:
         device.remember_built()
 
 
-def examine_case(device: Device, case: Case, kind: str) -> Finding:
+def examine_case(device: Device, case: Case, kind: str) -> CaseOutcome:
     """Run a case on one of its inputs, and judge it; never raises."""
     over, wrong, milliseconds, record = None, None, None, None
     try:
@@ -84,7 +84,7 @@ def examine_case(device: Device, case: Case, kind: str) -> Finding:
         wrong = f"it did not end within {LIMIT:.0f} s"
     except Exception as error:
         wrong = _sentence(error)
-    return Finding(case.name, kind, over, wrong, tuple(record.kernels) if record else (), milliseconds)
+    return CaseOutcome(case.name, kind, over, wrong, tuple(record.kernels) if record else (), milliseconds)
 
 
 def _time(device: Device, case: Case, kind: str) -> float:
@@ -104,7 +104,7 @@ def _sentence(error: Exception) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
-def _write(lines: TextIO, finding: Finding) -> None:
+def _write(lines: TextIO, finding: CaseOutcome) -> None:
     lines.write(json.dumps(asdict(finding)) + "\n")
 
 

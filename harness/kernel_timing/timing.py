@@ -25,7 +25,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TimingRequest:
     """What to measure: kernels (names, or parts of them; all if empty), build variants, timings of each kernel."""
 
     kernels: tuple[str, ...] = ()
@@ -167,7 +167,7 @@ def add_shares(rows: list[Row], roofline: Roofline) -> None:
             row[share] = row[work] * 1e3 / row["ms"] / best if known else None
 
 
-def bench_kernels(wanted: Wanted, out: Path) -> None:
+def bench_kernels(wanted: TimingRequest, out: Path) -> None:
     """Measure, print a table, and write kernels.csv and kernels.html into `out`.
 
     Raises InputError for unknown kernels and variants, DeviceError for unknown devices.

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from shading_atlas_bench.harness.measure.lane import Lane
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import draw_novel_view
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.workload.frames import FrameSource
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.session import Session, find_methods
@@ -50,9 +50,9 @@ class Probe:
         self.metrics = Metrics.asked_for(session.device, settings.metrics, scene.skips)
         self.applied = scene.skips.always | self.metrics.skipped
         packers = [packer for packer in find_methods(settings) if packer.skip(scene.host) is None]
-        self.lanes = [Lane(packer, scene, settings) for packer in packers]
-        for lane in self.lanes:
-            lane.prepare()
+        self.pipelines = [Pipeline(packer, scene, settings) for packer in packers]
+        for pipeline in self.pipelines:
+            pipeline.prepare()
 
     def measure(self) -> dict[str, float]:
         """Device time of drawing the visible set and the reference and of packing, in all and by each method, and host
@@ -72,9 +72,9 @@ class Probe:
             spent[SET] += work.pvs_ms
             spent[PICTURE] += novel.milliseconds
             self.applied |= work.skipped
-            for lane in self.lanes:
-                packed = lane.pack(work.frame)
-                own = f"{PACKING} by {lane.method}"
+            for pipeline in self.pipelines:
+                packed = pipeline.pack(work.frame)
+                own = f"{PACKING} by {pipeline.method}"
                 spent[own] = spent.get(own, 0.0) + sum(packed.stages.values())
                 spent[PACKING] += sum(packed.stages.values())
                 self.applied |= packed.skipped

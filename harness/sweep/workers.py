@@ -30,12 +30,12 @@ if TYPE_CHECKING:
     from multiprocessing.process import BaseProcess
     from multiprocessing.queues import Queue
 
-    from shading_atlas_bench.harness.sweep.wanted import Wanted
+    from shading_atlas_bench.harness.sweep.request import SweepRequest
 
 TICK = 0.5  # seconds between looks at the workers
 
 
-def run_workers(wanted: Wanted, grid: Grid, folder: Path, progress: Progress) -> None:
+def run_workers(wanted: SweepRequest, grid: Grid, folder: Path, progress: Progress) -> None:
     """Measure every unfinished cell once, in as many processes as wanted.
 
     Raises InputError if workers die without getting anything done.
@@ -65,7 +65,7 @@ def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
 
 
 def _work_through(
-    wanted: Wanted, left: list[int], folder: Path, progress: Progress, before: list[dict[str, Any]]
+    wanted: SweepRequest, left: list[int], folder: Path, progress: Progress, before: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Hand the cells to new workers and wait until all have ended; returns the steps in which some were ended.
 
@@ -114,7 +114,7 @@ def _work_through(
 
 
 def _worker(
-    wanted: Wanted, folder: Path, cells: Queue[int | None], done: Queue[int], journal: Path, known: Path
+    wanted: SweepRequest, folder: Path, cells: Queue[int | None], done: Queue[int], journal: Path, known: Path
 ) -> None:
     """Measure cells until there are no more; ends with its parent, however that ends."""
     os.environ |= {VARIABLE: str(journal), ENDED: str(known)}  # its own, not those of its parent

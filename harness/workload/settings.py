@@ -9,11 +9,16 @@ from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS, PRESETS
-from shading_atlas_bench.harness.workload.views import Cell
+from shading_atlas_bench.harness.workload.views import ViewCell
 from shading_atlas_bench.scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
-CELLS = {"default": Cell(0.08, 80), "pvs1": Cell(0.10, 90), "pvs2": Cell(0.20, 125), "pvs3": Cell(0.30, 160)}
+CELLS = {
+    "default": ViewCell(0.08, 80),
+    "pvs1": ViewCell(0.10, 90),
+    "pvs2": ViewCell(0.20, 125),
+    "pvs3": ViewCell(0.30, 160),
+}
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
 METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
@@ -215,13 +220,13 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def parse_cell(text: str) -> Cell:
+def parse_cell(text: str) -> ViewCell:
     """A preset's name, or RADIUS,FOV in metres and degrees."""
     if text in CELLS:
         return CELLS[text]
     if "," not in text:
         raise SettingsError(f"--cell is {text!r}: give RADIUS,FOV like 0.1,90, or one of {', '.join(CELLS)}.")
-    return Cell(*parse_pair(text, ",", "--cell", "0.1,90"))
+    return ViewCell(*parse_pair(text, ",", "--cell", "0.1,90"))
 
 
 def parse_unit(text: str) -> float:

@@ -26,7 +26,7 @@ class Pose:
 
 
 @dataclass(frozen=True)
-class Cell:
+class ViewCell:
     """A view cell: radius in metres and horizontal field of view in degrees."""
 
     radius: float = 0.08
@@ -100,7 +100,7 @@ class CellFrustum:
     pixels: int
 
     @classmethod
-    def around(cls, cell: Cell, fov: float, width: int, height: int) -> CellFrustum:
+    def around(cls, cell: ViewCell, fov: float, width: int, height: int) -> CellFrustum:
         """The frustum of `cell` for a client of `fov` degrees: the same angle is added on all four sides."""
         half_x = np.radians(fov / 2)
         half_y = arctan(tan(half_x) * height / width)

@@ -12,8 +12,8 @@ from shading_atlas_bench.arithmetic.arrays import Doubles, Ints, Longs
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER
-from shading_atlas_bench.kernels.raster.picture import Picture
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.raster.resolve import locate_samples
 from shading_atlas_bench.kernels.raster.setup import Bins, Scratch, set_up
 from shading_atlas_bench.kernels.samples import Samples
@@ -56,7 +56,7 @@ class Fragments:
 
 
 @dataclass(frozen=True)
-class Front:
+class OpaqueLayer:
     """A picture that hides fragments behind it, of other triangles.
 
     numbers: int32 (T), what the picture would call the triangles of the fragments: of equal depths the lower is nearer.
@@ -85,18 +85,24 @@ class Builder:
         self.device.launch(stage, self._kernels(None, 0).mark_members, count, count, pvs, nodes, members)
         return members
 
-    def bins(self, camera: Camera, stage: str) -> tuple[Bins, Picture]:
+    def bins(self, camera: Camera, stage: str) -> tuple[Bins, RenderTarget]:
         """The tile lists of everything in the frustum; they serve all nodes until the next call."""
-        picture = Picture.allocate(self.device, camera, TILE)
+        picture = RenderTarget.allocate(self.device, camera, TILE)
         clusters = self.rasteriser.clusters
-        chosen, _ = clusters.choose(camera, 0, EVER, f"{stage}/cull")
+        chosen, _ = clusters.cull_frustum(camera, 0, EVER, f"{stage}/cull")
         while True:
             bins = set_up(self.device, clusters, chosen, picture, False, self._scratch, stage)
             if self._scratch.fits(bins.needed):
                 return bins, picture
 
     def build(
-        self, bins: Bins, picture: Picture, members: Array, member: int, stage: str, front: Front | None = None
+        self,
+        bins: Bins,
+        picture: RenderTarget,
+        members: Array,
+        member: int,
+        stage: str,
+        front: OpaqueLayer | None = None,
     ) -> Fragments:
         """Fragments of the triangles whose entry in `members`, uint8 (T), is `member`, as far as `front` shows them."""
         device, camera, triangles = self.device, picture.camera, self.rasteriser.triangles
@@ -114,7 +120,7 @@ class Builder:
         return Fragments(camera.width, camera.height, samples, depth, offsets)
 
     def _draw(
-        self, bins: Bins, picture: Picture, members: Array, member: int, front: Front | None, stage: str
+        self, bins: Bins, picture: RenderTarget, members: Array, member: int, front: OpaqueLayer | None, stage: str
     ) -> tuple[tuple[Array, ...], Array, int]:
         """Pages of fragments with what place_fragments needs to read them, where each tile's row of them begins in the
         lists, and their number. Where the pool has too few pages, it grows and all is drawn again."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Doubles
-from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, Front
+from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, OpaqueLayer
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, Visibility
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -57,7 +57,7 @@ class LayeredRasteriser:
         """The opaque triangles, and the fragments in front of them; arguments as for Rasteriser.draw."""
         visible = self.opaque.draw(view, projection, width, height, f"{stage}/raster")
         self._renumber(self._opaque_numbers, visible.triangle, width * height, f"{stage}/layers")
-        front = Front(visible, self._blended_numbers)
+        front = OpaqueLayer(visible, self._blended_numbers)
         bins, picture = self._builder.bins(Camera.of(view, projection, width, height), f"{stage}/layers")
         fragments = self._builder.build(bins, picture, self._members, 1, f"{stage}/layers", front)
         self._renumber(self._blended_numbers, fragments.samples.triangle, fragments.count, f"{stage}/layers")

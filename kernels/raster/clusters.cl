@@ -108,12 +108,12 @@ INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const 
     return 1;
 }
 
-// The clusters that may lie in the frustum, ascending: those last seen at most `recall` draws ago in `recent`, the
+// The clusters that may lie in the frustum, ascending: those last seen at most `max_age` draws ago in `recent`, the
 // others in `others`. One item looks at one chunk of all clusters, lists what it finds from the chunk's first place on,
 // and notes how many. Where it does not cull, all are recent.
 __kernel void choose_clusters(const int chunks, const int clusters, const float4 eye, const float16 rows,
                               const int width, const int height, __global const float8 *boxes, const int culls,
-                              __global const int *last_seen, const int now, const int recall, __global int *recent,
+                              __global const int *last_seen, const int now, const int max_age, __global int *recent,
                               __global int *recent_counts, __global int *others, __global int *other_counts)
 {
     const int chunk = get_global_id(0);
@@ -125,7 +125,7 @@ __kernel void choose_clusters(const int chunks, const int clusters, const float4
     for (int cluster = first; cluster < end; cluster++) {
         if (culls && !in_frustum(boxes[cluster], eye, rows, width, height))
             continue;
-        if (!culls || now - last_seen[cluster] <= recall)
+        if (!culls || now - last_seen[cluster] <= max_age)
             recent[first + seen++] = cluster;
         else
             others[first + unseen++] = cluster;

@@ -10,7 +10,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import Camera
-from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device, Kernels
 
 NEVER = -(1 << 30)  # long before the first draw
-EVER = np.iinfo(np.int32).max  # a recall that leaves no cluster out
+EVER = np.iinfo(np.int32).max  # a max_age that leaves no cluster out
 
 
 @dataclass(frozen=True)
@@ -83,25 +83,34 @@ class Clusters:
             raise ValueError(f"{where} is NaN, infinite or beyond 1e18: remove such triangles first.")
         return clusters
 
-    def choose(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Chosen, Chosen]:
-        """Clusters that may be in the frustum: those seen at most `recall` draws ago, and the others.
+    def cull_frustum(self, camera: Camera, now: int, max_age: int, stage: str) -> tuple[Chosen, Chosen]:
+        """Clusters that may be in the frustum: those seen at most `max_age` draws ago, and the others.
 
         Where the clusters do not cull, the first has them all.
         """
         recent, others = (Chosen.allocate(self.device, self.count) for _ in range(2))
-        inputs = (*camera.arguments(), camera.width, camera.height, self.boxes, self.culls, self.last_seen, now, recall)
+        inputs = (
+            *camera.arguments(),
+            camera.width,
+            camera.height,
+            self.boxes,
+            self.culls,
+            self.last_seen,
+            now,
+            max_age,
+        )
         results = (recent.listed, recent.counts, others.listed, others.counts)
         self._launch_chunks("choose_clusters", 8, stage, *inputs, *results)
         return recent, others
 
-    def cull_occluded(self, chosen: Chosen, picture: Picture, stage: str) -> None:
+    def cull_occluded(self, chosen: Chosen, picture: RenderTarget, stage: str) -> None:
         """Strike from the list those that the picture so far hides."""
         camera = picture.camera
         inputs = (*camera.arguments(), camera.width, camera.height, self.boxes)
         drawn = (picture.tiles_x, picture.block_depth, picture.tile_depth)
         self._launch_chunks("cull_occluded", picture.tile, stage, *inputs, *drawn, chosen.listed, chosen.counts)
 
-    def note_seen(self, picture: Picture, now: int, stage: str) -> None:
+    def note_seen(self, picture: RenderTarget, now: int, stage: str) -> None:
         """Remember which clusters draw number `now` shows."""
         height, width = picture.camera.height, picture.camera.width
         arguments = (height, width, picture.triangle, now, self.last_seen)

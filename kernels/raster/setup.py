@@ -11,7 +11,7 @@ from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints, Longs
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
 from shading_atlas_bench.kernels.raster.clusters import Chosen, Clusters
 from shading_atlas_bench.kernels.raster.coverage import covers_twin
-from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -71,7 +71,13 @@ class Bins:
 
 
 def set_up(
-    device: Device, clusters: Clusters, chosen: Chosen, picture: Picture, resumes: bool, scratch: Scratch, stage: str
+    device: Device,
+    clusters: Clusters,
+    chosen: Chosen,
+    picture: RenderTarget,
+    resumes: bool,
+    scratch: Scratch,
+    stage: str,
 ) -> Bins:
     """Set up the `chosen` clusters; if the picture `resumes`, leave out what it hides already.
 

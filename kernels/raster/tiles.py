@@ -9,7 +9,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic.arrays import Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS
 from shading_atlas_bench.kernels.raster.coverage import covers_twin
-from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.raster.setup import MASK_BIT, Bins
 from shading_atlas_bench.kernels.texture.mask import mask_defines
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 def draw_tiles(
     device: Device,
     bins: Bins,
-    picture: Picture,
+    picture: RenderTarget,
     resumes: bool,
     triangles: Triangles,
     mask: AlphaMask | None,

@@ -23,7 +23,7 @@ from shading_atlas_bench.harness.cases import against_twin, find_cases, own_case
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.conformance import check
 from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
-from shading_atlas_bench.harness.kernel_timing.timing import Wanted, bench_kernels
+from shading_atlas_bench.harness.kernel_timing.timing import TimingRequest, bench_kernels
 from shading_atlas_bench.harness.plugins import load_packer, packer_names
 from shading_atlas_bench.harness.run.digest import method_digest
 from shading_atlas_bench.kernels.case import EXACT, INPUTS, Case, Result, Trial
@@ -93,7 +93,7 @@ def test_its_digest_changes_with_each_of_its_sources(packer: Packer, site: Path,
 @pytest.mark.usefixtures("packer")
 def test_bench_kernels_measures_its_case(tmp_path: Path):
     assert CASE in {case.name for case in find_cases()}
-    bench_kernels(Wanted(("shelves",), ("default",), repeat=1), tmp_path)
+    bench_kernels(TimingRequest(("shelves",), ("default",), repeat=1), tmp_path)
     with open(tmp_path / "kernels.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert [(row["kernel"], row["input"]) for row in rows] == [("shelves/emit.emit_samples", kind) for kind in INPUTS]

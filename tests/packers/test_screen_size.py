@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shading_atlas_bench import edge_pixels
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, client_view, projection_matrix
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell, client_view, projection_matrix
 from shading_atlas_bench.packers.interface import View
 
 NEAR = 0.1
@@ -69,7 +69,7 @@ def test_a_server_s_pixels_are_the_client_s():
     """Within the one pixel by which the server's picture is rounded up."""
     pose = Pose(np.zeros(3), np.array([0.0, 0.0, 0.0, 1.0]))
     client = client_view(pose, 60.0, 960, 540, NEAR)
-    server = CellFrustum.around(Cell(0.08, 125), 60.0, 960, 540).server_view(pose, NEAR)
+    server = CellFrustum.around(ViewCell(0.08, 125), 60.0, 960, 540).server_view(pose, NEAR)
     corners = ((0, 0, -2), (0.1, 0, -2), (0.1, 0.1, -2))
     assert lengths(*corners, view=server) == pytest.approx(lengths(*corners, view=client), rel=1 / 500)
 

@@ -183,17 +183,17 @@ class Drawn:
         return self.rows.get(key, {})
 
 
-class Lane:
+class Pipeline:
     """A packer with its clients, encoders and history; `dead` is the status and reason once it has stopped.
 
     A frame goes through `pack`, `fill`, `advance`, `draw` and `measure`. `pack`, `fill` and `draw` time the device:
-    nothing may run beside them. `advance` and `measure` may run beside those of other lanes.
+    nothing may run beside them. `advance` and `measure` may run beside those of other pipelines.
     All but `measure` carry state from frame to frame; `measure` carries only the history of the atlas, so a resumed run
     replays finished frames without drawing and measuring.
     """
 
     def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
-        """truth: of the scene and the settings' seed, where several lanes share one."""
+        """truth: of the scene and the settings' seed, where several pipelines share one."""
         self.packer, self.scene, self.settings = packer, packer.scene_shaded(scene), settings
         self.method, self.variant, self.label = packer.name, variant_string(packer), label_of(packer)
         self.dead: tuple[str, str] | None = None
