@@ -2,6 +2,33 @@
 
 from shading_atlas_bench.packers.interface import Parameter
 
+
+class Parameters:
+    """The values of PARAMETERS, by name."""
+
+    shading_rate: float
+    prediction_frames: int
+    slicing: float
+    logarithmic: bool
+    enlarge: str
+    mapping: str
+    sink: int
+    remap_interval: int
+    superblock_height: int
+    assignment: str
+    orphans: str
+    capacity: float
+    shrink: float
+    collapse: float
+    hysteresis: bool
+    freeze: float
+    freeze_frames: int
+    perspective: bool
+    full_footprint: bool
+    points: bool
+    average_clear: bool
+
+
 PARAMETERS = {
     "shading_rate": Parameter(
         0.7, (0.5, 0.7, 1.0), "factor on the height, and so on all lengths, of triangles", "texels per pixel", "5.2"

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
 
 
-def draw_packing(strips: np.ndarray, blocks: np.ndarray, owner: np.ndarray) -> np.ndarray:
+def draw_packing(strips: NDArray[np.void], blocks: NDArray[np.void], owner: Ints) -> Bytes:
     """uint8 (H, W, 3): superblocks in dark colours, strips in a lighter shade, samples in one of their triangle's.
 
     strips, blocks: STRIP and SUPERBLOCK records. owner: int (H, W), triangle per texel or -1.

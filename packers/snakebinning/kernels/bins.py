@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import log2, power, tan
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Array, Floats, Ints
 
 ANGLES = 30  # bins of alpha, 15 to 90 degrees, and of beta, 0 to 60 degrees
 HEIGHTS = 1500
@@ -21,7 +25,7 @@ ALPHA_EDGES = 15 + 2.5 * np.arange(ANGLES + 1)  # degrees
 BETA_EDGES = 2.0 * np.arange(ANGLES + 1)
 
 
-def edge_table() -> np.ndarray:
+def edge_table() -> Floats:
     """float32 (64): cotangents of the lower edges of bins 1 to 29, of alpha and from 32 on of beta."""
     table = np.zeros(64, np.float32)
     table[:29] = 1 / tan(np.radians(ALPHA_EDGES[1:-1]))
@@ -46,20 +50,22 @@ class HeightBins:
         span = log2(self.highest / SHORTEST) if self.logarithmic else self.highest - SHORTEST
         return float(np.float32((HEIGHTS - 1) / max(float(span), 1e-3)))
 
-    def tops(self) -> np.ndarray:
+    def tops(self) -> Ints:
         """int32 (COLUMN): upper edge of each bin in 1/8 texel, rounded up, at most `highest`."""
         steps = np.arange(COLUMN) / self.scale
         edges = SHORTEST * power(2.0, steps) if self.logarithmic else SHORTEST + steps
         edges[POINTS] = 0
-        return np.ceil(np.minimum(edges, self.highest) * UNIT - 1e-9).astype(np.int32)
+        tops: Ints = np.ceil(np.minimum(edges, self.highest) * UNIT - 1e-9).astype(np.int32)
+        return tops
 
 
-def bin_of(alpha: np.ndarray, beta: np.ndarray, height: np.ndarray) -> np.ndarray:
+def bin_of(alpha: Array | int, beta: Array | int, height: Array | int) -> Array:
     """Numbers of bins from their indices in each dimension."""
-    return (np.asarray(alpha) * ANGLES + beta) * COLUMN + height
+    bins: Array = (np.asarray(alpha) * ANGLES + beta) * COLUMN + height
+    return bins
 
 
-def indices_of(bins: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def indices_of(bins: Array | int) -> tuple[Array, Array, Array]:
     """Indices (alpha, beta, height) of bins."""
     column, height = np.divmod(np.asarray(bins), COLUMN)
     alpha, beta = np.divmod(column, ANGLES)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from types import SimpleNamespace
+from dataclasses import astuple, dataclass, fields, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +14,8 @@ from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.snakebinning.kernels.bins import BINS, HeightBins
 from shading_atlas_bench.packers.snakebinning.kernels.clear import clear_strips, clear_strips_twin
 from shading_atlas_bench.packers.snakebinning.kernels.corners import locate_corners, locate_corners_twin
-from shading_atlas_bench.packers.snakebinning.kernels.count import MAP_WORDS, BinCounts, count_bins_twin
-from shading_atlas_bench.packers.snakebinning.kernels.emit import emit_samples, emit_twin
+from shading_atlas_bench.packers.snakebinning.kernels.count import MAP_WORDS, BinCounts, UsedBins, count_bins_twin
+from shading_atlas_bench.packers.snakebinning.kernels.emit import Blowup, PlacedTriangle, emit_samples, emit_twin
 from shading_atlas_bench.packers.snakebinning.kernels.footprint import (
     Fit,
     Footprints,
@@ -25,9 +24,11 @@ from shading_atlas_bench.packers.snakebinning.kernels.footprint import (
     pack_views,
     rounded_twin,
 )
-from shading_atlas_bench.packers.snakebinning.kernels.inputs import crowd
+from shading_atlas_bench.packers.snakebinning.kernels.inputs import crowd, table_of, upload_bins
 from shading_atlas_bench.packers.snakebinning.kernels.mapping import Mapping, map_bins_twin
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
 from shading_atlas_bench.packers.snakebinning.kernels.place import (
+    Placement,
     Places,
     find_new,
     list_records,
@@ -37,16 +38,20 @@ from shading_atlas_bench.packers.snakebinning.kernels.place import (
 )
 from shading_atlas_bench.packers.snakebinning.kernels.slices import Slices
 from shading_atlas_bench.packers.snakebinning.kernels.split import piece_maps, split_samples, split_samples_twin
+from shading_atlas_bench.packers.snakebinning.kernels.strip import SlotShape
 from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Atlas, Superblocks, SuperblocksTwin
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Floats, Words
     from shading_atlas_bench.kernels.device import Device
 
 FITS = {"typical": Fit(HeightBins(511.0), 1022.0)}
 FITS["adversarial"] = replace(FITS["typical"], point=2.0)
 WIDTH = 2048
+SLOT_FIELDS = [field.name for field in fields(SlotShape)]
 
 
 @dataclass
@@ -54,11 +59,10 @@ class Scene:
     """Triangles before two views, measured. Adversarial: of all sizes, those below 2 texels as points."""
 
     device: Device
-    corners: np.ndarray
-    triangles: Triangles
-    ids: Array
-    pieces: tuple
-    views: np.ndarray
+    corners: Floats
+    sliced: SlicedScene
+    listed: TriangleList
+    views: Floats
     footprints: Footprints
     fit: Fit
 
@@ -73,15 +77,15 @@ class Scene:
         triangles = Triangles.upload(device, corners.reshape(-1, 3), indices, np.zeros(count))
         eyes = [look_at((x, 0.02, 0), (x, 0, -5)) for x in (0.0, 0.1)]
         views = pack_views([(view, perspective(60, 16 / 9), 960) for view in eyes], 0.7)
-        ids, pieces = device.upload(np.arange(count, dtype=np.int32)), (count, Slices().upload(device))
-        scene = cls(device, corners, triangles, ids, pieces, views, Footprints.allocate(device, count), FITS[kind])
+        sliced = SlicedScene(triangles, Slices().upload(device, count))
+        listed = TriangleList.upload(device, np.arange(count, dtype=np.int32))
+        scene = cls(device, corners, sliced, listed, views, Footprints.allocate(device, count), FITS[kind])
         scene.measure()
         return scene
 
     def measure(self) -> None:
-        known = (self.ids, len(self.corners), self.triangles.positions, self.triangles.indices, self.pieces)
         fresh = Footprints.allocate(self.device, len(self.corners))
-        measure_triangles(self.device, *known, self.views, self.fit, fresh)
+        measure_triangles(self.device, self.listed, self.sliced, self.views, self.fit, fresh)
         self.footprints = fresh
 
 
@@ -90,34 +94,30 @@ class Packed:
     """A scene's triangles in places."""
 
     scene: Scene
-    counts: BinCounts
     mapping: Mapping
-    blocks: Superblocks
-    places: Places
+    placement: Placement
 
     @classmethod
     def make(cls, scene: Scene) -> Packed:
-        device, count = scene.device, len(scene.corners)
-        counts, mapping = BinCounts(device), Mapping(device, "exact", 16)
-        counts.count(scene.ids, count, scene.footprints.bins, scene.footprints.lengths)
-        mapping.update(counts.used, counts.used_count, counts.counts)
+        device, count, footprints = scene.device, len(scene.corners), scene.footprints
+        bins = BinCounts(device).count(scene.listed, footprints.bins, footprints.lengths)
+        mapping = Mapping(device, "exact", 16)
+        mapping.update(bins)
         blocks, places = Superblocks(device, Atlas(WIDTH, WIDTH, 512)), Places.allocate(device, count)
-        blocks.update(1, counts, mapping.targets, device.upload(scene.fit.heights.tops()), False)
-        packed = cls(scene, counts, mapping, blocks, places)
+        blocks.update(1, bins, mapping.targets, device.upload(scene.fit.heights.tops()), False)
+        packed = cls(scene, mapping, Placement(footprints, blocks, places))
         packed.place()
         return packed
 
     def place(self) -> None:
-        scene, device, count = self.scene, self.scene.device, len(self.scene.corners)
-        self.places = Places.allocate(device, count)
-        is_new = find_new(device, scene.ids, count, 1, self.places, self.blocks.strips)
-        known = (scene.footprints, self.mapping.targets, self.blocks, self.places)
-        place_triangles(device, 1, scene.ids, count, is_new, *known)
+        scene, device = self.scene, self.scene.device
+        self.placement = replace(self.placement, places=Places.allocate(device, len(scene.corners)))
+        is_new = find_new(device, scene.listed, 1, self.placement)
+        place_triangles(device, 1, scene.listed, is_new, self.mapping.targets, self.placement)
 
     def samples(self) -> Samples:
-        scene, known = self.scene, (self.places, self.blocks.strips, self.scene.footprints)
-        listed = (scene.device, scene.ids, len(scene.corners), *known, scene.triangles, scene.pieces)
-        return emit_samples(*listed, WIDTH, False, "exact")
+        scene = self.scene
+        return emit_samples(scene.device, scene.listed, scene.sliced, self.placement, Blowup(), WIDTH)
 
 
 @case(
@@ -154,15 +154,15 @@ def counting(device: Device, kind: str, size: int) -> Trial:
     rng, counts = seeded(kind), BinCounts(device)
     bins = np.full(size, BINS // 2) if kind == "adversarial" else (rng.beta(2, 5, size) * BINS).astype(int)
     lengths = rng.integers(0, 4000, (size, 4)).astype(np.uint16)
-    uploaded = [device.upload(array) for array in (np.arange(size, dtype=np.int32), bins.astype(np.int32), lengths)]
+    listed = TriangleList.upload(device, np.arange(size, dtype=np.int32))
+    uploaded = device.upload(bins.astype(np.int32)), device.upload(lengths)
 
-    def run() -> None:
-        counts.count(uploaded[0], size, *uploaded[1:])
+    def run() -> UsedBins:
+        return counts.count(listed, *uploaded)
 
     def results() -> list[Result]:
-        run()
-        used, totals, widest = count_bins_twin(bins, lengths)
-        found = (counts.used.get()[: counts.used_count], counts.counts.get()[used], counts.widest.get()[used])
+        ours, (used, totals, widest) = run(), count_bins_twin(bins, lengths)
+        found = (ours.numbers.get()[: ours.count], ours.triangles.get()[used], ours.widest.get()[used])
         return [Result(*pair) for pair in zip(found, (used, totals, widest), strict=True)]
 
     return Trial({"n": size, "w": MAP_WORDS, "u": len(np.unique(bins))}, run, results)
@@ -174,13 +174,11 @@ def _mapping(device: Device, kind: str, size: int, search: str) -> Trial:
     if kind == "adversarial":
         counts[:] = 1
         counts[len(used) // 2] = 100
-    table = np.zeros(BINS, np.int32)
-    table[used] = counts
-    arrays, mapping = [device.upload(array) for array in (used.astype(np.int32), table)], Mapping(device, search, 16)
+    bins, mapping = upload_bins(device, used, counts, np.zeros((len(used), 2))), Mapping(device, search, 16)
 
     def run() -> None:
         mapping.reset()
-        mapping.update(arrays[0], len(used), arrays[1])
+        mapping.update(bins)
 
     def results() -> list[Result]:
         run()
@@ -211,41 +209,34 @@ def hierarchical_mapping(device: Device, kind: str, size: int) -> Trial:
 def superblocks(device: Device, kind: str, size: int) -> Trial:
     """A frame with everything new. Adversarial: as algorithm 2 is printed, in an atlas too small for it, so that
     strips lie in parts."""
-    rng, used_and_counts = seeded(kind), crowd(seeded(kind), size)
-    used, counts = used_and_counts
-    widest, side = rng.integers(8, 400, (len(used), 2)), 512 if kind == "adversarial" else 8192
-    tables = [np.zeros((BINS, 2) if k == 1 else BINS, np.int32) for k in range(3)]
-    for table, values in zip(tables, (counts, widest, used), strict=True):
-        table[used] = values
-    rules = {"fit": "next", "orphans": "found"} if kind == "adversarial" else {}
-    atlas, tops = Atlas(side, side, 512, **rules), HeightBins(511.0).tops()
-    uploaded = [device.upload(array) for array in (used.astype(np.int32), *tables, tops)]
-    names = ("count", "base", "before8", "after8", "height8", "inset", "lines", "odd", "period", "texels")
+    rng, (used, counts) = seeded(kind), crowd(seeded(kind), size)
+    widest = rng.integers(8, 400, (len(used), 2))
+    atlas = Atlas(512, 512, 512, fit="next", orphans="found") if kind == "adversarial" else Atlas(8192, 8192, 512)
+    bins, tops = upload_bins(device, used, counts, widest), HeightBins(511.0).tops()
+    targets, uploaded_tops = device.upload(table_of(used, used)), device.upload(tops)
 
     def run() -> Superblocks:
         ours = Superblocks(device, atlas)
-        bins = SimpleNamespace(used=uploaded[0], used_count=len(used), counts=uploaded[1], widest=uploaded[2])
-        ours.update(1, bins, uploaded[3], uploaded[4], False)
+        ours.update(1, bins, targets, uploaded_tops, False)
         return ours
 
     def results() -> list[Result]:
         live, twin = run().live_strips(), SuperblocksTwin(atlas)
         twin.update_twin(used, used, counts, widest, tops, False)
         strips = {int(strip["bin"]): strip for strip in live[live["count"] > 0]}
-        found = np.array([[strips[number][name] for name in names] for number in twin.strips])
-        expected = np.array([[strip[name] for name in names] for strip in twin.strips.values()])
+        found = [[strips[number][name] for name in ("count", "base", *SLOT_FIELDS)] for number in twin.strips]
+        expected = [[strip.count, strip.base, *astuple(strip.shape)] for strip in twin.strips.values()]
         placed = live[live["superblock"] >= 0]
-        parts = [np.array([placed[name] for name in ("bin", "superblock", "y", "rows", "per_row")]).T]
-        parts.append(
-            np.array(
-                [
-                    [number, *(part[name] for name in ("block", "y", "rows", "per_row"))]
-                    for number, strip in twin.strips.items()
-                    for part in strip["parts"]
-                ]
-            )
+        parts = np.array([placed[name] for name in ("bin", "superblock", "y", "rows", "per_row")]).T
+        twins = np.array(
+            [
+                [number, part.block, part.y, part.rows, part.per_row]
+                for number, strip in twin.strips.items()
+                for part in strip.parts
+            ]
         )
-        return [Result(found, expected), Result(*(part[np.lexsort(part.T)] for part in parts))]
+        ordered = (some[np.lexsort(some.T)] for some in (parts, twins))
+        return [Result(np.array(found), np.array(expected)), Result(*ordered)]
 
     return Trial({"u": len(used)}, run, results)
 
@@ -262,16 +253,17 @@ PLACING = {
 def placing(device: Device, kind: str, size: int) -> Trial:
     scene = Scene.make(device, kind, size)
     packed = Packed.make(scene)
+    blocks = packed.placement.superblocks
 
-    def run() -> tuple:
+    def run() -> tuple[Words, Floats]:
         packed.place()
-        return list_records(device, scene.ids, size, packed.places, scene.footprints, packed.blocks.strips)
+        return list_records(device, scene.listed, packed.placement)
 
     def results() -> list[Result]:
         records, _ = run()
         bins, lengths = scene.footprints.bins.get()[:size], scene.footprints.lengths.get()[:size, :3].astype(int)
-        numbers = packed.blocks.strip_of.get()[packed.mapping.targets.get()[bins]]
-        strips, live = packed.blocks.strips.get(), packed.blocks.live_superblocks()
+        numbers = blocks.strip_of.get()[packed.mapping.targets.get()[bins]]
+        strips, live = blocks.strips.get(), blocks.live_superblocks()
         rank = np.array([np.count_nonzero(numbers[:i] == number) for i, number in enumerate(numbers)])
         parts, rank = parts_twin(strips, numbers, rank)
         strip = strips[parts]
@@ -279,7 +271,8 @@ def placing(device: Device, kind: str, size: int) -> Trial:
         places, drawn = place_twin(rank, strip, corner, lengths)
         places = np.where(parts < 0, 0, places)
         placed = places > 0
-        return [Result(records[:, 0], places), Result(packed.places.drawn.get()[:size, :3][placed], drawn[placed])]
+        ours = packed.placement.places.drawn.get()[:size, :3]
+        return [Result(records[:, 0], places), Result(ours[placed], drawn[placed])]
 
     return Trial({"n": size}, run, results)
 
@@ -303,21 +296,24 @@ def emission(device: Device, kind: str, size: int) -> Trial:
         samples, expected = packed.samples(), samples_twin(packed)
         return [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
 
-    strips = packed.blocks.live_strips()
-    sizes = {"p": size, "n": packed.samples().count, "s": len(packed.blocks.strips), "t": int(strips["texels"].sum())}
+    blocks = packed.placement.superblocks
+    texels = int(blocks.live_strips()["texels"].sum())
+    sizes = {"p": size, "n": packed.samples().count, "s": len(blocks.strips), "t": texels}
     return Trial(sizes, packed.samples, results)
 
 
-def samples_twin(packed: Packed) -> dict[str, np.ndarray]:
+def samples_twin(packed: Packed) -> dict[str, arrays.Array]:
     """All samples, triangle by triangle."""
-    scene, strips = packed.scene, packed.blocks.strips.get()
-    words = scene.footprints.words.get()
-    records = [{field: int(strip[field]) for field in strips.dtype.names} for strip in strips]
-    arrays = (packed.places.places.get(), packed.places.drawn.get(), packed.places.slots.get())
+    corners, places = packed.scene.corners, packed.placement.places
+    slots = [SlotShape.of(strip) for strip in packed.placement.superblocks.strips.get()]
+    placed, drawn, strips = places.places.get(), places.drawn.get(), places.slots.get()[:, 0]
+    words = packed.scene.footprints.words.get()
     parts = [
-        emit_twin(t, int(place), drawn, int(words[t]), records[slot[0]], scene.corners[t], WIDTH, False, "exact")
-        for t, (place, drawn, slot) in enumerate(zip(*(a[: len(scene.corners)] for a in arrays), strict=True))
-        if place
+        emit_twin(
+            PlacedTriangle(t, int(placed[t]), drawn[t], int(words[t]), corners[t]), slots[strips[t]], Blowup(), WIDTH
+        )
+        for t in range(len(corners))
+        if placed[t]
     ]
     return {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
 
@@ -325,13 +321,15 @@ def samples_twin(packed: Packed) -> dict[str, np.ndarray]:
 @case({"corners.locate_corners": Cost("n", "(4 + 8 + 4 + 36)*n", "20*n")}, 1 << 13, typical=Bound(2))
 def corners(device: Device, kind: str, size: int) -> Trial:
     packed = Packed.make(Scene.make(device, kind, size))
-    known = (packed.places.places, packed.places.drawn, packed.scene.footprints.words)
+    places, drawn = packed.placement.places.places, packed.placement.places.drawn
+    words = packed.scene.footprints.words
 
     def run() -> Array:
-        return locate_corners(device, *known, size, "corners")
+        return locate_corners(device, places, drawn, words, size, "corners")
 
     def results() -> list[Result]:
-        return [Result(run().get(), locate_corners_twin(*(array.get()[:size] for array in known)))]
+        host = (array.get()[:size] for array in (places, drawn, words))
+        return [Result(run().get(), locate_corners_twin(*host))]
 
     return Trial({"n": size}, run, results)
 
@@ -340,21 +338,21 @@ def corners(device: Device, kind: str, size: int) -> Trial:
 def clearing(device: Device, kind: str, size: int) -> Trial:
     """A strip's texels are read twice and written once. Adversarial: hardly any texel is shaded."""
     packed = Packed.make(Scene.make(device, kind, size))
-    samples, rng = packed.samples(), seeded(kind)
+    samples, blocks, rng = packed.samples(), packed.placement.superblocks, seeded(kind)
     atlas = np.zeros((WIDTH, WIDTH, 4), np.uint8)
     texel = samples.texel.get()[: samples.count][:: 50 if kind == "adversarial" else 1]
     atlas.reshape(-1, 4)[texel, :3] = rng.integers(0, 256, (len(texel), 3))
     atlas.reshape(-1, 4)[texel, 3] = 255
-    uploaded, live = device.upload(atlas), packed.blocks.live_strips()
-    width = packed.blocks.live_superblocks()["width"][live["superblock"]]
+    uploaded, live = device.upload(atlas), blocks.live_strips()
+    width = blocks.live_superblocks()["width"][live["superblock"]]
 
     def results() -> list[Result]:
         fresh = device.upload(atlas)
-        clear_strips(device, packed.blocks, fresh)
-        return [Result(fresh.get(), clear_strips_twin(live, packed.blocks.live_superblocks(), atlas))]
+        clear_strips(device, blocks, fresh)
+        return [Result(fresh.get(), clear_strips_twin(live, blocks.live_superblocks(), atlas))]
 
     texels = int((live["rows"] * live["lines"] * width).sum())
-    return Trial({"n": texels}, lambda: clear_strips(device, packed.blocks, uploaded), results)
+    return Trial({"n": texels}, lambda: clear_strips(device, blocks, uploaded), results)
 
 
 @case({"split.split_samples": Cost("n", "24*n", "12*n*k")}, 1 << 18, 1 << 12, typical=Bound(1))
@@ -368,10 +366,10 @@ def splitting(device: Device, kind: str, size: int) -> Trial:
         weights = weights[:, :1] * thirds[3] + (1 - weights[:, :1]) * thirds[4]
     bary, triangle = weights[:, 1:].astype(np.float32), rng.integers(0, 2, size).astype(np.int32)
     pieces, maps = np.array([[0, 0], [0, 4]], np.int32), piece_maps(parts[:, :, 1:]).astype(np.float32)
-    uploaded = [device.upload(array) for array in (pieces, maps)]
+    uploaded = device.upload(pieces), device.upload(maps)
 
     def run() -> Samples:
-        samples = Samples.upload(device, triangle, *bary.T, bary[:, 0], triangle)
+        samples = Samples.upload(device, triangle, bary[:, 0], bary[:, 1], bary[:, 0], triangle)
         return split_samples(device, samples, 2, *uploaded, "split")
 
     def results() -> list[Result]:

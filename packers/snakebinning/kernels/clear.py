@@ -6,10 +6,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Bytes
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Superblocks
 
@@ -21,13 +23,13 @@ def clear_strips(device: Device, blocks: Superblocks, atlas: Array) -> None:
 
     Alpha stays 0. The mean is over bytes, rounded to the nearest.
     """
-    corners = blocks.live_superblocks()
-    corners = device.upload(np.stack([corners[name] for name in ("x", "y", "width")], axis=1))
+    live = blocks.live_superblocks()
+    corners = device.upload(np.stack([live[name] for name in ("x", "y", "width")], axis=1))
     count, kernel = blocks.numbers["strips"], device.build(HERE / "clear.cl").clear_strips
     device.launch("gather/average", kernel, count, count, blocks.strips, corners, atlas.shape[1], atlas)
 
 
-def clear_strips_twin(strips: np.ndarray, blocks: np.ndarray, atlas: np.ndarray) -> np.ndarray:
+def clear_strips_twin(strips: NDArray[np.void], blocks: NDArray[np.void], atlas: Bytes) -> Bytes:
     """The same for STRIP and SUPERBLOCK records."""
     cleared = atlas.copy()
     for strip in strips[(strips["bin"] >= 0) & (strips["superblock"] >= 0)]:

@@ -10,6 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
@@ -27,7 +29,7 @@ def locate_corners(device: Device, places: Array, drawn: Array, words: Array, co
     return corners
 
 
-def locate_corners_twin(places: np.ndarray, drawn: np.ndarray, words: np.ndarray) -> np.ndarray:
+def locate_corners_twin(places: arrays.Array, drawn: arrays.Array, words: arrays.Array) -> Doubles:
     """The same on the host, float64."""
     sign = np.where(places >> 29 & 1, -1, 1) / 8
     tip, line = (places & 0xFFFF) / 8 + 0.5, (places >> 16 & 0x1FFF) + 0.5

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -9,15 +10,16 @@ import numpy as np
 
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.samples import Samples
-from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, lines_of, needed_columns
+from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, Lengths, SlotShape, lines_of, needed_columns
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles, Longs
     from shading_atlas_bench.kernels.device import Device
-    from shading_atlas_bench.kernels.triangles import Triangles
-    from shading_atlas_bench.packers.snakebinning.kernels.footprint import Footprints, Pieces
-    from shading_atlas_bench.packers.snakebinning.kernels.place import Places
+    from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
+    from shading_atlas_bench.packers.snakebinning.kernels.place import Placement
 
 HERE = Path(__file__).parent
 
@@ -27,55 +29,49 @@ OUTSIDE = 1.9  # texels that barycentrics may lie further outside than one heigh
 POSITIVE = 0.35  # share of the least inverse distance that the interpolated one stays above
 
 
+@dataclass(frozen=True)
+class Blowup:
+    """By how much triangles are enlarged in their slots (sections 3.7 and 3.8).
+
+    enlarge: "exact" or "paper", see needed_columns in strip.cl. full: to all texels of a slot, but for pieces, whose
+    surroundings are other pieces.
+    """
+
+    enlarge: str = "exact"
+    full: bool = False
+
+
 def emit_samples(
     device: Device,
-    triangles: Array,
-    count: int,
-    places: Places,
-    strips: Array,
-    footprints: Footprints,
-    scene: Triangles,
-    pieces: Pieces,
+    listed: TriangleList,
+    scene: SlicedScene,
+    placement: Placement,
+    blowup: Blowup,
     atlas_width: int,
-    full: bool,
-    enlarge: str,
     runs: int | None = None,
 ) -> Samples:
-    """The samples of `count` triangles or pieces, int32, in list order, each line by line from its longest edge.
+    """The samples of the triangles and pieces listed, in list order, each line by line from its longest edge.
 
-    Samples of a piece name its parent, and lie in it. pieces: number of the first, and pieces (see Slices.upload).
-
-    full: all texels of a slot, but for pieces, whose surroundings are other pieces; else, and for those, what the
-    triangle needs (see needed_columns in strip.cl). Shading continues beyond the edges, up to one height and two texels
-    outside. A sample's footprint is the longer of the two ways on the surface from texel to texel. A point has one
-    sample, in its middle, with steps as if it were one texel high and long.
+    Samples of a piece name its parent, and lie in it. Shading continues beyond the edges, up to one height and two
+    texels outside. A sample's footprint is the longer of the two ways on the surface from texel to texel. A point has
+    one sample, in its middle, with steps as if it were one texel high and long.
     """
-    kernels = device.build(HERE / "emit.cl")
-    lists, texels = _list_slots(device, strips, enlarge)
+    kernels, count = device.build(HERE / "emit.cl"), listed.count
+    places, strips = placement.places, placement.superblocks.strips
+    lists, texels = _list_slots(device, strips, blowup.enlarge)
     run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
     runs = -(-count // run)
-    listed = (
-        count,
-        run,
-        runs,
-        int(full),
-        ENLARGE[enlarge],
-        pieces[0],
-        triangles,
-        places.slots,
-        places.places,
-        places.drawn,
-        strips,
-        lists,
-    )
+    rules = (count, run, runs, int(blowup.full), ENLARGE[blowup.enlarge], scene.pieces.first)
+    slots = (listed.ids, places.slots, places.places, places.drawn, strips, lists)
     local = 1 if device.is_cpu else None
     counts = device.recycled(runs, np.int32)
-    device.launch(STAGE, kernels.count_samples, runs, *listed, counts, local=local)
+    device.launch(STAGE, kernels.count_samples, runs, *rules, *slots, counts, local=local)
     offsets, total = exclusive_scan(device, counts, runs, STAGE)
     s = Samples.allocate(device, total)
-    known = (texels, footprints.words, scene.positions, scene.indices, pieces[1], atlas_width, counts, offsets)
-    arrays = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
-    device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *arrays, local=local)
+    corners = (scene.triangles.positions, scene.triangles.indices, scene.pieces.rows)
+    shapes = (texels, placement.footprints.words, *corners, atlas_width, counts, offsets)
+    written = (s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
+    device.launch(STAGE, kernels.emit_samples, runs, *rules, *slots, *shapes, *written, local=local)
     return s
 
 
@@ -86,44 +82,35 @@ def _list_slots(device: Device, strips: Array, enlarge: str) -> tuple[Array, Arr
     device.launch(STAGE, kernels.size_slots, count, count, strips, sizes)
     offsets, total = exclusive_scan(device, sizes, count, STAGE)
     texels, lists, run = device.recycled(total + 8, np.int32), device.recycled((count, 4), np.int32), -(-count // RUNS)
-    known = (ENLARGE[enlarge], strips, sizes, offsets, texels, lists)
-    device.launch(STAGE, kernels.list_slots, -(-count // run), count, run, *known, local=1)
+    slots = (ENLARGE[enlarge], strips, sizes, offsets, texels, lists)
+    device.launch(STAGE, kernels.list_slots, -(-count // run), count, run, *slots, local=1)
     return lists, texels
 
 
-def emit_twin(
-    triangle: int,
-    place: int,
-    drawn: np.ndarray,
-    word: int,
-    strip: dict[str, int],
-    corners: np.ndarray,
-    atlas_width: int,
-    full: bool,
-    enlarge: str,
-) -> dict[str, np.ndarray]:
-    """The samples of one placed triangle, float64, by the names of Samples; corners (3, 3) are its vertices."""
-    before, after, height = (int(value) for value in drawn[:3])
-    turned = place >> 29 & 1
-    sign, foot = 1 - 2 * turned, 8 * strip["inset"] + strip["before8"]
+@dataclass(frozen=True)
+class PlacedTriangle:
+    """A triangle: its number, place, drawn lengths and word as in Places and Footprints, and its vertices (3, 3)."""
+
+    number: int
+    place: int
+    drawn: arrays.Array
+    word: int
+    vertices: arrays.Array
+
+
+def emit_twin(triangle: PlacedTriangle, slot: SlotShape, blowup: Blowup, atlas_width: int) -> dict[str, arrays.Array]:
+    """The samples of one placed triangle, float64, by the names of Samples."""
+    place, drawn = triangle.place, (int(triangle.drawn[0]), int(triangle.drawn[1]), int(triangle.drawn[2]))
+    sign, foot = 1 - 2 * (place >> 29 & 1), 8 * slot.inset + slot.before8
     origin, row = ((place & 0xFFFF) - sign * foot) // 8, place >> 16 & 0x1FFF
-    largest = (strip["before8"], strip["before8"], strip["after8"], strip["height8"], strip["inset"])
-    own = (strip["before8"], before, after, height, strip["inset"])
-    column, line = [], []
-    for y in range(strip["lines"] if full else lines_of(height)):
-        first, last = needed_columns(*largest, y, enlarge)
-        if not full:
-            needed = needed_columns(*own, y, enlarge)
-            first, last = max(first, needed[0]), min(last, needed[1])
-        column += range(first, last + 1)
-        line += [y] * max(0, last + 1 - first)
-    column, line = np.array(column, np.int64), np.array(line, np.int64)
-    x, y, shape = column - foot / 8, line, np.array([before, after, height]) / 8
-    if height == 0:
-        x, y, shape = np.array([1 / 3]), np.array([1 / 3]), np.array([0, 1, 1])
-    bary, footprint = _surface(x, y, shape, word, corners)
+    column, line = _texels(slot, drawn, blowup)
+    if drawn[2] > 0:
+        x, y, shape = column - foot / 8, line.astype(np.float64), np.array(drawn) / 8
+    else:
+        x, y, shape = np.array([1 / 3]), np.array([1 / 3]), np.array([0.0, 1.0, 1.0])
+    bary, footprint = _surface(x, y, shape, triangle)
     return {
-        "triangle": np.full(len(column), triangle),
+        "triangle": np.full(len(column), triangle.number),
         "bary1": bary[:, 1],
         "bary2": bary[:, 2],
         "footprint": footprint,
@@ -131,11 +118,24 @@ def emit_twin(
     }
 
 
-def _surface(
-    x: np.ndarray, y: np.ndarray, shape: np.ndarray, word: int, corners: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+def _texels(slot: SlotShape, drawn: Lengths, blowup: Blowup) -> tuple[Longs, Longs]:
+    """Columns and lines of the texels of a slot that a triangle of some lengths in 1/8 texel has, line by line."""
+    columns: list[int] = []
+    lines: list[int] = []
+    for line in range(slot.lines if blowup.full else lines_of(drawn[2])):
+        first, last = needed_columns(slot.before8, slot.lengths, slot.inset, line, blowup.enlarge)
+        if not blowup.full:
+            needed = needed_columns(slot.before8, drawn, slot.inset, line, blowup.enlarge)
+            first, last = max(first, needed[0]), min(last, needed[1])
+        columns += range(first, last + 1)
+        lines += [line] * max(0, last + 1 - first)
+    return np.array(columns, np.int64), np.array(lines, np.int64)
+
+
+def _surface(x: arrays.Array, y: arrays.Array, shape: Doubles, triangle: PlacedTriangle) -> tuple[Doubles, Doubles]:
     """Object-space barycentrics (n, 3) and footprints (n) at texels x (from the tip), y of a triangle's plane."""
     before, after, height = shape
+    word, corners = triangle.word, triangle.vertices
     a, turned = word >> 24 & 3, word >> 26 & 1
     order = [a, (a + 1 + turned) % 3, (a + 2 - turned) % 3]
     corner = np.array([[-before, 0, 1], [after, 0, 1], [0, height, 1]])

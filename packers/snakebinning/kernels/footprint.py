@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.matrices import turned
 from shading_atlas_bench.packers.snakebinning.kernels.bins import (
@@ -24,13 +25,16 @@ from shading_atlas_bench.packers.snakebinning.kernels.bins import (
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles, Floats, Longs
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
 
 HERE = Path(__file__).parent
 
 STAGE = "structs/footprint"
-Pieces: TypeAlias = "tuple[int, Array]"
 VIEW_FLOATS = 16
+Roles: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]  # vertices a, b, c (n) in the twin
 MOVED_BACK, SLENDER, CLIPPED, KEPT, POINT = 1, 2, 4, 8, 16  # notes on a triangle
 FLATTEST = 3.7320508  # cot 15 degrees, the largest cotangent of alpha that is drawn
 OBTUSE = -0.22  # cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
@@ -53,6 +57,10 @@ class Fit:
     near_height: int = 30
     near_angle: int = 5
     point: float = 0.0
+
+    def without_hysteresis(self) -> Fit:
+        """The same for triangles that do not keep their bins."""
+        return replace(self, near_height=-1, near_angle=-1)
 
 
 @dataclass(frozen=True)
@@ -77,7 +85,7 @@ class Footprints:
         return cls(bins, device.zeros((max(1, count), 4), np.uint16), device.zeros(count, np.uint32))
 
 
-def pack_views(matrices: Sequence[tuple[np.ndarray, np.ndarray, int]], rate: float) -> np.ndarray:
+def pack_views(matrices: Sequence[tuple[Doubles, Doubles, int]], rate: float) -> Floats:
     """float32 (n, 16) for the kernel from (view, projection, width) each: eye in two parts, up, right, texels per unit
     of tangent (`rate` texels per pixel), inverse half-angle tangents across and up, near."""
     rows = np.zeros((len(matrices), VIEW_FLOATS), np.float32)
@@ -91,20 +99,11 @@ def pack_views(matrices: Sequence[tuple[np.ndarray, np.ndarray, int]], rate: flo
 
 
 def measure_triangles(
-    device: Device,
-    triangles: Array,
-    count: int,
-    positions: Array,
-    indices: Array,
-    pieces: Pieces,
-    views: np.ndarray,
-    fit: Fit,
-    state: Footprints,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Measure `count` triangles, int32, in all views (see pack_views) and update `state`.
+    device: Device, listed: TriangleList, scene: SlicedScene, views: Floats, fit: Fit, state: Footprints
+) -> tuple[Bytes, Floats]:
+    """Measure the triangles listed in all views (see pack_views) and update `state`.
 
-    pieces: number of the first piece, and pieces (see Slices.upload). Returns, on the host, notes uint8 (count) and
-    areas in the atlas float32 (count), in texels.
+    Returns, on the host, notes uint8 (n) and areas in the atlas float32 (n), in texels.
 
     Of all views the one counts in which the triangle is largest, seen by a camera turned to its middle, and moved back
     until it is all on the screen. A triangle whose bin is within fit.near_height and fit.near_angle of its old one,
@@ -112,14 +111,15 @@ def measure_triangles(
     CLIPPED (larger than the atlas), KEPT, and POINT (no piece is one). A point's area is that of the triangle itself,
     and it stays one while its longest edge is shorter than 1.125 of fit.point.
     """
+    count, triangles, pieces, heights = listed.count, scene.triangles, scene.pieces, fit.heights
     notes, areas = device.recycled(count, np.uint8), device.recycled(count, np.float32)
-    heights = fit.heights
-    constants = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest), float(fit.point))
-    constants += (int(fit.perspective), fit.near_height, fit.near_angle)
-    seen = (triangles, positions, indices, *pieces, len(views), device.upload(views), device.upload(edge_table()))
+    corners = (listed.ids, triangles.positions, triangles.indices, pieces.first, pieces.rows)
+    seen = (len(views), device.upload(views), device.upload(edge_table()))
+    shapes = (heights.scale, int(heights.logarithmic), float(heights.highest), float(fit.longest), float(fit.point))
+    rules = (int(fit.perspective), fit.near_height, fit.near_angle)
+    written = (state.bins, state.lengths, state.words, notes, areas)
     kernel = device.build(HERE / "footprint.cl").measure_triangles
-    arrays = (state.bins, state.lengths, state.words, notes, areas)
-    device.launch(STAGE, kernel, -(-count // 8), count, *seen, *constants, *arrays)
+    device.launch(STAGE, kernel, -(-count // 8), count, *corners, *seen, *shapes, *rules, *written)
     return notes.get()[:count], areas.get()[:count]
 
 
@@ -127,65 +127,89 @@ def measure_triangles(
 class Measured:
     """The twin's result: shapes (n, 3) of before, after, height in texels, not rounded; roles, weights (n, 3), bins."""
 
-    shape: np.ndarray
-    roles: np.ndarray
-    weights: np.ndarray
-    bins: np.ndarray
-    notes: np.ndarray
+    shape: Doubles
+    roles: NDArray[np.intp]
+    weights: Doubles
+    bins: arrays.Array
+    notes: arrays.Array
 
 
-def measure_triangles_twin(corners: np.ndarray, views: np.ndarray, fit: Fit) -> Measured:
+def measure_triangles_twin(corners: arrays.Array, views: Floats, fit: Fit) -> Measured:
     """The same for triangles (n, 3, 3) without a past, in float64."""
-    x, y, w, back = _project(corners.astype(np.float64), views.astype(np.float64))
+    screen = _project(corners.astype(np.float64), views.astype(np.float64))
+    x, y = screen.x, screen.y
     c = np.argmax([(x[:, [2, 0, 1]] - x[:, [1, 2, 0]]) ** 2 + (y[:, [2, 0, 1]] - y[:, [1, 2, 0]]) ** 2], axis=2)[0]
     rows = np.arange(len(c))
     i, j = (c + 1) % 3, (c + 2) % 3
 
-    def squared(k: np.ndarray, m: np.ndarray) -> np.ndarray:
-        return (x[rows, k] - x[rows, m]) ** 2 + (y[rows, k] - y[rows, m]) ** 2
+    def squared(k: NDArray[np.intp], m: NDArray[np.intp]) -> Doubles:
+        lengths: Doubles = (x[rows, k] - x[rows, m]) ** 2 + (y[rows, k] - y[rows, m]) ** 2
+        return lengths
 
     turned = squared(c, i) > squared(c, j)
     a, b = np.where(turned, j, i), np.where(turned, i, j)
-    raw = _shape(x, y, a, b, c)
+    raw = _shape(screen, (a, b, c))
     point = raw[:, 0] + raw[:, 1] < fit.point
     shape, notes = fitted_twin(raw, fit)
-    weights = _weights(w, a, b, c, shape) if fit.perspective else np.full((len(c), 3), 255)
+    weights = _weights(screen.w, (a, b, c), shape) if fit.perspective else np.full((len(c), 3), 255.0)
     shape[point], weights[point], notes[point] = 0, 255, POINT
-    notes |= np.where(back > 0, MOVED_BACK, 0)
+    notes |= np.where(screen.back > 0, MOVED_BACK, 0)
     return Measured(shape, a + 4 * turned, weights, bins_twin(shape, fit), notes)
 
 
-def _project(corners: np.ndarray, views: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Screen positions (n, 3) in texels, distances (n, 3) and ways back (n) in the view with the largest area."""
-    best = None
-    for view in views:
-        p = corners - view[:3] - view[3:6]
-        n = _unit(p.sum(axis=1), 0.0, np.cross(view[6:9], view[9:12]))
-        across = _unit(np.cross(n, view[6:9]), 1e-3, view[9:12])
-        upwards = np.cross(across, n)
-        x, y, z = (np.einsum("nkc,nc->nk", p, axis) for axis in (across, upwards, n))
-        further = np.maximum(np.maximum(np.abs(x) * view[13] - z, np.abs(y) * view[14] - z), view[15] - z)
-        back = np.maximum(further.max(axis=1), 0)
-        w = z + back[:, None]
-        x, y = x * view[12] / w, y * view[12] / w
-        area = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (y[:, 1] - y[:, 0]) * (x[:, 2] - x[:, 0]))
-        if best is None:
-            largest, best = area, (x, y, w, back)
-            continue
-        better = area > largest
-        largest = np.where(better, area, largest)
-        pairs = zip((x, y, w, back), best, strict=True)
-        best = tuple(np.where(better.reshape(-1, *[1] * (new.ndim - 1)), new, old) for new, old in pairs)
+@dataclass(frozen=True)
+class Screen:
+    """Corners on the screen of a camera turned to their triangle: x, y in texels and distances w (n, 3), and how far
+    back the camera went (n)."""
+
+    x: Doubles
+    y: Doubles
+    w: Doubles
+    back: Doubles
+
+    @property
+    def areas(self) -> Doubles:
+        """Twice the triangles' areas (n)."""
+        x, y = self.x, self.y
+        areas: Doubles = np.abs((x[:, 1] - x[:, 0]) * (y[:, 2] - y[:, 0]) - (y[:, 1] - y[:, 0]) * (x[:, 2] - x[:, 0]))
+        return areas
+
+    def where(self, better: Bools, other: Screen) -> Screen:
+        """This where `better` (n), else the other."""
+        rows = better[:, None]
+        x, y, w = (np.where(rows, *pair) for pair in ((self.x, other.x), (self.y, other.y), (self.w, other.w)))
+        return Screen(x, y, w, np.where(better, self.back, other.back))
+
+
+def _project(corners: Doubles, views: Doubles) -> Screen:
+    """The corners (n, 3, 3) of triangles in that of the views in which each is largest, of equals the first."""
+    best = _seen(corners, views[0])
+    for view in views[1:]:
+        seen = _seen(corners, view)
+        best = seen.where(seen.areas > best.areas, best)
     return best
 
 
-def _unit(a: np.ndarray, shortest: float, otherwise: np.ndarray) -> np.ndarray:
+def _seen(corners: Doubles, view: Doubles) -> Screen:
+    p = corners - view[:3] - view[3:6]
+    n = _unit(p.sum(axis=1), 0.0, np.cross(view[6:9], view[9:12]))
+    across = _unit(np.cross(n, view[6:9]), 1e-3, view[9:12])
+    upwards = np.cross(across, n)
+    x, y, z = (np.einsum("nkc,nc->nk", p, axis) for axis in (across, upwards, n))
+    further = np.maximum(np.maximum(np.abs(x) * view[13] - z, np.abs(y) * view[14] - z), view[15] - z)
+    back = np.maximum(further.max(axis=1), 0)
+    w = z + back[:, None]
+    return Screen(x * view[12] / w, y * view[12] / w, w, back)
+
+
+def _unit(a: Doubles, shortest: float, otherwise: Doubles) -> Doubles:
     length = np.linalg.norm(a, axis=1, keepdims=True)
     return np.where(length > shortest, a / np.where(length > shortest, length, 1), otherwise)
 
 
-def _shape(x: np.ndarray, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray) -> np.ndarray:
+def _shape(screen: Screen, roles: Roles) -> Doubles:
     """Before, after, height (n, 3) over the edge from a to b."""
+    x, y, (a, b, c) = screen.x, screen.y, roles
     rows = np.arange(len(a))
     edge = np.stack([x[rows, b] - x[rows, a], y[rows, b] - y[rows, a]], axis=1)
     side = np.stack([x[rows, c] - x[rows, a], y[rows, c] - y[rows, a]], axis=1)
@@ -196,7 +220,7 @@ def _shape(x: np.ndarray, y: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.nda
     return np.stack([before, length - before, height], axis=1)
 
 
-def fitted_twin(shape: np.ndarray, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
+def fitted_twin(shape: Doubles, fit: Fit) -> tuple[Doubles, arrays.Array]:
     """Shapes (n, 3) as strips can hold them, and notes (n)."""
     before, after, height = shape.T
     highest, longest = fit.heights.highest, fit.longest
@@ -214,7 +238,7 @@ def fitted_twin(shape: np.ndarray, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
     return np.stack([before, after, height], axis=1), notes
 
 
-def bins_twin(shape: np.ndarray, fit: Fit) -> np.ndarray:
+def bins_twin(shape: Doubles, fit: Fit) -> arrays.Array:
     """Bins of fitted shapes (n, 3), of which points are zeros."""
     edges = edge_table().astype(np.float64)
     before, after, height = shape.T
@@ -226,8 +250,9 @@ def bins_twin(shape: np.ndarray, fit: Fit) -> np.ndarray:
     return np.where(height > 0, bins, POINTS)
 
 
-def _weights(w: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, shape: np.ndarray) -> np.ndarray:
+def _weights(w: Doubles, roles: Roles, shape: Doubles) -> Doubles:
     """Limited inverse distances as parts of 255, (n, 3), not rounded."""
+    a, b, c = roles
     rows = np.arange(len(a))
     q = np.maximum(w.min(axis=1, keepdims=True) / w, 1 / 255)
     mean = q.mean(axis=1, keepdims=True)
@@ -240,18 +265,20 @@ def _weights(w: np.ndarray, a: np.ndarray, b: np.ndarray, c: np.ndarray, shape: 
         steep |= REACH * most > (height + OUTSIDE) * least
         part = 0.0 if step == 7 else 0.7
         q = np.where(steep[:, None], mean + part * (q - mean), q)
-    return q * 255 / q.max(axis=1, keepdims=True)
+    weights: Doubles = q * 255 / q.max(axis=1, keepdims=True)
+    return weights
 
 
-def near_twin(old: np.ndarray, new: np.ndarray, fit: Fit) -> np.ndarray:
+def near_twin(old: arrays.Array, new: arrays.Array, fit: Fit) -> Bools:
     """Whether bins `new` are within the hysteresis of bins `old`; no point among them."""
     if fit.near_height < 0:
         return np.zeros(len(old), bool)
     alpha, beta, height = (np.abs(n - o) for o, n in zip(indices_of(old), indices_of(new), strict=True))
-    return (alpha <= fit.near_angle) & (beta <= fit.near_angle) & (height <= fit.near_height)
+    near: Bools = (alpha <= fit.near_angle) & (beta <= fit.near_angle) & (height <= fit.near_height)
+    return near
 
 
-def rounded_twin(shape: np.ndarray) -> np.ndarray:
+def rounded_twin(shape: Doubles) -> Longs:
     """Lengths in 1/8 texel, int (n, 3), of fitted shapes; of points as they are."""
     before, after, height = np.floor(UNIT * shape + 0.5).astype(np.int64).T
     return np.stack([before, np.where((before + after < UNIT) & (height > 0), UNIT - before, after), height], axis=1)

@@ -10,9 +10,9 @@ import numpy as np
 from shading_atlas_bench.packers.snakebinning.kernels.bins import ANGLES, BINS, HEIGHTS, POINTS, bin_of, indices_of
 
 if TYPE_CHECKING:
-    from pyopencl.array import Array
-
+    from shading_atlas_bench.arithmetic import arrays
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.packers.snakebinning.kernels.count import UsedBins
 
 HERE = Path(__file__).parent
 
@@ -46,32 +46,32 @@ class Mapping:
         self.device.fill(self.sinks, 0, STAGE)
         self.device.fill(self.keys, NO_KEY, STAGE)
 
-    def update(self, used: Array, count: int, counts: Array, always: bool = False) -> bool:
-        """Give targets to those of `count` used bins, int32, that have none: triangles per bin are `counts` (BINS).
+    def update(self, bins: UsedBins, always: bool = False) -> bool:
+        """Give targets to those of the bins that have none.
 
         Returns whether any bin looks for a sink; if not, no search is launched, unless `always`. New sinks come first,
         then sources look for theirs, then those without one are promoted to sinks themselves.
         """
-        launch, kernels = self.device.launch, self.kernels
-        known = (count, used)
+        launch, kernels, targets, sinks = self.device.launch, self.kernels, self.targets, self.sinks
+        count, used = bins.count, bins.numbers
         self.device.fill(self.sources, 0, STAGE)
-        launch(STAGE, kernels.find_sinks, count, *known, counts, self.most, self.targets, self.sinks, self.sources)
+        launch(STAGE, kernels.find_sinks, count, count, used, bins.triangles, self.most, targets, sinks, self.sources)
         sparse = int(self.sources.get()[0]) > 0
         if not (sparse or always):
             return False
         found = self.device.recycled(count, np.int32)
         if self.search == "hierarchical":
-            launch(STAGE, kernels.add_sinks, count, *known, self.targets, self.keys)
-            launch(STAGE, kernels.search_hierarchy, count, *known, self.targets, self.keys, found)
+            launch(STAGE, kernels.add_sinks, count, count, used, targets, self.keys)
+            launch(STAGE, kernels.search_hierarchy, count, count, used, targets, self.keys, found)
         elif self.search == "exact":
-            launch(STAGE, kernels.search_exactly, count, *known, self.targets, self.sinks, found)
-        launch(STAGE, kernels.apply_mapping, count, *known, found, self.targets, self.sinks)
+            launch(STAGE, kernels.search_exactly, count, count, used, targets, sinks, found)
+        launch(STAGE, kernels.apply_mapping, count, count, used, found, targets, sinks)
         return sparse
 
 
 def map_bins_twin(
-    used: np.ndarray, counts: np.ndarray, most: int, search: str, earlier: np.ndarray | None = None
-) -> np.ndarray:
+    used: arrays.Array, counts: arrays.Array, most: int, search: str, earlier: arrays.Array | None = None
+) -> arrays.Array:
     """Targets int (k) of k used bins with `counts` triangles each, before which only the bins `earlier` are sinks.
 
     The bin of points stays by itself."""
@@ -85,7 +85,7 @@ def map_bins_twin(
     return targets
 
 
-def nearest_sink(source: int, sinks: np.ndarray) -> int | None:
+def nearest_sink(source: int, sinks: arrays.Array) -> int | None:
     """The nearest of `sinks`, ascending, in range; of equally near ones the first."""
     alpha, beta, height = indices_of(source)
     a, b, h = (values - own for values, own in zip(indices_of(sinks), (alpha, beta, height), strict=True))
@@ -94,7 +94,7 @@ def nearest_sink(source: int, sinks: np.ndarray) -> int | None:
     return int(sinks[np.argmin(distance)]) if near.any() else None
 
 
-def first_in_hierarchy(source: int, sinks: np.ndarray) -> int | None:
+def first_in_hierarchy(source: int, sinks: arrays.Array) -> int | None:
     """Of the smallest cell around the source whose most central sink is not lower than the source, that sink."""
     own = np.array(indices_of(source))
     places = np.stack(indices_of(sinks), axis=1)

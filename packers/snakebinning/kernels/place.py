@@ -7,14 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.common.rank import rank_by_class
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Floats, Words
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.snakebinning.kernels.footprint import Footprints
+    from shading_atlas_bench.packers.snakebinning.kernels.pieces import TriangleList
     from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Superblocks
 
 HERE = Path(__file__).parent
@@ -41,54 +45,58 @@ class Places:
     def allocate(cls, device: Device, count: int) -> Places:
         """For a scene of `count` triangles without places."""
         room = max(1, count)
-        arrays = (device.empty(room, np.int32), device.zeros((room, 2), np.int32), device.zeros(room, np.uint32))
-        device.fill(arrays[0], -1)
-        return cls(*arrays, device.zeros((room, 4), np.uint16))
+        placed_at, slots = device.empty(room, np.int32), device.zeros((room, 2), np.int32)
+        places = device.zeros(room, np.uint32)
+        device.fill(placed_at, -1)
+        return cls(placed_at, slots, places, device.zeros((room, 4), np.uint16))
 
 
-def find_new(device: Device, triangles: Array, count: int, rebuilt: int, places: Places, strips: Array) -> Array:
-    """Of `count` triangles, int32, those without a valid slot: uint8 (count) on the device.
+@dataclass(frozen=True)
+class Placement:
+    """Where triangles lie in the atlas: their shapes and bins, the strips of bins, and places in these."""
 
-    rebuilt: frame since which slots count, unless their strip has moved since.
+    footprints: Footprints
+    superblocks: Superblocks
+    places: Places
+
+
+def find_new(device: Device, listed: TriangleList, made_at: int, placement: Placement) -> Array:
+    """Of the triangles listed, those without a valid slot: uint8 (n) on the device.
+
+    made_at: frame since which slots count, unless their strip has moved since.
     """
+    count, places = listed.count, placement.places
     is_new = device.recycled(count, np.uint8)
     kernel = device.build(HERE / "place.cl").find_new
-    known = (triangles, places.placed_at, places.slots, strips)
-    device.launch(STAGE, kernel, count, count, rebuilt, *known, is_new)
+    slots = (places.placed_at, places.slots, placement.superblocks.strips)
+    device.launch(STAGE, kernel, count, count, made_at, listed.ids, *slots, is_new)
     return is_new
 
 
 def place_triangles(
-    device: Device,
-    frame: int,
-    triangles: Array,
-    count: int,
-    is_new: Array,
-    footprints: Footprints,
-    targets: Array,
-    blocks: Superblocks,
-    places: Places,
+    device: Device, frame: int, listed: TriangleList, is_new: Array, targets: Array, placement: Placement
 ) -> None:
-    """Give those of `count` triangles, int32, that are new (uint8) or in strips that have moved slots, in list order.
+    """Give those of the triangles listed that are new (uint8) or in strips that have moved slots, in list order.
 
     targets: int32 (BINS). No place where the strip has no slot left. A triangle wider than its strip's slots is drawn
     as wide as these.
     """
-    kernels = device.build(HERE / "place.cl")
+    kernels, count = device.build(HERE / "place.cl"), listed.count
+    footprints, blocks, places = placement.footprints, placement.superblocks, placement.places
     classes = device.recycled(count, np.int32)
-    known = (triangles, is_new, footprints.bins, targets, blocks.strip_of, blocks.strips)
-    device.launch(STAGE, kernels.find_strips, count, count, frame, *known, classes)
+    strips = (footprints.bins, targets, blocks.strip_of, blocks.strips)
+    device.launch(STAGE, kernels.find_strips, count, count, frame, listed.ids, is_new, *strips, classes)
     ranks, _ = rank_by_class(device, classes, count, blocks.numbers["strips"], STAGE)
-    corners = blocks.live_superblocks()
-    corners = device.upload(np.stack([corners["x"], corners["y"]], axis=1))
-    listed = (count, frame, triangles, classes, ranks, blocks.strips, corners)
-    arrays = (footprints.lengths, places.placed_at, places.slots, places.places, places.drawn)
-    device.launch(STAGE, kernels.place_triangles, count, *listed, *arrays)
+    live = blocks.live_superblocks()
+    corners = device.upload(np.stack([live["x"], live["y"]], axis=1))
+    ranked = (count, frame, listed.ids, classes, ranks, blocks.strips, corners, footprints.lengths)
+    written = (places.placed_at, places.slots, places.places, places.drawn)
+    device.launch(STAGE, kernels.place_triangles, count, *ranked, *written)
 
 
 def place_twin(
-    rank: np.ndarray, strip: np.ndarray, corner: np.ndarray, lengths: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    rank: arrays.Array, strip: NDArray[np.void], corner: arrays.Array, lengths: arrays.Array
+) -> tuple[arrays.Array, arrays.Array]:
     """Places and drawn lengths (n, 3) of triangles with ranks (n) in their parts of strips (STRIP records, n), whose
     superblocks begin at `corner` (n, 2); lengths (n, 3) in 1/8 texel."""
     row, column = np.divmod(rank, np.maximum(strip["per_row"], 1))
@@ -107,7 +115,7 @@ def place_twin(
     return np.where(strip["superblock"] < 0, 0, places), drawn
 
 
-def parts_twin(strips: np.ndarray, number: np.ndarray, rank: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def parts_twin(strips: NDArray[np.void], number: arrays.Array, rank: arrays.Array) -> tuple[arrays.Array, arrays.Array]:
     """Parts of the strips `number` (n) that ranks (n) lie in, -1 beyond their slots, and ranks in these."""
     number, rank = number.copy(), rank.copy()
     for i in range(len(number)):
@@ -120,17 +128,17 @@ def parts_twin(strips: np.ndarray, number: np.ndarray, rank: np.ndarray) -> tupl
     return number, rank
 
 
-def list_records(
-    device: Device, triangles: Array, count: int, places: Places, footprints: Footprints, strips: Array
-) -> tuple[np.ndarray, np.ndarray]:
-    """What a client needs of `count` triangles, int32, and what their mapping did, on the host.
+def list_records(device: Device, listed: TriangleList, placement: Placement) -> tuple[Words, Floats]:
+    """What a client needs of the triangles listed, and what their mapping did, on the host.
 
-    records: uint32 (count, 4): place, before | after << 16, height, and the word of weights and roles; zeros for one
-    without a place. cuts: float32 (count), texels by which the lengths of a triangle in another bin's strip differ from
+    records: uint32 (n, 4): place, before | after << 16, height, and the word of weights and roles; zeros for one
+    without a place. cuts: float32 (n), texels by which the lengths of a triangle in another bin's strip differ from
     its own, -1 in its own bin's.
     """
+    count, footprints, places = listed.count, placement.footprints, placement.places
     records, cuts = device.recycled((max(1, count), 4), np.uint32), device.recycled(count, np.float32)
     kernel = device.build(HERE / "place.cl").list_records
-    arrays = (triangles, places.places, places.drawn, footprints.words, footprints.bins, footprints.lengths)
-    device.launch("structs/records", kernel, count, count, *arrays, places.slots, strips, records, cuts)
+    shapes = (places.drawn, footprints.words, footprints.bins, footprints.lengths)
+    slots = (places.slots, placement.superblocks.strips)
+    device.launch("structs/records", kernel, count, count, listed.ids, places.places, *shapes, *slots, records, cuts)
     return records.get()[:count], cuts.get()[:count]

@@ -10,13 +10,15 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.matrices import dot, product, transform
 from shading_atlas_bench.packers.snakebinning.kernels.corners import locate_corners_twin
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import Pieces
 
 if TYPE_CHECKING:
-    from pyopencl.array import Array
-
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints
     from shading_atlas_bench.kernels.device import Device
 
 MOST = 256  # pieces in a frame
@@ -30,22 +32,22 @@ class Slices:
     """Pieces of sliced triangles: parents int32 (k), corners float64 (k, 3, 3), barycentrics in the parent float64
     (k, 3, 3), and whether each lies inside the frustum, bool (k). Pieces of one parent follow one another."""
 
-    parents: np.ndarray = field(default_factory=lambda: np.empty(0, np.int32))
-    corners: np.ndarray = field(default_factory=lambda: np.empty((0, 3, 3)))
-    bary: np.ndarray = field(default_factory=lambda: np.empty((0, 3, 3)))
-    inside: np.ndarray = field(default_factory=lambda: np.empty(0, bool))
+    parents: Ints = field(default_factory=lambda: np.empty(0, np.int32))
+    corners: Doubles = field(default_factory=lambda: np.empty((0, 3, 3)))
+    bary: Doubles = field(default_factory=lambda: np.empty((0, 3, 3)))
+    inside: Bools = field(default_factory=lambda: np.empty(0, bool))
 
-    def upload(self, device: Device) -> Array:
-        """float32 (MOST, 16) for the kernels."""
+    def upload(self, device: Device, first: int) -> Pieces:
+        """For the kernels, numbered from `first` on."""
         rows = np.zeros((MOST, PIECE_FLOATS), np.float32)
         count = len(self.parents)
         rows[:count, :9] = self.corners.reshape(count, 9)
         rows[:count, 9:15] = self.bary[:, :, 1:].reshape(count, 6)
         rows[:count, 15] = self.parents.astype(np.int32).view(np.float32)
-        return device.upload(rows)
+        return Pieces(first, device.upload(rows))
 
 
-def side_planes(matrix: np.ndarray, margin: float = 0.0) -> np.ndarray:
+def side_planes(matrix: Doubles, margin: float = 0.0) -> Doubles:
     """The four sides of a frustum, float64 (4, 4), positive inside, `margin` further out; matrix: projection @ view."""
     planes = np.stack([matrix[3] + matrix[0], matrix[3] - matrix[0], matrix[3] + matrix[1], matrix[3] - matrix[1]])
     planes /= np.linalg.norm(planes[:, :3], axis=1, keepdims=True)
@@ -53,9 +55,10 @@ def side_planes(matrix: np.ndarray, margin: float = 0.0) -> np.ndarray:
     return planes
 
 
-def split_polygon(polygon: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def split_polygon(polygon: Doubles, distances: Doubles) -> tuple[Doubles, Doubles]:
     """The parts of a convex polygon, rows (n, 3), where linear `distances` (n) are positive, and where they are not."""
-    kept, rest = [], []
+    kept: list[Doubles] = []
+    rest: list[Doubles] = []
     for i in range(len(polygon)):
         j = (i + 1) % len(polygon)
         (kept if distances[i] > 0 else rest).append(polygon[i])
@@ -68,30 +71,32 @@ def split_polygon(polygon: np.ndarray, distances: np.ndarray) -> tuple[np.ndarra
     return np.array(kept).reshape(-1, 3), np.array(rest).reshape(-1, 3)
 
 
-def _distances(polygon: np.ndarray, corners: np.ndarray, plane: np.ndarray) -> np.ndarray:
+def _distances(polygon: Doubles, corners: Doubles, plane: Doubles) -> Doubles:
     """Of the points with barycentrics `polygon` (n, 3) in a triangle from a plane."""
     return dot(polygon, dot(corners, plane[:3]) + plane[3])
 
 
-def cut(corners: np.ndarray, matrix: np.ndarray, margin: float) -> tuple[list[np.ndarray], list[np.ndarray]]:
+def cut(corners: Doubles, matrix: Doubles, margin: float) -> tuple[list[Doubles], list[Doubles]]:
     """Barycentrics (n, 3, 3) of pieces of a triangle, corners (3, 3): inside a frustum `margin` wider than that of
     `matrix`, cut along its two middle planes, so that each fits a screen of its own; and outside."""
-    inside, outside = [np.eye(3)], []
+    inside: list[Doubles] = [np.eye(3)]
+    outside: list[Doubles] = []
     for plane in side_planes(matrix, margin):
         parts = [split_polygon(p, _distances(p, corners, plane)) for p in inside]
-        inside, outside = [kept for kept, _ in parts if len(kept) > 2], outside + [r for _, r in parts if len(r) > 2]
+        inside = [kept for kept, _ in parts if len(kept) > 2]
+        outside += [rest for _, rest in parts if len(rest) > 2]
     for plane in (matrix[0], matrix[1]):
-        parts = [part for p in inside for part in split_polygon(p, _distances(p, corners, plane))]
-        inside = [part for part in parts if len(part) > 2]
+        halves = [half for p in inside for half in split_polygon(p, _distances(p, corners, plane))]
+        inside = [half for half in halves if len(half) > 2]
     return _fans(inside), _fans(outside)
 
 
-def _fans(polygons: list[np.ndarray]) -> list[np.ndarray]:
+def _fans(polygons: list[Doubles]) -> list[Doubles]:
     pieces = [polygon[[0, i, i + 1]] for polygon in polygons for i in range(1, len(polygon) - 1)]
     return [piece for piece in pieces if np.abs(weight_steps(piece[None])).sum(axis=2).max() <= LEAST]
 
 
-def weight_steps(bary: np.ndarray) -> np.ndarray:
+def weight_steps(bary: Doubles) -> Doubles:
     """By how much the weights of a piece's corners change where barycentrics 1 and 2 in its parent are rounded to
     float32: float64 (k, 3, 2), for one and the other, infinite for a piece without area. bary: (k, 3, 3), those of
     the corners of k pieces."""
@@ -105,7 +110,7 @@ def weight_steps(bary: np.ndarray) -> np.ndarray:
     return np.where((area == 0)[:, None, None], np.inf, steps)
 
 
-def texel_steps(bary: np.ndarray, lengths: np.ndarray, words: np.ndarray) -> np.ndarray:
+def texel_steps(bary: Doubles, lengths: arrays.Array, words: arrays.Array) -> Doubles:
     """By how many texels of the atlas that rounding moves a sample of each of k pieces, in the worse direction and at
     the worst of its corners: float64 (k). lengths, words: of the pieces, as in Footprints."""
     place = locate_corners_twin(np.ones(len(bary), np.uint32), lengths, words)  # anywhere
@@ -114,10 +119,11 @@ def texel_steps(bary: np.ndarray, lengths: np.ndarray, words: np.ndarray) -> np.
     # The derivative of sum(lambda x w) / sum(lambda w) by a weight, at each corner.
     moved = (at[:, :, None] - at[:, None]) * (w[:, :, None] / w[:, None])[..., None]
     steps = product(moved.transpose(0, 2, 3, 1), weight_steps(bary)[:, None])
-    return np.abs(steps).sum(axis=3).max(axis=(1, 2), initial=0)
+    worst: Doubles = np.abs(steps).sum(axis=3).max(axis=(1, 2), initial=0)
+    return worst
 
 
-def screen_shares(corners: np.ndarray, matrix: np.ndarray) -> np.ndarray:
+def screen_shares(corners: Doubles, matrix: Doubles) -> Doubles:
     """Shares of a view's picture, `matrix` = projection @ view, that triangles, corners (n, 3, 3), cover if nothing
     hides them: float64 (n)."""
     points, count = transform(matrix, corners)[..., [0, 1, 3]], np.full(len(corners), 3)
@@ -131,7 +137,7 @@ def screen_shares(corners: np.ndarray, matrix: np.ndarray) -> np.ndarray:
     return np.where(count < 3, 0.0, np.where((w > 0).all(axis=1), area, 1.0))  # or it reaches the eye
 
 
-def _clip(points: np.ndarray, count: np.ndarray, distances: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _clip(points: Doubles, count: NDArray[np.intp], distances: Doubles) -> tuple[Doubles, NDArray[np.intp]]:
     """The parts of convex polygons, of `count` (n) corners each, points (n, m, 3), where linear `distances` (n, m) are
     positive: points (n, m + 1, 3), and how many count."""
     most = points.shape[1]
@@ -148,7 +154,7 @@ def _clip(points: np.ndarray, count: np.ndarray, distances: np.ndarray) -> tuple
 
 
 def slice_dominating(
-    ids: np.ndarray, corners: np.ndarray, clients: list[np.ndarray], server: np.ndarray, margin: float, share: float
+    ids: arrays.Array, corners: Doubles, clients: list[Doubles], server: Doubles, margin: float, share: float
 ) -> Slices:
     """Slices of those triangles, ids (n) and corners float64 (n, 3, 3), that cover at least `share` of the picture of
     one of the client views, given as projection @ view.
@@ -157,14 +163,17 @@ def slice_dominating(
     move a little before they see a piece outside.
     """
     server = server * np.array([1 / WIDER, 1 / WIDER, 1, 1])[:, None]
-    parents, places, bary, inside = [], [], [], []
+    parents: list[int] = []
+    places: list[Doubles] = []
+    bary: list[Doubles] = []
+    inside: list[bool] = []
     dominating = np.flatnonzero(np.max([screen_shares(corners, client) for client in clients], axis=0) >= share)
     for triangle, triangle_corners in zip(ids[dominating], corners[dominating], strict=True):
         within, beyond = cut(triangle_corners, server, margin)
         if len(parents) + len(within) + len(beyond) > MOST:
             break
         for piece, is_inside in [(p, True) for p in within] + [(p, False) for p in beyond]:
-            parents.append(triangle)
+            parents.append(int(triangle))
             bary.append(piece)
             places.append(product(piece, triangle_corners))
             inside.append(is_inside)

@@ -14,19 +14,21 @@ from shading_atlas_bench.kernels.samples import Samples
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
 
 
-def piece_maps(bary: np.ndarray) -> np.ndarray:
+def piece_maps(bary: arrays.Array) -> Doubles:
     """float64 (k, 6): what takes barycentrics 1 and 2 in the parent to those in pieces: o1 and o2 of the piece's corner
     0, then a, b of a (b1 - o1) + b (b2 - o2) for the piece's 1, then for its 2. bary: (k, 3, 2), those of the pieces'
     corners in the parent."""
-    bary = bary.astype(np.float64)
-    edges = (bary[:, 1:] - bary[:, :1]).transpose(0, 2, 1)
+    corners = bary.astype(np.float64)
+    edges = (corners[:, 1:] - corners[:, :1]).transpose(0, 2, 1)
     steps = inverse(edges)
-    return np.concatenate([bary[:, 0], steps.reshape(-1, 4)], axis=1)
+    return np.concatenate([corners[:, 0], steps.reshape(-1, 4)], axis=1)
 
 
 def split_samples(device: Device, samples: Samples, triangles: int, pieces: Array, maps: Array, stage: str) -> Samples:
@@ -38,14 +40,14 @@ def split_samples(device: Device, samples: Samples, triangles: int, pieces: Arra
     """
     split = replace(Samples.allocate(device, samples.count), footprint=samples.footprint, texel=samples.texel)
     kernel = device.build(HERE / "split.cl").split_samples
-    arrays = [(s.triangle, s.bary1, s.bary2) for s in (samples, split)]
-    device.launch(stage, kernel, samples.count, samples.count, triangles, pieces, maps, *arrays[0], *arrays[1])
+    before, after = ((s.triangle, s.bary1, s.bary2) for s in (samples, split))
+    device.launch(stage, kernel, samples.count, samples.count, triangles, pieces, maps, *before, *after)
     return split
 
 
 def split_samples_twin(
-    triangle: np.ndarray, bary: np.ndarray, pieces: np.ndarray, maps: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    triangle: arrays.Array, bary: arrays.Array, pieces: arrays.Array, maps: arrays.Array
+) -> tuple[arrays.Array, Doubles]:
     """The same for triangles (n) and barycentrics (n, 2), float64."""
     triangle, bary = triangle.copy(), bary.astype(np.float64)
     first, count = pieces[triangle].T

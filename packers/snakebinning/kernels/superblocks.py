@@ -7,15 +7,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.packers.snakebinning.kernels.bins import BINS, COLUMN
-from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, row_width, slot_shape, slots_in
+from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, SlotShape, row_width, slot_shape, slots_in
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Ints
     from shading_atlas_bench.kernels.device import Device
-    from shading_atlas_bench.packers.snakebinning.kernels.count import BinCounts
+    from shading_atlas_bench.packers.snakebinning.kernels.count import UsedBins
 
 HERE = Path(__file__).parent
 
@@ -79,7 +82,7 @@ class Superblocks:
         self.numbers = {name: kept.get(name, -1 if name == "free" else 0) for name in STATE}
         self.state.set(np.array(list(self.numbers.values()), np.int32))
 
-    def update(self, frame: int, bins: BinCounts, targets: Array, tops: Array, frozen: bool) -> bool:
+    def update(self, frame: int, bins: UsedBins, targets: Array, tops: Array, frozen: bool) -> bool:
         """Give every strip of this frame its place; False if the atlas has no room for some triangles.
 
         A strip that has room nowhere as a whole lies in several parts. numbers["left"] is how many triangles have none.
@@ -88,13 +91,13 @@ class Superblocks:
         frozen: the triangles counted join those that strips have, and nothing moves: a strip that they outgrow gets a
         further part.
         """
-        self._grow(self.numbers["strips"] + bins.used_count + PARTS)
+        self._grow(self.numbers["strips"] + bins.count + PARTS)
         a = self.atlas
-        counted = (bins.used_count, bins.used, targets, bins.counts, bins.widest, tops)
-        rules = (a.width, a.lines, a.height, a.capacity, a.shrink, a.collapse, ENLARGE[a.enlarge])
-        rules += (FITS[a.fit], ORDERS[a.orphans], len(self.strips), len(self.blocks))
-        arrays = (self.strips, self.blocks, self.state, self.orphans, self.strip_of)
-        self.device.launch(STAGE, self.kernels.manage, 1, frame, int(frozen), *counted, *rules, *arrays, local=1)
+        counted = (bins.count, bins.numbers, targets, bins.triangles, bins.widest, tops)
+        room = (a.width, a.lines, a.height, a.capacity, a.shrink, a.collapse)
+        rules = (ENLARGE[a.enlarge], FITS[a.fit], ORDERS[a.orphans])
+        kept = (len(self.strips), len(self.blocks), self.strips, self.blocks, self.state, self.orphans, self.strip_of)
+        self.device.launch(STAGE, self.kernels.manage, 1, frame, int(frozen), *counted, *room, *rules, *kept, local=1)
         self.numbers = dict(zip(STATE, map(int, self.state.get()), strict=True))
         return not self.numbers["left"]
 
@@ -106,57 +109,107 @@ class Superblocks:
         larger[: len(self.strips)] = self.strips.get()
         self.strips, self.orphans = self.device.upload(larger), self.device.empty(len(larger), np.int32)
 
-    def live_strips(self) -> np.ndarray:
+    def live_strips(self) -> NDArray[np.void]:
         """The strips that have triangles, and their further parts, as STRIP records."""
         strips = self.strips.get()[: self.numbers["strips"]]
         return strips[strips["bin"] >= 0]
 
-    def live_superblocks(self) -> np.ndarray:
+    def live_superblocks(self) -> NDArray[np.void]:
         """The superblocks, as SUPERBLOCK records."""
         return self.blocks.get()[: self.numbers["superblocks"]]
 
 
+@dataclass(eq=False)
+class PartTwin:
+    """Whole rows of a strip in a superblock, given by its place in the list; entry: of a further part, else None."""
+
+    block: int
+    y: int
+    rows: int
+    per_row: int
+    lines: int
+    entry: int | None
+
+    @property
+    def slots(self) -> int:
+        return self.rows * self.per_row
+
+
+@dataclass(eq=False)
+class StripTwin:
+    """As the fields of a strip in strip.cl; need: the lengths that this frame's triangles need, before and after."""
+
+    count: int = 0
+    base: int = 0
+    need: tuple[int, int] = (0, 0)
+    native: bool = False
+    shape: SlotShape = field(default_factory=SlotShape)
+    parts: list[PartTwin] = field(default_factory=list)
+
+
+@dataclass(eq=False)
+class BlockTwin:
+    """A superblock with its parts from top to bottom; peak: most lines of texels in them since it was empty."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+    parts: list[PartTwin] = field(default_factory=list)
+    peak: int = 0
+
+    @property
+    def used(self) -> int:
+        """Lines of texels in parts."""
+        return sum(part.rows * part.lines for part in self.parts)
+
+    @property
+    def gaps(self) -> list[GapTwin]:
+        """The gaps above, between and below the parts, those without lines too."""
+        ends = [0, *(part.y + part.rows * part.lines for part in self.parts)]
+        starts = [*(part.y for part in self.parts), self.height]
+        return [GapTwin(end, start - end, i) for i, (end, start) in enumerate(zip(ends, starts, strict=True))]
+
+
+@dataclass(frozen=True)
+class GapTwin:
+    """Free lines of a superblock: the first, how many, and between which of its parts."""
+
+    y: int
+    lines: int
+    index: int
+
+
 @dataclass
 class SuperblocksTwin:
-    """The same on the host: strips by bin, each with its parts; superblocks as lists of parts from top to bottom."""
+    """The same on the host: strips by bin; entries: bins in the order of the kernel's entries, None for parts."""
 
     atlas: Atlas
-    strips: dict[int, dict] = field(default_factory=dict)
-    blocks: list[dict] = field(default_factory=list)
-    entries: list[int | None] = field(default_factory=list)  # bins in the order of the kernel's entries, None for parts
+    strips: dict[int, StripTwin] = field(default_factory=dict)
+    blocks: list[BlockTwin] = field(default_factory=list)
+    entries: list[int | None] = field(default_factory=list)
     free: list[int] = field(default_factory=list)
     cursor: tuple[int, int] = (0, 0)  # where the next superblock goes
+    left: int = 0
+    frozen: bool = False
 
     def update_twin(
         self,
-        used: np.ndarray,
-        targets: np.ndarray,
-        counts: np.ndarray,
-        widest: np.ndarray,
-        tops: np.ndarray,
+        used: arrays.Array,
+        targets: arrays.Array,
+        counts: arrays.Array,
+        widest: arrays.Array,
+        tops: Ints,
         frozen: bool = False,
     ) -> bool:
         """Place the strips of k used bins: their targets, triangles (k) and widest lengths (k, 2)."""
         self.left, self.frozen = 0, frozen
-        self._collect(used, targets, counts, widest, frozen)
-        orphans = []
-        for entry, number in enumerate(self.entries):
-            if number is None:
-                continue
-            strip = self.strips[number]
-            if strip["count"] == 0:
-                self._take_out(number)
-                del self.strips[number]
-                self._release(entry)
-            elif strip["parts"]:
-                orphans += [number] if self._is_orphan(number, frozen) else []
-            else:
-                self._shape(number, tops)
-                orphans += [] if self._attach_anywhere(number) else [number]
+        self._collect(used, targets, counts, widest)
+        orphans = self._place_kept(tops)
         if not frozen:
             orphans += self._collapse()
         for number in orphans:
-            if not self.strips[number]["parts"]:
+            if not self.strips[number].parts:
                 self._shape(number, tops)
         made = None  # the superblock that an orphan got new last
         for number in sorted(orphans, key=lambda n: -self._class(self.strips[n])):
@@ -168,21 +221,38 @@ class SuperblocksTwin:
                 self.left += self._place_in_parts(number)
         return not self.left
 
-    def _collect(self, used: np.ndarray, targets: np.ndarray, counts: np.ndarray, widest: np.ndarray, frozen: bool):
+    def _collect(self, used: arrays.Array, targets: arrays.Array, counts: arrays.Array, widest: arrays.Array) -> None:
         for strip in self.strips.values():
-            kept = strip["count"] if frozen else 0
-            strip.update(count=kept, base=kept, need=(0, 0), native=False)
-        for number, target, count, wide in zip(used, targets, counts, widest, strict=True):
+            strip.count = strip.base = strip.count if self.frozen else 0
+            strip.need, strip.native = (0, 0), False
+        for number, target, count, wide in zip(used, targets, counts, widest.tolist(), strict=True):
             if target not in self.strips:
-                self.strips[target] = dict.fromkeys(("count", "base", "before8", "after8"), 0)
-                self.strips[target] |= {"parts": [], "need": (0, 0), "native": False}
+                self.strips[target] = StripTwin()
                 self.entries[self._entry()] = target
             strip = self.strips[target]
-            strip["count"] += int(count)
+            strip.count += int(count)
             if number == target:
-                strip.update(native=True, need=(int(wide[0]), int(wide[1])))
-            elif not strip["native"]:
-                strip["need"] = tuple(max(a, int(b)) for a, b in zip(strip["need"], wide, strict=True))
+                strip.native, strip.need = True, (wide[0], wide[1])
+            elif not strip.native:
+                strip.need = (max(strip.need[0], wide[0]), max(strip.need[1], wide[1]))
+
+    def _place_kept(self, tops: Ints) -> list[int]:
+        """Take out strips without triangles, keep or place the others; those that have no place, or not enough."""
+        orphans = []
+        for entry, number in enumerate(self.entries):
+            if number is None:
+                continue
+            strip = self.strips[number]
+            if strip.count == 0:
+                self._take_out(number)
+                del self.strips[number]
+                self._release(entry)
+            elif strip.parts:
+                orphans += [number] if self._is_orphan(number) else []
+            else:
+                self._shape(number, tops)
+                orphans += [] if self._attach_anywhere(number) else [number]
+        return orphans
 
     def _entry(self) -> int:
         if self.free:
@@ -196,59 +266,51 @@ class SuperblocksTwin:
 
     def _take_out(self, number: int) -> None:
         """All parts of a strip out of their superblocks; only the first has the strip's own entry."""
-        for part in self.strips[number]["parts"]:
-            block = self.blocks[part["block"]]
-            block["parts"] = [other for other in block["parts"] if other is not part]
-            block["peak"] = block["peak"] if block["parts"] else 0
-            if part["entry"] is not None:
-                self._release(part["entry"])
-        self.strips[number]["parts"] = []
+        for part in self.strips[number].parts:
+            block = self.blocks[part.block]
+            block.parts = [other for other in block.parts if other is not part]
+            block.peak = block.peak if block.parts else 0
+            if part.entry is not None:
+                self._release(part.entry)
+        self.strips[number].parts = []
 
-    def _rest(self, number: int) -> dict:
-        """A strip with those of its triangles that have no slot."""
+    def _rest(self, number: int) -> StripTwin:
+        """A strip with those of its triangles that have no slot; its parts are the strip's own list."""
         strip = self.strips[number]
-        return strip | {"count": strip["count"] - sum(part["rows"] * part["per_row"] for part in strip["parts"])}
+        return replace(strip, count=strip.count - sum(part.slots for part in strip.parts))
 
-    def _is_orphan(self, number: int, frozen: bool) -> bool:
+    def _is_orphan(self, number: int) -> bool:
         """Shrink a placed strip, or take it out; in a frozen frame, whether it needs a further part."""
-        strip = self.strips[number]
-        room = sum(part["rows"] * part["per_row"] for part in strip["parts"])
-        wide = (
-            strip["native"]
-            and not frozen
-            and any(
-                8 * need > 9 * strip[name] + 32 for need, name in zip(strip["need"], ("before8", "after8"), strict=True)
-            )
-        )
-        sparse = not frozen and strip["count"] < self.atlas.shrink * room
-        if strip["count"] > room or wide or (sparse and len(strip["parts"]) > 1):
+        strip, frozen = self.strips[number], self.frozen
+        room = sum(part.slots for part in strip.parts)
+        has = (strip.shape.before8, strip.shape.after8)
+        too_wide = any(8 * need > 9 * own + 32 for need, own in zip(strip.need, has, strict=True))
+        wide = strip.native and not frozen and too_wide
+        sparse = not frozen and strip.count < self.atlas.shrink * room
+        if strip.count > room or wide or (sparse and len(strip.parts) > 1):
             if not frozen:
                 self._take_out(number)
             return True
         if sparse:
-            part = strip["parts"][0]
-            part["rows"] = min(part["rows"], self._rows(strip, part["per_row"]))
+            part = strip.parts[0]
+            part.rows = min(part.rows, self._rows(strip, part.per_row))
         return False
 
-    def _shape(self, number: int, tops: np.ndarray) -> None:
+    def _shape(self, number: int, tops: Ints) -> None:
         strip = self.strips[number]
-        need = np.maximum(strip["need"], [strip["before8"], strip["after8"]]) if self.frozen else strip["need"]
-        strip.update(slot_shape(*map(int, need), int(tops[number % COLUMN]), self.atlas.enlarge))
+        before, after = strip.need
+        if self.frozen:
+            before, after = max(before, strip.shape.before8), max(after, strip.shape.after8)
+        strip.shape = slot_shape(before, after, int(tops[number % COLUMN]), self.atlas.enlarge)
 
-    def _room(self, strip: dict) -> int:
-        return max(strip["count"], int(np.float32(self.atlas.capacity) * np.float32(strip["count"])))
+    def _room(self, strip: StripTwin) -> int:
+        return max(strip.count, int(np.float32(self.atlas.capacity) * np.float32(strip.count)))
 
-    def _rows(self, strip: dict, per_row: int) -> int:
+    def _rows(self, strip: StripTwin, per_row: int) -> int:
         return -(-self._room(strip) // per_row)
 
-    def _wanted(self, strip: dict) -> float:
-        return 0.5 * self.atlas.capacity * strip["count"] * strip["period"] * strip["lines"]
-
-    def _gaps(self, block: dict) -> list[tuple[int, int, int]]:
-        """First lines of the gaps of a superblock, their heights, and their places among the parts."""
-        ends = [0, *(part["y"] + part["rows"] * part["lines"] for part in block["parts"])]
-        starts = [*(part["y"] for part in block["parts"]), block["height"]]
-        return [(end, start - end, place) for place, (end, start) in enumerate(zip(ends, starts, strict=True))]
+    def _wanted(self, strip: StripTwin) -> float:
+        return 0.5 * self.atlas.capacity * strip.count * strip.shape.period * strip.shape.lines
 
     def _attach_anywhere(self, number: int, snug: bool = True) -> bool:
         strip = self._rest(number)
@@ -257,13 +319,13 @@ class SuperblocksTwin:
         for index, block in enumerate(self.blocks):
             if not self._has_room(strip, block):
                 continue
-            area = self._rows(strip, slots_in(strip, block["width"])) * strip["lines"] * block["width"]
+            area = self._rows(strip, slots_in(strip.shape, block.width)) * strip.shape.lines * block.width
             if area <= most:
                 choices.append((index, area))
         if not choices:
             return False
         good = [c for c in choices if self.atlas.fit == "best" and c[1] <= 1.2 * self._wanted(strip)]
-        best = max(good, key=lambda c: self.blocks[c[0]]["width"]) if good else min(choices, key=lambda c: c[1])
+        best = max(good, key=lambda c: self.blocks[c[0]].width) if good else min(choices, key=lambda c: c[1])
         best = choices[0] if self.atlas.fit in ("first", "next") else best
         self._attach(number, best[0])
         return True
@@ -271,33 +333,29 @@ class SuperblocksTwin:
     def _attach_orphan(self, number: int, made: int | None) -> bool:
         if self.atlas.fit != "next":
             return self._attach_anywhere(number)
-        fits = made is not None and self._has_room(self._rest(number), self.blocks[made])
-        if fits:
-            self._attach(number, made)
-        return fits
+        if made is None or not self._has_room(self._rest(number), self.blocks[made]):
+            return False
+        self._attach(number, made)
+        return True
 
-    def _has_room(self, strip: dict, block: dict) -> bool:
+    def _has_room(self, strip: StripTwin, block: BlockTwin) -> bool:
         """Whether a gap of a superblock holds the strip as a whole."""
-        per_row = slots_in(strip, block["width"])
-        lines = self._rows(strip, per_row) * strip["lines"] if per_row else 0
-        return per_row > 0 and any(height >= lines for _, height, _ in self._gaps(block))
+        per_row = slots_in(strip.shape, block.width)
+        lines = self._rows(strip, per_row) * strip.shape.lines if per_row else 0
+        return per_row > 0 and any(gap.lines >= lines for gap in block.gaps)
 
     def _attach(self, number: int, index: int) -> None:
         strip, block = self._rest(number), self.blocks[index]
-        rows = self._rows(strip, slots_in(strip, block["width"]))
-        gap = next(gap for gap in self._gaps(block) if gap[1] >= rows * strip["lines"])
+        rows = self._rows(strip, slots_in(strip.shape, block.width))
+        gap = next(gap for gap in block.gaps if gap.lines >= rows * strip.shape.lines)
         self._insert(strip, index, gap, rows)
 
-    def _insert(self, strip: dict, index: int, gap: tuple[int, int, int], rows: int) -> None:
-        block, entry = self.blocks[index], self._entry() if strip["parts"] else None
-        part = {"block": index, "y": gap[0], "rows": rows, "per_row": slots_in(strip, block["width"]), "entry": entry}
-        part["lines"] = strip["lines"]
-        strip["parts"].append(part)
-        block["parts"].insert(gap[2], part)
-        block["peak"] = max(block["peak"], self._used(block))
-
-    def _used(self, block: dict) -> int:
-        return sum(part["rows"] * part["lines"] for part in block["parts"])
+    def _insert(self, strip: StripTwin, index: int, gap: GapTwin, rows: int) -> None:
+        block, entry = self.blocks[index], self._entry() if strip.parts else None
+        part = PartTwin(index, gap.y, rows, slots_in(strip.shape, block.width), strip.shape.lines, entry)
+        strip.parts.append(part)
+        block.parts.insert(gap.index, part)
+        block.peak = max(block.peak, block.used)
 
     def _create(self, number: int) -> bool:
         index = self._open(self._rest(number), True)
@@ -305,10 +363,10 @@ class SuperblocksTwin:
             self._attach(number, index)
         return index is not None
 
-    def _open(self, strip: dict, whole: bool) -> int | None:
+    def _open(self, strip: StripTwin, whole: bool) -> int | None:
         """A new superblock for a strip or a part of it."""
         atlas, (x, y) = self.atlas, self.cursor
-        height = self.blocks[-1]["height"] if x > 0 else self._band_height(strip, atlas.lines - y)
+        height = self.blocks[-1].height if x > 0 else self._band_height(strip, atlas.lines - y)
         width = self._width(strip, atlas.width - x, height, whole)
         if not width and x > 0:
             x, y = 0, y + height
@@ -316,71 +374,71 @@ class SuperblocksTwin:
             width = self._width(strip, atlas.width, height, whole)
         if not width:
             return None
-        self.blocks.append({"x": x, "y": y, "width": width, "height": height, "parts": [], "peak": 0})
+        self.blocks.append(BlockTwin(x, y, width, height))
         self.cursor = (x + width, y)
         return len(self.blocks) - 1
 
-    def _square(self, strip: dict) -> int:
-        return max(1, int(np.sqrt(self._wanted(strip)) / strip["period"] + 0.5))
+    def _square(self, strip: StripTwin) -> int:
+        return max(1, int(np.sqrt(self._wanted(strip)) / strip.shape.period + 0.5))
 
-    def _band_height(self, strip: dict, left: int) -> int:
+    def _band_height(self, strip: StripTwin, left: int) -> int:
         if self.atlas.fit != "tight":
             return self.atlas.height if self.atlas.height <= left else 0
-        return min(left, self.atlas.height, self._rows(strip, 2 * self._square(strip)) * strip["lines"])
+        return min(left, self.atlas.height, self._rows(strip, 2 * self._square(strip)) * strip.shape.lines)
 
-    def _width(self, strip: dict, left: int, height: int, whole: bool) -> int:
-        blocks = self._square(strip)
-        while row_width(strip, 2 * blocks) < left and self._rows(strip, 2 * blocks) * strip["lines"] > height:
+    def _width(self, strip: StripTwin, left: int, height: int, whole: bool) -> int:
+        blocks, shape = self._square(strip), strip.shape
+        while row_width(shape, 2 * blocks) < left and self._rows(strip, 2 * blocks) * shape.lines > height:
             blocks += 1 + blocks // 8
-        per_row = min(1 if self._room(strip) == 1 else 2 * blocks, slots_in(strip, left))
-        too_high = whole and self._rows(strip, max(per_row, 1)) * strip["lines"] > height
-        return 0 if not per_row or height < strip["lines"] or too_high else row_width(strip, per_row)
+        per_row = min(1 if self._room(strip) == 1 else 2 * blocks, slots_in(shape, left))
+        too_high = whole and self._rows(strip, max(per_row, 1)) * shape.lines > height
+        return 0 if not per_row or height < shape.lines or too_high else row_width(shape, per_row)
 
-    def _class(self, strip: dict) -> int:
+    def _class(self, strip: StripTwin) -> int:
         if self.atlas.fit == "tight":
-            return strip["lines"]
-        return _width_class(strip["extent"] + 1) if self.atlas.orphans == "widest" else 0
+            return strip.shape.lines
+        return _width_class(strip.shape.extent + 1) if self.atlas.orphans == "widest" else 0
 
     def _place_in_parts(self, number: int) -> int:
         """Give a strip parts; how many triangles have no slot then."""
         rest, atlas = self._rest(number), self.atlas
-        rest["count"] = self._room(rest)
+        rest.count = self._room(rest)
         self.atlas = replace(atlas, capacity=1.0)
-        while rest["count"] > 0 and (found := self._next_gap(rest)) is not None:
+        while rest.count > 0 and (found := self._next_gap(rest)) is not None:
             index, gap = found
-            per_row = slots_in(rest, self.blocks[index]["width"])
-            rows = min(-(-rest["count"] // per_row), gap[1] // rest["lines"])
+            per_row = slots_in(rest.shape, self.blocks[index].width)
+            rows = min(-(-rest.count // per_row), gap.lines // rest.shape.lines)
             self._insert(rest, index, gap, rows)
-            rest["count"] -= rows * per_row
+            rest.count -= rows * per_row
         self.atlas = atlas
-        return max(0, self._rest(number)["count"])
+        return max(0, self._rest(number).count)
 
-    def _next_gap(self, rest: dict) -> tuple[int, tuple[int, int, int]] | None:
+    def _next_gap(self, rest: StripTwin) -> tuple[int, GapTwin] | None:
         """A superblock, and a gap in it, for a part of what is left of a strip: a new one, else the roomiest gap."""
         index = self._open(rest, False)
         if index is not None:
-            return index, (0, self.blocks[index]["height"], 0)
-        gaps = [
-            (min(rest["count"], gap[1] // rest["lines"] * slots_in(rest, block["width"])), index, gap)
-            for index, block in enumerate(self.blocks)
-            for gap in self._gaps(block)
-        ]
-        slots, index, gap = max(gaps, key=lambda found: found[0], default=(0, 0, None))
-        return (index, gap) if slots > 0 else None
+            return index, GapTwin(0, self.blocks[index].height, 0)
+        most, roomiest = 0, None
+        for index, block in enumerate(self.blocks):
+            for gap in block.gaps:
+                slots = min(rest.count, gap.lines // rest.shape.lines * slots_in(rest.shape, block.width))
+                if slots > most:
+                    most, roomiest = slots, (index, gap)
+        return roomiest
 
     def _collapse(self) -> list[int]:
         orphans = []
         for block in self.blocks:
-            if not block["parts"] or self._used(block) >= self.atlas.collapse * block["peak"]:
+            if not block.parts or block.used >= self.atlas.collapse * block.peak:
                 continue
-            for part in list(block["parts"]):
-                owner = [number for number, strip in self.strips.items() if any(p is part for p in strip["parts"])]
+            for part in list(block.parts):
+                owner = [number for number, strip in self.strips.items() if any(p is part for p in strip.parts)]
                 for number in owner:  # none where an earlier part of the strip was among these
                     self._take_out(number)
                     orphans.append(number)
-        while self.blocks and not self.blocks[-1]["parts"]:
+        while self.blocks and not self.blocks[-1].parts:
             gone = self.blocks.pop()
-            self.cursor = (gone["x"], gone["y"])
+            self.cursor = (gone.x, gone.y)
         return orphans
 
 

@@ -1,7 +1,6 @@
 """Kernels of SnakeBinning against their twins, on random and on adversarial input."""
 
-from dataclasses import replace
-from types import SimpleNamespace
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -23,7 +22,7 @@ from shading_atlas_bench.packers.snakebinning.kernels.bins import (
 from shading_atlas_bench.packers.snakebinning.kernels.clear import clear_strips, clear_strips_twin
 from shading_atlas_bench.packers.snakebinning.kernels.corners import locate_corners, locate_corners_twin
 from shading_atlas_bench.packers.snakebinning.kernels.count import BinCounts, count_bins_twin
-from shading_atlas_bench.packers.snakebinning.kernels.emit import emit_samples, emit_twin
+from shading_atlas_bench.packers.snakebinning.kernels.emit import Blowup, PlacedTriangle, emit_samples, emit_twin
 from shading_atlas_bench.packers.snakebinning.kernels.footprint import (
     CLIPPED,
     KEPT,
@@ -39,14 +38,16 @@ from shading_atlas_bench.packers.snakebinning.kernels.footprint import (
     pack_views,
     rounded_twin,
 )
-from shading_atlas_bench.packers.snakebinning.kernels.inputs import crowd
+from shading_atlas_bench.packers.snakebinning.kernels.inputs import crowd, table_of, upload_bins
 from shading_atlas_bench.packers.snakebinning.kernels.mapping import (
     Mapping,
     first_in_hierarchy,
     map_bins_twin,
     nearest_sink,
 )
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
 from shading_atlas_bench.packers.snakebinning.kernels.place import (
+    Placement,
     Places,
     find_new,
     list_records,
@@ -65,6 +66,7 @@ from shading_atlas_bench.packers.snakebinning.kernels.slices import (
 )
 from shading_atlas_bench.packers.snakebinning.kernels.split import piece_maps, split_samples, split_samples_twin
 from shading_atlas_bench.packers.snakebinning.kernels.strip import (
+    SlotShape,
     lines_of,
     needed_columns,
     row_width,
@@ -88,15 +90,14 @@ class Soup:
     def __init__(self, device, corners: np.ndarray, fit: Fit = FIT, seen: np.ndarray | None = None) -> None:
         self.count, self.corners = len(corners), corners
         indices = np.arange(3 * self.count).reshape(-1, 3)
-        self.scene = Triangles.upload(device, corners.reshape(-1, 3), indices, np.zeros(self.count))
-        self.ids = device.upload(np.arange(self.count, dtype=np.int32))
-        self.state = Footprints.allocate(device, self.count)
-        self.device, self.pieces = device, (self.count, Slices().upload(device))
+        triangles = Triangles.upload(device, corners.reshape(-1, 3), indices, np.zeros(self.count))
+        self.scene = SlicedScene(triangles, Slices().upload(device, self.count))
+        self.listed = TriangleList.upload(device, np.arange(self.count, dtype=np.int32))
+        self.device, self.state = device, Footprints.allocate(device, self.count)
         self.notes, self.areas = self.measure(fit, views() if seen is None else seen)
 
     def measure(self, fit: Fit, seen: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        known = (self.ids, self.count, self.scene.positions, self.scene.indices, self.pieces)
-        return measure_triangles(self.device, *known, seen, fit, self.state)
+        return measure_triangles(self.device, self.listed, self.scene, seen, fit, self.state)
 
     def host(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Bins, lengths (n, 3) and words."""
@@ -172,7 +173,7 @@ def test_hysteresis_keeps_triangles_that_move_little(device):
     same = fresh.roles == before[2] >> 24
     expected = near_twin(before[0], bins_twin(fresh.shape, FIT), FIT)
     assert (expected == kept)[same].mean() > 0.97
-    notes, _ = found.measure(Fit(FIT.heights, FIT.longest, near_height=-1, near_angle=-1), nearer)
+    notes, _ = found.measure(FIT.without_hysteresis(), nearer)
     assert not (notes & KEPT).any()
 
 
@@ -200,8 +201,7 @@ def test_short_triangles_are_points_until_they_have_grown(device):
         assert (after[was] == POINTS).all() == stays
         assert ((after == POINTS)[was] != edges[was]).mean() < 1e-2
         assert ((notes & POINT > 0) == (after == POINTS)).all()
-    pieces = (0, found.pieces[1])
-    found.pieces = pieces
+    found.scene = replace(found.scene, pieces=replace(found.scene.pieces, first=0))
     found.measure(replace(fit, near_height=-1), views())
     assert not (found.host()[0] == POINTS).any()  # no piece is one
 
@@ -230,26 +230,29 @@ def test_counts_match_their_twin(device, seed, count, same):
         bins = rng.integers(0, BINS, count) // (1 if not same else BINS)
         bins[::3] = bins[:1]
         lengths = rng.integers(0, 4000, (count, 4)).astype(np.uint16)
-        ids = device.upload(np.arange(count, dtype=np.int32))
-        counts.count(ids, count, device.upload(bins.astype(np.int32)), device.upload(lengths))
+        listed = TriangleList.upload(device, np.arange(count, dtype=np.int32))
+        found = counts.count(listed, device.upload(bins.astype(np.int32)), device.upload(lengths))
         used, totals, widest = count_bins_twin(bins, lengths)
-        np.testing.assert_array_equal(counts.used.get()[: counts.used_count], used)
-        np.testing.assert_array_equal(counts.counts.get()[used], totals)
-        np.testing.assert_array_equal(counts.widest.get()[used], widest)
-        assert counts.counts.get().sum() == count
+        np.testing.assert_array_equal(found.numbers.get()[: found.count], used)
+        np.testing.assert_array_equal(found.triangles.get()[used], totals)
+        np.testing.assert_array_equal(found.widest.get()[used], widest)
+        assert found.triangles.get().sum() == count
+
+
+def mapped(device, search: str, used: np.ndarray, counts: np.ndarray) -> np.ndarray:
+    """Targets of all bins, where used ones have some triangles."""
+    mapping = Mapping(device, search, 16)
+    mapping.update(upload_bins(device, used, counts, np.zeros((len(used), 2))))
+    return mapping.targets.get()
 
 
 @pytest.mark.parametrize("search", ["exact", "hierarchical"])
 @pytest.mark.parametrize("seed", range(3))
 def test_mapping_matches_its_twin(device, search, seed):
     used, counts = crowd(np.random.default_rng(seed), 800)
-    table = np.zeros(BINS, np.int32)
-    table[used] = counts
-    mapping = Mapping(device, search, 16)
-    mapping.update(device.upload(used.astype(np.int32)), len(used), device.upload(table))
-    targets = mapping.targets.get()
+    targets = mapped(device, search, used, counts)
     np.testing.assert_array_equal(targets[used], map_bins_twin(used, counts, 16, search))
-    assert (targets[table == 0] == -1).all()
+    assert (np.delete(targets, used) == -1).all()
     chained = targets[used]
     np.testing.assert_array_equal(targets[chained], chained)
     assert (indices_of(chained)[2] >= indices_of(used)[2]).all()
@@ -260,20 +263,14 @@ def test_mapping_matches_its_twin(device, search, seed):
 def test_the_bin_of_points_is_nobodys_source_or_sink(device, search, points):
     used = np.array([bin_of(0, 0, HEIGHTS - 3), bin_of(0, 0, HEIGHTS - 1), POINTS, bin_of(0, 1, 2)])
     counts = np.array([3, 20, points, 40])
-    table = np.zeros(BINS, np.int32)
-    table[used] = counts
-    mapping = Mapping(device, search, 16)
-    mapping.update(device.upload(used.astype(np.int32)), len(used), device.upload(table))
-    found = mapping.targets.get()[used]
+    found = mapped(device, search, used, counts)[used]
     np.testing.assert_array_equal(found, map_bins_twin(used, counts, 16, search))
     assert (found == POINTS).tolist() == [False, False, True, False]
 
 
 def test_mapping_off_maps_nothing(device):
     used, _ = crowd(np.random.default_rng(9), 300)
-    mapping = Mapping(device, "off", 16)
-    mapping.update(device.upload(used.astype(np.int32)), len(used), device.zeros(BINS, np.int32))
-    np.testing.assert_array_equal(mapping.targets.get()[used], used)
+    np.testing.assert_array_equal(mapped(device, "off", used, np.zeros(len(used)))[used], used)
 
 
 def test_how_often_and_how_far_the_hierarchy_differs_from_the_nearest():
@@ -307,22 +304,21 @@ def test_how_often_and_how_far_the_hierarchy_differs_from_the_nearest():
 def test_slots_do_not_overlap_and_hold_what_lookups_touch(before, after, height, enlarge):
     before, after = (before, after) if height else (0, 0)
     slot = slot_shape(before, after, height, enlarge)
-    assert height or (slot["texels"], slot["period"], row_width(slot, 7)) == (1, 2, 7)
+    assert height or (slot.texels, slot.period, row_width(slot, 7)) == (1, 2, 7)
     taken = set()
     for column in range(5):
-        turned, x = column % 2, column // 2 * slot["period"]
-        for line in range(slot["lines"]):
-            args = (before, before, slot["after8"], height, slot["inset"], line, enlarge)
-            first, last = needed_columns(*args)
+        turned, x = column % 2, column // 2 * slot.period
+        for line in range(slot.lines):
+            first, last = needed_columns(before, slot.lengths, slot.inset, line, enlarge)
             for c in range(first, last + 1):
-                texel = (x + slot["odd"] - c, slot["lines"] - 1 - line) if turned else (x + c, line)
+                texel = (x + slot.odd - c, slot.lines - 1 - line) if turned else (x + c, line)
                 assert texel not in taken
                 assert 0 <= texel[0] < row_width(slot, column + 1)
                 taken.add(texel)
     assert slots_in(slot, row_width(slot, 5)) >= 5
     if enlarge == "exact":
         rng = np.random.default_rng(before)
-        corners = np.array([[0, 0], [before + slot["after8"], 0], [before, height]]) / 8
+        corners = np.array([[0, 0], [before + slot.after8, 0], [before, height]]) / 8
         points = rng.dirichlet(np.ones(3) * 0.3, 400) @ corners
         for dx in (0, 1):
             for dy in (0, 1):
@@ -341,38 +337,30 @@ class Strips:
         self.frame = self.most_parts = 0
 
     def update(self, used: np.ndarray, counts: np.ndarray, widest: np.ndarray, targets: np.ndarray, frozen=False):
-        tables = [np.zeros((BINS, 2) if k == 1 else BINS, np.int32) for k in range(3)]
-        for table, values in zip(tables, (counts, widest, targets), strict=True):
-            table[used] = values
         self.frame += 1
-        upload = self.device.upload
-        bins = SimpleNamespace(
-            used=upload(used.astype(np.int32)), used_count=len(used), counts=upload(tables[0]), widest=upload(tables[1])
-        )
-        fits = self.ours.update(self.frame, bins, upload(tables[2]), upload(self.tops), frozen)
+        bins, uploaded = upload_bins(self.device, used, counts, widest), self.device.upload(table_of(used, targets))
+        fits = self.ours.update(self.frame, bins, uploaded, self.device.upload(self.tops), frozen)
         assert fits == self.twin.update_twin(used, targets, counts, widest, self.tops, frozen)
         self.compare()
         return fits
 
     def compare(self) -> None:
         blocks = self.ours.live_superblocks()
-        assert [(b["x"], b["y"], b["width"]) for b in self.twin.blocks] == [
-            tuple(b) for b in blocks[["x", "y", "width"]]
-        ]
+        assert [(b.x, b.y, b.width) for b in self.twin.blocks] == [tuple(b) for b in blocks[["x", "y", "width"]]]
         entries, strip_of = self.ours.strips.get(), self.ours.strip_of.get()
         strips = {int(number): entries[strip_of[number]] for number in np.flatnonzero(strip_of >= 0)}
         assert set(strips) == set(self.twin.strips)
         assert self.ours.numbers["left"] == self.twin.left
-        names = ("count", "base", "before8", "after8", "height8", "inset", "extent", "lines", "odd", "period", "texels")
         for number, twin in self.twin.strips.items():
             strip = strips[number]
-            assert [strip[name] for name in names] == [twin[name] for name in names]
-            assert (strip["superblock"] < 0) == (twin["parts"] == [])
-            numbers = [strip_of[number]] if twin["parts"] else []
+            expected = {"count": twin.count, "base": twin.base, **asdict(twin.shape)}
+            assert {name: strip[name] for name in expected} == expected
+            assert (strip["superblock"] < 0) == (twin.parts == [])
+            numbers = [strip_of[number]] if twin.parts else []
             while numbers and entries[numbers[-1]]["more"] >= 0:
                 numbers.append(entries[numbers[-1]]["more"])
             parts = [[entries[n][name] for name in ("superblock", "y", "rows", "per_row")] for n in numbers]
-            assert parts == [[part[name] for name in ("block", "y", "rows", "per_row")] for part in twin["parts"]]
+            assert parts == [[part.block, part.y, part.rows, part.per_row] for part in twin.parts]
             assert {int(entries[n]["bin"]) for n in numbers} <= {number}
             assert not any(entries[n]["count"] for n in numbers[1:])
             self.most_parts = max(self.most_parts, len(parts))
@@ -423,18 +411,18 @@ def test_an_empty_atlas_is_filled_in_the_order_asked_for(device, fit, orphans):
 
 
 def packed(device, corners: np.ndarray, atlas: Atlas, fit: Fit = FIT):
-    """Triangles in places: the soup, superblocks, places."""
+    """Triangles in places: the soup, their bins' targets, and where they lie."""
     found = Soup(device, corners, fit)
-    bins = BinCounts(device)
-    bins.count(found.ids, found.count, found.state.bins, found.state.lengths)
-    mapping = Mapping(device, "exact", 16)
-    mapping.update(bins.used, bins.used_count, bins.counts)
-    blocks, places = Superblocks(device, atlas), Places.allocate(device, found.count)
-    tops = device.upload(fit.heights.tops())
-    assert blocks.update(1, bins, mapping.targets, tops, False)
-    is_new = find_new(device, found.ids, found.count, 1, places, blocks.strips)
-    place_triangles(device, 1, found.ids, found.count, is_new, found.state, mapping.targets, blocks, places)
-    return found, mapping, blocks, places
+    bins, mapping = (
+        BinCounts(device).count(found.listed, found.state.bins, found.state.lengths),
+        Mapping(device, "exact", 16),
+    )
+    mapping.update(bins)
+    placement = Placement(found.state, Superblocks(device, atlas), Places.allocate(device, found.count))
+    assert placement.superblocks.update(1, bins, mapping.targets, device.upload(fit.heights.tops()), False)
+    is_new = find_new(device, found.listed, 1, placement)
+    place_triangles(device, 1, found.listed, is_new, mapping.targets, placement)
+    return found, mapping.targets.get(), placement
 
 
 @pytest.fixture(scope="module", params=["roomy", "tight"])
@@ -451,10 +439,11 @@ def scene(device, request):
 
 
 def test_places_match_their_twin_in_primitive_order(device, scene):
-    found, mapping, blocks, places = scene
+    found, targets, placement = scene
+    blocks, places = placement.superblocks, placement.places
     bins, lengths, _ = found.host()
     strips, live = blocks.strips.get(), blocks.live_superblocks()
-    numbers = blocks.strip_of.get()[mapping.targets.get()[bins]]
+    numbers = blocks.strip_of.get()[targets[bins]]
     rank = np.array([np.count_nonzero(numbers[:i] == number) for i, number in enumerate(numbers)])
     numbers, rank = parts_twin(strips, numbers, rank)
     assert (numbers >= 0).all()
@@ -464,24 +453,23 @@ def test_places_match_their_twin_in_primitive_order(device, scene):
     np.testing.assert_array_equal(places.places.get()[: found.count], expected)
     np.testing.assert_array_equal(places.drawn.get()[: found.count, :3], drawn)
     np.testing.assert_array_equal(places.slots.get()[: found.count], np.stack([numbers, rank], axis=1))
-    records, cuts = list_records(device, found.ids, found.count, places, found.state, blocks.strips)
+    records, cuts = list_records(device, found.listed, placement)
     np.testing.assert_array_equal(records[:, 0], expected)
-    assert ((cuts >= 0) == (mapping.targets.get()[bins] != bins)).all()
+    assert ((cuts >= 0) == (targets[bins] != bins)).all()
 
 
 @pytest.mark.parametrize("full", [True, False])
 def test_samples_match_their_twin(device, scene, full):
     """Texels exactly; barycentrics within 1e-3 and footprints within 1e-2 of themselves."""
-    found, _, blocks, places = scene
-    known = (places, blocks.strips, found.state, found.scene, found.pieces, 2048)
-    samples = emit_samples(device, found.ids, found.count, *known, full, "exact")
+    (found, _, placement), blowup = scene, Blowup(full=full)
+    samples = emit_samples(device, found.listed, found.scene, placement, blowup, 2048)
     names = ("triangle", "bary1", "bary2", "footprint", "texel")
     ours = {name: getattr(samples, name).get()[: samples.count] for name in names}
-    words, strips = found.host()[2], blocks.strips.get()
-    records = [{field: int(strip[field]) for field in strips.dtype.names} for strip in strips]
+    places, words = placement.places, found.host()[2]
+    shapes = [SlotShape.of(strip) for strip in placement.superblocks.strips.get()]
     listed = zip(places.places.get(), places.drawn.get(), places.slots.get(), strict=True)
     twins = [
-        emit_twin(t, int(place), drawn, int(words[t]), records[slot[0]], found.corners[t], 2048, full, "exact")
+        emit_twin(PlacedTriangle(t, int(place), drawn, int(words[t]), found.corners[t]), shapes[slot[0]], blowup, 2048)
         for t, (place, drawn, slot) in enumerate(listed)
     ]
     twin = {name: np.concatenate([one[name] for one in twins]) for name in names}
@@ -495,15 +483,12 @@ def test_samples_match_their_twin(device, scene, full):
 
 def test_samples_of_pieces_name_their_parent(device, scene):
     """The last 20 triangles, taken for pieces of triangle 0 that reach from edge to edge of it."""
-    found, _, blocks, places = scene
+    found, _, placement = scene
     first = found.count - 20
     bary = np.random.default_rng(2).dirichlet([0.3, 0.3, 0.3], (20, 3))
     slices = Slices(np.zeros(20, np.int32), found.corners[first:], bary, np.ones(20, bool))
-    known = (places, blocks.strips, found.state, found.scene)
-    whole, parts = (
-        emit_samples(device, found.ids, found.count, *known, pieces, 2048, False, "exact")
-        for pieces in (found.pieces, (first, slices.upload(device)))
-    )
+    scenes = (found.scene, replace(found.scene, pieces=slices.upload(device, first)))
+    whole, parts = (emit_samples(device, found.listed, one, placement, Blowup(), 2048) for one in scenes)
     n = whole.count
     triangle, b1, b2 = (getattr(whole, name).get()[:n] for name in ("triangle", "bary1", "bary2"))
     of = np.flatnonzero(triangle >= first)
@@ -513,19 +498,16 @@ def test_samples_of_pieces_name_their_parent(device, scene):
     order = np.argsort(triangle[of], kind="stable")
     ours = np.stack([parts.bary1.get()[:n], parts.bary2.get()[:n]], axis=1)[of]
     np.testing.assert_allclose(ours[order], expected, atol=1e-5)
-    filled = [
-        emit_samples(device, found.ids, found.count, *known, pieces, 2048, True, "exact")
-        for pieces in (found.pieces, (first, slices.upload(device)))
-    ]
+    filled = [emit_samples(device, found.listed, one, placement, Blowup(full=True), 2048) for one in scenes]
     named = [np.count_nonzero(samples.triangle.get()[: samples.count] == 0) for samples in filled]
     assert named[1] - named[0] == len(of)
 
 
 def test_samples_lie_where_the_client_looks_them_up(device, scene):
     """Encoding and decoding of the perspective are inverse within 0.02 texel, inside the triangle and at its edges."""
-    found, _, blocks, places = scene
-    known = (places, blocks.strips, found.state, found.scene, found.pieces, 2048)
-    samples = emit_samples(device, found.ids, found.count, *known, False, "exact")
+    found, _, placement = scene
+    samples = emit_samples(device, found.listed, found.scene, placement, Blowup(), 2048)
+    places = placement.places
     t, b1, b2, texel = (getattr(samples, n).get()[: samples.count] for n in ("triangle", "bary1", "bary2", "texel"))
     args = (places.places.get(), places.drawn.get(), found.host()[2])
     corners = locate_corners_twin(*(values[: found.count] for values in args))
@@ -539,9 +521,8 @@ def test_samples_lie_where_the_client_looks_them_up(device, scene):
 
 
 def test_average_clear_matches_its_twin(device, scene):
-    found, _, blocks, places = scene
-    known = (places, blocks.strips, found.state, found.scene, found.pieces, 2048)
-    samples = emit_samples(device, found.ids, found.count, *known, False, "exact")
+    found, _, placement = scene
+    samples, blocks = emit_samples(device, found.listed, found.scene, placement, Blowup(), 2048), placement.superblocks
     atlas = np.zeros((2048, 2048, 4), np.uint8)
     texel = samples.texel.get()[: samples.count]
     atlas.reshape(-1, 4)[texel] = np.random.default_rng(0).integers(0, 256, (len(texel), 4))

@@ -1,7 +1,10 @@
 """SnakeBinning on a small room: valid with every switch, coherent, deterministic, and it looks right."""
 
+import inspect
+import re
 from dataclasses import replace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -18,11 +21,15 @@ from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, client_view
 from shading_atlas_bench.packers.interface import Frame, Payload, ServerScene, View
 from shading_atlas_bench.packers.snakebinning import SnakeBinning
-from shading_atlas_bench.packers.snakebinning.client import decode_records, encode_records
+from shading_atlas_bench.packers.snakebinning.filling import STEPS, Filling, first_with_room
+from shading_atlas_bench.packers.snakebinning.footprint import reference_views
 from shading_atlas_bench.packers.snakebinning.kernels.bins import HeightBins
 from shading_atlas_bench.packers.snakebinning.kernels.footprint import Fit, Footprints, measure_triangles, pack_views
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
 from shading_atlas_bench.packers.snakebinning.kernels.slices import Slices
-from shading_atlas_bench.packers.snakebinning.packer import check_atlas, reference_views
+from shading_atlas_bench.packers.snakebinning.parameters import PARAMETERS, Parameters
+from shading_atlas_bench.packers.snakebinning.records import decode_records, encode_records
+from shading_atlas_bench.packers.snakebinning.slots import superblock_height
 from shading_atlas_bench.scenes.model import Scene
 from tests.packers import streams
 from tests.packers.rooms import CELL, FOV, NEAR, SIZE, changing_sets, frame_of, novel_view, room, server_of, wall
@@ -170,7 +177,7 @@ def test_on_a_walk_nothing_moves_while_frozen(device, name):
     for step in range(session.frames):
         frame = session.source.work(step).frame
         payload = stream.send(frame)
-        places = dict(zip(frame.pvs.tolist(), stream.client.records[frame.pvs, 0].tolist(), strict=True))
+        places = dict(zip(frame.pvs.tolist(), stream.client.records.words[frame.pvs, 0].tolist(), strict=True))
         if payload.statistics["frozen_frames"]:
             frozen += 1
             outgrown += payload.statistics["outgrown"] - before
@@ -251,7 +258,7 @@ def test_more_equal_triangles_than_a_superblock_holds_lie_in_parts(device):
             payload = stream.send(frame)
             assert stream.violations(frame, payload) == []
             assert payload.unplaced == {}
-            strips = stream.packer.blocks.live_strips()
+            strips = stream.packer.filling.slots.superblocks.live_strips()
             assert len(strips) > len(np.unique(strips["bin"]))
 
 
@@ -281,12 +288,12 @@ def alike(device) -> ServerScene:
 
 def screen_areas(frame: Frame) -> np.ndarray:
     """Of the triangles of a frame's set, in pixels of the server's view, each seen by a camera turned to it."""
-    scene, count = frame.scene.triangles, len(frame.pvs)
+    device, scene, count = frame.scene.device, frame.scene.triangles, len(frame.pvs)
     view, fit = frame.server, Fit(HeightBins(511.0), 1e4, near_height=-1, point=1e9)
-    known = (scene.positions, scene.indices, (scene.count, Slices().upload(frame.scene.device)))
+    sliced = SlicedScene(scene, Slices().upload(device, scene.count))
     views = pack_views([(view.view, view.projection, view.width)], 1.0)
-    fresh = Footprints.allocate(frame.scene.device, scene.count)
-    return measure_triangles(frame.scene.device, frame.pvs_device, count, *known, views, fit, fresh)[1]
+    fresh = Footprints.allocate(device, scene.count)
+    return measure_triangles(device, TriangleList(frame.pvs_device, count), sliced, views, fit, fresh)[1]
 
 
 @settings(max_examples=5, deadline=None)
@@ -329,8 +336,8 @@ def test_triangles_below_two_texels_get_one_before_the_rate_falls(alike):
 def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
     """Filled so often: when it is new, in frames that are frozen, in one that is not, and with 1% of the set new."""
     filled = []
-    settle = SnakeBinning._settle
-    monkeypatch.setattr(SnakeBinning, "_settle", lambda *known: filled.append(known) or settle(*known))
+    settle = Filling._settle
+    monkeypatch.setattr(Filling, "_settle", lambda *known: filled.append(known) or settle(*known))
     stream, few = Stream(alike, freeze_frames=2), np.arange(alike.triangles.count) % 100
     numbers = []
     for step, kept in enumerate((few < 99, few < 99, few > 0, few > 0)):
@@ -342,6 +349,28 @@ def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
         assert len(payload.unplaced) == (len(few[kept]) - 256 * 256 if step in (0, 3) else len(payload.unplaced))
     assert numbers[0] < 14
     assert numbers[1:] == [0, 0, 2]
+
+
+@given(first=st.integers(0, STEPS), too_full=st.integers(-1, STEPS - 2), start=st.integers(0, STEPS - 1))
+def test_the_first_step_with_room_is_found_and_each_step_tried_once(first, too_full, start):
+    tried = []
+    found = first_with_room(lambda step: tried.append(step) or step >= first, too_full, start)
+    assert found == max(first, too_full + 1)
+    assert len(tried) == len(set(tried)) <= 14
+    assert found in [*tried, STEPS]
+
+
+def test_every_file_has_its_section():
+    """The README's table names each file, and no other."""
+    folder = Path(inspect.getfile(SnakeBinning)).parent
+    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*") if path.suffix in (".py", ".cl")}
+    text = (folder / "README.md").read_text(encoding="utf-8")
+    table = text.partition("## Sections and files")[2].partition("\n## ")[0]
+    assert set(re.findall(r"`([\w/]+\.\w+)`", table)) == {name for name in files if "__init__" not in name}
+
+
+def test_parameters_have_types():
+    assert list(Parameters.__annotations__) == list(PARAMETERS)
 
 
 def test_an_atlas_that_is_full_again_soon_gets_a_step_with_more_room(scene):
@@ -458,7 +487,7 @@ def test_the_picture_of_the_packing_shows_every_texel_once(scene):
     assert picture.shape == (256, 512, 3)
     owned = payload.planes["atlas"].get()[..., 3] > 0
     assert (picture[owned].min(axis=1) >= 40).all()
-    live = stream.packer.blocks.live_superblocks()
+    live = stream.packer.filling.slots.superblocks.live_superblocks()
     outside = np.ones((256, 512), bool)
     for block in live:
         outside[block["y"] : block["y"] + 256, block["x"] : block["x"] + block["width"]] = False
@@ -480,10 +509,10 @@ def test_predicted_views_are_evenly_spaced(scene):
     ("size", "height", "chosen"), [((2048, 2048), 0, 512), ((512, 256), 0, 256), ((64, 64), 32, 32)]
 )
 def test_superblocks_follow_the_atlas(size, height, chosen):
-    assert check_atlas(*size, height) == chosen
+    assert superblock_height(*size, height) == chosen
 
 
 @pytest.mark.parametrize(("size", "height"), [((9000, 100), 0), ((100, 100), 101), ((100, 1), 0), ((64, 64), 1)])
 def test_sizes_that_cannot_be_used_are_refused(size, height):
     with pytest.raises(ValueError, match=r"outside 2 to"):
-        check_atlas(*size, height)
+        superblock_height(*size, height)
