@@ -10,7 +10,8 @@ __kernel void emit_samples(int count, int width, __global const int *ids, __glob
                            __global float *bary2, __global float *footprint, __global int *texel)
 {
     const int i = get_global_id(0);
-    if (i >= count) return;
+    if (i >= count)
+        return;
     const int side = 1 << levels[i];
     const float last = (float)GREATER(side - 1, 1);
     int sample = first[i];
