@@ -52,9 +52,9 @@ def decode_records(data: bytes, count: int) -> Words:
     """The changes, uint32 (n, 4), that `encode_records` wrote."""
     changes = np.empty((count, FIELDS), np.uint32)
     offset = 0
-    for column, dtype in enumerate((np.uint32, np.uint32, np.uint16, np.uint32)):
-        changes[:, column] = unshuffle(data, dtype, count, offset)
-        offset += count * np.dtype(dtype).itemsize
+    for column, size in enumerate((4, 4, 2, 4)):
+        changes[:, column] = unshuffle(data, np.dtype(f"u{size}"), count, offset)
+        offset += count * size
     return changes
 
 

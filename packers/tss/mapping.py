@@ -12,7 +12,7 @@ from shading_atlas_bench.kernels.common.rank import rank_by_class
 from shading_atlas_bench.packers.budget import ALL, BudgetedRate
 from shading_atlas_bench.packers.tss.kernels.bins import Bins
 from shading_atlas_bench.packers.tss.kernels.emit import CellTable, count_samples
-from shading_atlas_bench.packers.tss.kernels.forms import choose_forms
+from shading_atlas_bench.packers.tss.kernels.forms import choose_strategies
 from shading_atlas_bench.packers.tss.kernels.layout import Items, lay_out, place_items
 from shading_atlas_bench.packers.tss.kernels.primitives import Primitives, list_primitives
 
@@ -29,7 +29,7 @@ LOWEST = 2.0**-16  # the smallest scale: every primitive is a single texel
 class Mapped:
     """A frame's primitives in their bins, on the device.
 
-    scale: texels per pixel. forms: int32 (n, 4), as from `choose_forms`. regions: int32 (B, 6), of the bins. used: rows
+    scale: texels per pixel. forms: int32 (n, 4), as from `choose_strategies`. regions: int32 (B, 6), of the bins. used: rows
     of the atlas that it needs, -1 if the atlas is too narrow.
     """
 
@@ -94,7 +94,7 @@ class AtlasMapping:
         if self.by_arrival:
             order = draws.generator([frame.seed, frame.index]).permutation(order)
         turns = device.upload(order)
-        forms, bins = choose_forms(device, primitives, scale, self.threshold, turns, self.tables)
+        forms, bins = choose_strategies(device, primitives, scale, self.threshold, turns, self.tables)
         ranks, totals = rank_by_class(device, bins, 2 * primitives.count, self.bins.count, "structs/rank")
         regions, used = lay_out(device, self.tables, totals, frame.atlas_width)
         return Mapped(scale, primitives, forms, Items(turns, bins, ranks), regions, used)

@@ -41,8 +41,8 @@ def measure_sides(
     high = eye.astype(np.float32)
     low = (eye - high).astype(np.float32)
     seen_from = [*map(float, high), *map(float, low), float(pixels_per_radian)]
-    arguments = (visible.count, visible.patches, points, positions, *seen_from, sizes, histogram)
-    device.launch("structs/footprint", kernels.measure_sides, -(-visible.count // 8), *arguments)
+    items, read = -(-visible.count // 8), (visible.patches, points, positions)
+    device.launch("structs/footprint", kernels.measure_sides, items, visible.count, *read, *seen_from, sizes, histogram)
     return sizes, histogram
 
 

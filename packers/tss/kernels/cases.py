@@ -21,7 +21,7 @@ from shading_atlas_bench.packers.tss.kernels.emit import (
     emit_samples,
 )
 from shading_atlas_bench.packers.tss.kernels.footprint import camera_floats, measure_triangles, measure_triangles_twin
-from shading_atlas_bench.packers.tss.kernels.forms import choose_forms, choose_forms_twin
+from shading_atlas_bench.packers.tss.kernels.forms import choose_strategies, choose_strategies_twin
 from shading_atlas_bench.packers.tss.kernels.layout import Items, lay_out, lay_out_twin, place_items, place_items_twin
 from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED, Located, locate, locate_twin
 from shading_atlas_bench.packers.tss.kernels.perspective import invert_depths, invert_depths_twin
@@ -86,7 +86,7 @@ class Packed:
         device, primitives, bins = scene.device, scene.primitives(), Bins.make()
         tables, count = bins.upload(device), primitives.count
         turns = device.upload(np.arange(count, dtype=np.int32))
-        forms, items = choose_forms(device, primitives, SCALE, SLANTED, turns, tables)
+        forms, items = choose_strategies(device, primitives, SCALE, SLANTED, turns, tables)
         ranks, totals = rank_by_class_twin(items.get()[:count].reshape(-1), bins.count)
         regions, used = lay_out(device, tables, device.upload(totals.astype(np.int32)), 4096)
         listed = Items(turns, items, device.upload(ranks.astype(np.int32)))
@@ -159,18 +159,18 @@ def perspective(device: Device, kind: str, size: int) -> Trial:
     return Trial({"n": size}, run, results)
 
 
-@case({"forms.choose_forms": Cost("n", "(16 + 4 + 4 + 4 + 16 + 8)*n", "20*n")}, 1 << 14)
+@case({"forms.choose_strategies": Cost("n", "(16 + 4 + 4 + 4 + 16 + 8)*n", "20*n")}, 1 << 14)
 def forms(device: Device, kind: str, size: int) -> Trial:
     primitives, bins = Scene.make(device, kind, size).primitives(), Bins.make()
     count, tables = primitives.count, bins.upload(device)
     turns = device.upload(np.arange(count, dtype=np.int32))
 
     def run() -> tuple[Array, Array]:
-        return choose_forms(device, primitives, SCALE, SLANTED, turns, tables)
+        return choose_strategies(device, primitives, SCALE, SLANTED, turns, tables)
 
     def results() -> list[Result]:
         cut = primitives.pieces.get()[primitives.parents.get()[:count]] > 1
-        expected = choose_forms_twin(primitives.shapes.get()[:count], cut, SCALE, SLANTED, bins)
+        expected = choose_strategies_twin(primitives.shapes.get()[:count], cut, SCALE, SLANTED, bins)
         return [Result(array.get()[:count], values) for array, values in zip(run(), expected, strict=True)]
 
     return Trial({"n": count}, run, results)

@@ -65,7 +65,7 @@ def build_kernels(device: Device) -> None:
 class Placed:
     """Primitives with their places, on the device.
 
-    forms, places: int32 (n, 4) and (n, 2), as from `choose_forms` and `place_items`. inverse: as from `invert_depths`.
+    forms, places: int32 (n, 4) and (n, 2), as from `choose_strategies` and `place_items`. inverse: as from `invert_depths`.
     """
 
     primitives: Primitives
@@ -182,7 +182,7 @@ def emit_primitive_twin(
     """The samples of one primitive by the names of Samples, float64.
 
     corners: (3, 3). inverse: (3). piece: parts along an edge, and the piece's number. first: corner where the longest
-    edge begins. form (4), places (2): as in `choose_forms` and `place_items`.
+    edge begins. form (4), places (2): as in `choose_strategies` and `place_items`.
     """
     at = piece_corners(*(np.array([k]) for k in piece))[0]
     halves, level = form[0] == OVERSAMPLED, int(form[0])

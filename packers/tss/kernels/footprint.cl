@@ -38,7 +38,7 @@ INLINE float8 level_nearby(const Points8 *p, __global const float *camera, float
 }
 
 // depths: of the three corners, and the height in pixels, negative where the triangle leaves the view. pieces: along an
-// edge. threshold: as in choose_forms.
+// edge. threshold: as in choose_strategies.
 __kernel void measure_triangles(int count, __global const int *ids, __global const int *indices,
                                 __global const float *positions, __global const float *camera, float scale,
                                 float threshold, __global float *depths, __global int *pieces)

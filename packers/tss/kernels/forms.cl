@@ -24,7 +24,7 @@ INLINE int bin_of_half(int w, int h, __global const int *of_size, __global const
 // and the texels along the base before and after its foot. bins: of a primitive's two items, -1 for none, in the order
 // in which they are placed (`turns`). threshold: longest edge over height from which a triangle is slanted. A piece of
 // a cut triangle may be large where the cell cannot see it: it has at least the corners' samples.
-__kernel void choose_forms(int count, __global const float *shapes, __global const int *parents,
+__kernel void choose_strategies(int count, __global const float *shapes, __global const int *parents,
                            __global const int *pieces, float scale, float threshold, __global const int *turns,
                            __global const int *of_level, __global const int *of_size, __global const int *size_class,
                            int classes, __global int *forms, __global int *bins)

@@ -24,7 +24,7 @@ STAGE = "structs/forms"
 OVERSAMPLED = -1  # as the kind of a form
 
 
-def choose_forms(
+def choose_strategies(
     device: Device, primitives: Primitives, scale: float, threshold: float, turns: Array, bins: BinTables
 ) -> tuple[Array, Array]:
     """Forms int32 (count, 4) and the bins of their items int32 (count, 2).
@@ -38,12 +38,14 @@ def choose_forms(
     count, known = primitives.count, (primitives.shapes, primitives.parents, primitives.pieces)
     forms, items = device.recycled((count, 4), np.int32), device.recycled((count, 2), np.int32)
     tables = (turns, bins.of_level, bins.of_size, bins.size_class, bins.size_classes)
-    kernel = device.build(HERE / "forms.cl").choose_forms
+    kernel = device.build(HERE / "forms.cl").choose_strategies
     device.launch(STAGE, kernel, count, count, *known, float(scale), float(threshold), *tables, forms, items)
     return forms, items
 
 
-def choose_forms_twin(shapes: Floats, cut: Bools, scale: float, threshold: float, bins: Bins) -> tuple[Longs, Longs]:
+def choose_strategies_twin(
+    shapes: Floats, cut: Bools, scale: float, threshold: float, bins: Bins
+) -> tuple[Longs, Longs]:
     """The same on the host, with bins in the order of primitives; cut: bool (n), pieces of cut triangles.
 
     Computes in float32 where it rounds.

@@ -18,7 +18,7 @@ from shading_atlas_bench.packers.tss.kernels.footprint import (
     measure_triangles,
     measure_triangles_twin,
 )
-from shading_atlas_bench.packers.tss.kernels.forms import choose_forms, choose_forms_twin
+from shading_atlas_bench.packers.tss.kernels.forms import choose_strategies, choose_strategies_twin
 from shading_atlas_bench.packers.tss.kernels.layout import Items, lay_out, lay_out_twin, place_items, place_items_twin
 from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED, Located, find_piece_twin, locate, locate_twin
 from shading_atlas_bench.packers.tss.kernels.perspective import (
@@ -49,7 +49,7 @@ def known(device) -> SimpleNamespace:
     bins = Bins.make()
     tables, count = bins.upload(device), primitives.count
     turns = RNG.permutation(count).astype(np.int32)
-    forms, items = choose_forms(device, primitives, SCALE, 3.0, device.upload(turns), tables)
+    forms, items = choose_strategies(device, primitives, SCALE, 3.0, device.upload(turns), tables)
     items_host = items.get()
     ranks, totals = rank_by_class_twin(items_host.reshape(-1), bins.count)
     ranks = ranks.reshape(-1, 2)
@@ -132,9 +132,9 @@ def test_primitives(known):
 def test_forms(device, known, threshold, scale):
     primitives, count = known.primitives, known.primitives.count
     turns = device.upload(np.arange(count, dtype=np.int32))
-    forms, items = choose_forms(device, primitives, scale, threshold, turns, known.tables)
+    forms, items = choose_strategies(device, primitives, scale, threshold, turns, known.tables)
     cut = primitives.pieces.get()[primitives.parents.get()] > 1
-    expected, expected_items = choose_forms_twin(primitives.shapes.get(), cut, scale, threshold, known.bins)
+    expected, expected_items = choose_strategies_twin(primitives.shapes.get(), cut, scale, threshold, known.bins)
     np.testing.assert_array_equal(forms.get(), expected)
     np.testing.assert_array_equal(items.get(), expected_items)
     kinds = np.sign(expected[:, 0])
