@@ -55,6 +55,10 @@ def test_the_wheel_ships_every_file_of_the_packages(wheel: zipfile.ZipFile):
     assert sources - set(wheel.namelist()) == set()
 
 
+def test_the_wheel_says_that_it_is_typed(wheel: zipfile.ZipFile):
+    assert f"{NAME}/py.typed" in wheel.namelist()
+
+
 def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.ZipFile):
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
