@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Floats, Words
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
-DEGREE = 12
+DEFINED = constants_of(Path(__file__).with_name("smoke.cl"))
+DEGREE = DEFINED.whole("DEGREE")
 ERROR_BOUND = 4e-6  # absolute, for |x| <= 1 and |coefficients| <= 1: 2 roundings of 2^-24 per step on sums up to 13
 
 

@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from shading_atlas_bench.kernels.device import Device
 
-PIECE = 16
+DEFINED = constants_of(Path(__file__).with_name("fill.cl"))
+PIECE = DEFINED.whole("PIECE")
 
 
 def _levels(width: int, height: int) -> list[tuple[int, int]]:

@@ -5,7 +5,6 @@
 
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
-#define BLOCK 8
 #define BLOCKS (TILE / BLOCK) // per tile's side, at most 8
 #define AT(vectors, type, i) (((const type *)(vectors))[i])
 

@@ -8,6 +8,7 @@ enters with plain SSIM. The score is the product of the scales' means to the pow
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Ints
 from shading_atlas_bench.arithmetic.functions import power
 from shading_atlas_bench.arithmetic.matrices import eigenvectors
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.metrics.colour import luma
 from shading_atlas_bench.kernels.metrics.planes import Layout, padded_taps
 from shading_atlas_bench.kernels.metrics.ssim import C1, C2, ORIGIN, RADIUS, similarity_twin, window
@@ -28,7 +30,8 @@ WEIGHTS = np.array([0.0448, 0.2856, 0.3001, 0.2363, 0.1333])
 SCALES = len(WEIGHTS)
 WITH_PARENT = 3  # bands whose neighbourhood includes the coarser band
 SMALLEST_SIDE = 2 * RADIUS * 2 ** (SCALES - 1) + 1
-NOISE = 0.4
+DEFINED = constants_of(Path(__file__).with_name("iwssim.cl"))
+NOISE = DEFINED.number("NOISE")
 LEAST_VARIANCE = 1e-6  # of a neighbourhood, squared luma steps; smaller ones are rounding
 LEAST_EIGENVALUE = 1e-6  # of the largest; the covariance of flat pictures is singular
 

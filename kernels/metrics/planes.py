@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from shading_atlas_bench.kernels.device import Device
 
-PIECE = 16
-MARGIN = 16
-ROWS = 4
+DEFINED = constants_of(Path(__file__).with_name("wide.cl"))
+PIECE = DEFINED.whole("PIECE")
+MARGIN = DEFINED.whole("MARGIN")
+ROWS = DEFINED.whole("ROWS")
 
 
 @dataclass(frozen=True)

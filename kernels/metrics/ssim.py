@@ -6,12 +6,14 @@ over all pixels whose window lies inside the picture.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 from shading_atlas_bench.arithmetic.functions import exp
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.metrics.colour import luma
 from shading_atlas_bench.kernels.metrics.planes import Layout, padded_taps, total
 
@@ -20,7 +22,8 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
 
-RADIUS = 5
+DEFINED = constants_of(Path(__file__).with_name("ssim.cl"))
+RADIUS = DEFINED.whole("RADIUS")
 SMALLEST_SIDE = 2 * RADIUS + 1
 SIGMA = 1.5
 C1, C2 = 2.55 * 2.55, 7.65 * 7.65  # (K * 255) squared

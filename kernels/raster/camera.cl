@@ -8,6 +8,7 @@
 #include "common/wide.cl"
 
 #define SUBPIXELS 256
+#define BLOCK 8 // pixels to a side of the hierarchical Z's blocks
 // Vertices farther than this from the image's centre (in sub-pixels; 16383 pixels) are clipped: edge steps then fit
 // int32 inside a tile, and rounding by a large float is exact.
 #define GUARD 4194048.0f

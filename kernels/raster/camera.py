@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.matrices import inverse, product, transform, turned
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from pyopencl.typing import KernelArg
 
-SUBPIXELS = 256  # positions on screen are snapped to 1/256 pixel
+DEFINED = constants_of(Path(__file__).with_name("camera.cl"))
+SUBPIXELS = DEFINED.whole("SUBPIXELS")  # positions on screen are snapped to 1/256 pixel
 LARGEST_SIZE = 8192
 
 

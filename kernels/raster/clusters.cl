@@ -4,7 +4,6 @@
 #include "raster/chunks.cl"
 #include "raster/runs.cl"
 
-#define BLOCK 8
 #define SIZE_OF(a) MAX(a, -(a))
 #define LARGEST 1e18f // clip-space positions of such points do not overflow
 

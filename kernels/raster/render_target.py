@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.raster.camera import Camera
 
 if TYPE_CHECKING:
@@ -14,7 +16,9 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
 
-BLOCK = 8  # pixels; the hierarchical Z's block and the width of a row in the kernels
+DEFINED = constants_of(Path(__file__).with_name("camera.cl"))
+# Pixels; the hierarchical Z's block and the width of a row in the kernels.
+BLOCK = DEFINED.whole("BLOCK")
 
 
 @dataclass(frozen=True)

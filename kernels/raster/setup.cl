@@ -7,7 +7,6 @@
 
 #define DOUBLE_SIDED 1
 #define MASKED 2
-#define BLOCK 8
 #define ROUND 12582912.0f // 1.5 * 2^23: adding it leaves the nearest integer in a float's low bits
 
 typedef struct {

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints, Longs
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
 from shading_atlas_bench.kernels.raster.clusters import Chosen, Clusters
 from shading_atlas_bench.kernels.raster.coverage import covers_twin
@@ -19,9 +21,11 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
 
-RECORD = 12  # ints; see record.cl
-MASK_BIT = 1 << 30
-GUARD = 4194048  # sub-pixels from the image's centre, beyond which triangles are clipped
+DEFINED = constants_of(Path(__file__).with_name("record.cl"))
+RECORD = DEFINED.whole("RECORD")  # ints
+MASK_BIT = DEFINED.whole("MASK_BIT")
+# Sub-pixels from the image's centre, beyond which triangles are clipped.
+GUARD = constants_of(Path(__file__).with_name("camera.cl")).whole("GUARD")
 # Inside where >= 0 of (x, y, z, w): the near plane, then the guard band's right, left, bottom and top.
 CLIPPING_PLANES = np.array([[0, 0, -1, 1], [-1, 0, 0, GUARD], [1, 0, 0, GUARD], [0, -1, 0, GUARD], [0, 1, 0, GUARD]])
 

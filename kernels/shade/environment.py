@@ -10,15 +10,20 @@ map's bytes are the same on every machine.
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.arithmetic.matrices import dot
+from shading_atlas_bench.kernels.constants import constants_of
 
+DEFINED = constants_of(Path(__file__).with_name("environment.cl"))
 SIDE = 128  # texels of a map, without its border
 SIZES = (SIDE, 64, 32, 16, 8)  # texels along the side of the square that a level is computed on
-SMOOTHEST, FULL, MATT = 0.05, 0.6, 0.8  # as in environment.cl: the last level's roughness is MATT
+SMOOTHEST = DEFINED.number("SMOOTHEST")  # roughness of the first level
+FULL = 0.6  # up to it nothing but the map counts
+MATT = DEFINED.number("MATT")  # roughness of the last level
 ROUGHNESSES = tuple(SMOOTHEST + (MATT - SMOOTHEST) * k / (len(SIZES) - 1) for k in range(len(SIZES)))
 SHAPE = (SIDE + 3, SIDE + 2, 16)  # one row more: eight floats are read at a time, beyond the last texel's end
 BLOCK = 16  # texels blurred at a time, so that their weights stay in the processor's cache

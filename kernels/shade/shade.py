@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Doubles, Floats, Ints
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
 from shading_atlas_bench.kernels.shade.environment import look_up, map_share
 from shading_atlas_bench.kernels.shade.faces import uv_scale_twin
@@ -18,7 +20,8 @@ from shading_atlas_bench.kernels.texture.sample import trilinear
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
-IN_PLANE = 0.25  # as in shade.cl
+DEFINED = constants_of(Path(__file__).with_name("shade.cl"))
+IN_PLANE = DEFINED.number("IN_PLANE")
 
 
 @dataclass(frozen=True)

@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
+from shading_atlas_bench.kernels.constants import constants_of
 
-NORMAL_OFFSET, LIGHT_OFFSET = 2.83, 0.75  # as in shadow_lookup.cl, in texels
+DEFINED = constants_of(Path(__file__).with_name("shadow_lookup.cl"))
+NORMAL_OFFSET = DEFINED.number("NORMAL_OFFSET")  # texels
+LIGHT_OFFSET = DEFINED.number("LIGHT_OFFSET")
 
 
 def shadow_visibility(

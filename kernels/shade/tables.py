@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Protocol
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Floats, Ints
 from shading_atlas_bench.arithmetic.functions import cos
+from shading_atlas_bench.kernels.constants import constants_of
 
 MATERIAL_FLOATS = 24
 MOST_FURTHER_UVS = 4  # one for each kind of texture beside the base colour's
-LIGHT_FLOATS = 48
+DEFINED = constants_of(Path(__file__).with_name("light.cl"))
+LIGHT_FLOATS = DEFINED.whole("LIGHT_FLOATS")
 KINDS = {"directional": 0, "point": 1, "spot": 2}
 FADE_START = 0.8  # of a spot's cone: there it starts to fade
 

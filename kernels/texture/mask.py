@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -11,6 +12,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints, Longs
 from shading_atlas_bench.arithmetic.functions import log2
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.texture.buffers import WRAP, TextureImage
 from shading_atlas_bench.kernels.texture.mipmap import mip_chain
 from shading_atlas_bench.kernels.texture.sample import neighbours
@@ -20,7 +22,9 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
 
-FADED = 8  # effective cutoffs, from the material's to 255, at which thresholds are known where vertices fade
+DEFINED = constants_of(Path(__file__).with_name("mask.cl"))
+# Effective cutoffs, from the material's to 255, at which thresholds are known where vertices fade.
+FADED = DEFINED.whole("FADED")
 OFFSETS = np.array([0.125, 0.375, 0.625, 0.875], np.float32)  # where `between` looks, in texels
 SMALLEST = 8  # texels on the shorter side: smaller levels cannot hold a share of holes
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.matrices import inverse, product
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.ppll.kernels.lists import Lists, ListView
 from shading_atlas_bench.packers.ppll.kernels.rows import rays
 
@@ -23,7 +24,10 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 
-OVERLAP, WIDEST, SAME_SURFACE = 1.5, 4.0, 0.02  # as in splat.cl
+DEFINED = constants_of(HERE / "splat.cl")
+OVERLAP = DEFINED.number("OVERLAP")
+WIDEST = DEFINED.number("WIDEST")
+SAME_SURFACE = DEFINED.number("SAME_SURFACE")
 
 
 def draw_lists(device: Device, views: Sequence[ListView], seen: View, picture: Array, depth: Array, stage: str) -> None:

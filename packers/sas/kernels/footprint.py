@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -17,8 +19,9 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 
-STEPS = 8  # per doubling of the size
-SIZES = 128  # sizes 2^0 to 2^(127/8), 60 000 pixels
+DEFINED = constants_of(HERE / "footprint.cl")
+STEPS = DEFINED.whole("STEPS")  # per doubling of the size
+SIZES = DEFINED.whole("SIZES")  # sizes 2^0 to 2^(127/8), 60 000 pixels
 
 
 def measure_sides(

@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import log2, power, tan
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Array, Floats, Ints
 
-ANGLES = 30  # bins of alpha, 15 to 90 degrees, and of beta, 0 to 60 degrees
-HEIGHTS = 1500
-COLUMN = 1504  # heights padded to whole words of 32 bins
-BINS = ANGLES * ANGLES * COLUMN
-POINTS = HEIGHTS  # bin of the triangles that are drawn as one texel: the padding after the first column
+DEFINED = constants_of(Path(__file__).with_name("bins.cl"))
+ANGLES = DEFINED.whole("ANGLES")  # bins of alpha, 15 to 90 degrees, and of beta, 0 to 60 degrees
+HEIGHTS = DEFINED.whole("HEIGHTS")
+COLUMN = DEFINED.whole("COLUMN")  # heights padded to whole words of 32 bins
+BINS = DEFINED.whole("BINS")
+POINTS = DEFINED.whole("POINTS")  # bin of the triangles that are drawn as one texel: the padding after the first column
 SHORTEST = 1.0  # texels: a strip has at least two rows of texels, so lower triangles are drawn this high
-UNIT = 8  # lengths are stored in 1/8 texel
+UNIT = constants_of(Path(__file__).with_name("footprint.cl")).whole("UNIT")  # lengths are stored in 1/8 texel
 LARGEST_ATLAS = 8192  # texels per side: the largest position is (8192 - 1) * 8, which 16 bits hold
 
 ALPHA_EDGES = 15 + 2.5 * np.arange(ANGLES + 1)  # degrees

@@ -4,7 +4,6 @@
 
 // The texels of slots, as shading samples (section 3.7). Shading continues beyond the triangle's edges.
 
-#define OUTSIDE 1.9f                      // texels that a sample's barycentrics may lie further outside than one height
 #define POSITIVE 0.35f                    // share of the least inverse distance that the interpolated one stays above
 #define MIDDLE (1.0f / 3.0f)              // texels from the tip's foot to the middle of POINT_SHAPE, both ways
 #define POINT_SHAPE (ushort4)(0, 8, 8, 0) // whose middle, and steps from texel to texel, are those of a point

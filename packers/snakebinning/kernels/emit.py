@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.samples import Samples
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import OUTSIDE
 from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, Lengths, SlotShape, lines_of, needed_columns
 
 if TYPE_CHECKING:
@@ -25,8 +27,8 @@ HERE = Path(__file__).parent
 
 STAGE = "gather/emit"
 RUNS = 512  # on a CPU
-OUTSIDE = 1.9  # texels that barycentrics may lie further outside than one height
-POSITIVE = 0.35  # share of the least inverse distance that the interpolated one stays above
+DEFINED = constants_of(HERE / "emit.cl")
+POSITIVE = DEFINED.number("POSITIVE")  # share of the least inverse distance that the interpolated one stays above
 
 
 @dataclass(frozen=True)

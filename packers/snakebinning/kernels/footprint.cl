@@ -9,7 +9,6 @@
 #define OBTUSE -0.22f       // cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
 #define UNIT 8.0f           // lengths are stored in 1/8 texel
 #define STEEPEST 0.3f       // limit of the perspective's change, see limited_weights
-#define OUTSIDE 1.9f        // as in emit.cl: barycentrics stop at one height and so many texels outside
 #define REACH 1.42f         // texels beyond an edge that lookups inside touch, at most
 
 #define VIEW_FLOATS 16

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.snakebinning.kernels.bins import (
     ANGLES,
     HEIGHTS,
@@ -21,6 +22,7 @@ from shading_atlas_bench.packers.snakebinning.kernels.bins import (
     edge_table,
     indices_of,
 )
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import OUTSIDE
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -33,13 +35,19 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 
 STAGE = "structs/footprint"
-VIEW_FLOATS = 16
+DEFINED = constants_of(HERE / "footprint.cl")
+VIEW_FLOATS = DEFINED.whole("VIEW_FLOATS")
 Roles: TypeAlias = tuple[NDArray[np.intp], NDArray[np.intp], NDArray[np.intp]]  # vertices a, b, c (n) in the twin
-MOVED_BACK, SLENDER, CLIPPED, KEPT, POINT = 1, 2, 4, 8, 16  # notes on a triangle
-FLATTEST = 3.7320508  # cot 15 degrees, the largest cotangent of alpha that is drawn
-OBTUSE = -0.22  # cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
-STEEPEST = 0.3  # of the perspective's change per texel
-OUTSIDE, REACH = 1.9, 1.42  # as in footprint.cl
+# Notes on a triangle.
+MOVED_BACK = DEFINED.whole("MOVED_BACK")
+SLENDER = DEFINED.whole("SLENDER")
+CLIPPED = DEFINED.whole("CLIPPED")
+KEPT = DEFINED.whole("KEPT")
+POINT = DEFINED.whole("POINT")
+FLATTEST = DEFINED.number("FLATTEST")  # cot 15 degrees, the largest cotangent of alpha that is drawn
+OBTUSE = DEFINED.number("OBTUSE")  # cot 102.5 degrees: how far an angle of a kept triangle may pass 90 degrees
+STEEPEST = DEFINED.number("STEEPEST")  # of the perspective's change per texel
+REACH = DEFINED.number("REACH")  # texels beyond an edge that lookups inside touch, at most
 
 
 @dataclass(frozen=True)

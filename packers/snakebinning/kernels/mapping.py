@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.snakebinning.kernels.bins import ANGLES, BINS, HEIGHTS, POINTS, bin_of, indices_of
 
 if TYPE_CHECKING:
@@ -17,11 +18,14 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 
 STAGE = "structs/mapping"
-ANGLE_RANGE, HEIGHT_RANGE = 5, 200  # bins: to either side, and upwards only
-PER_ANGLE = 400  # distance^2 = 400 (da^2 + db^2) + dh^2: 20 bins of the height are as far as one of an angle
+DEFINED = constants_of(HERE / "mapping.cl")
+ANGLE_RANGE = DEFINED.whole("ANGLE_RANGE")  # bins to either side
+HEIGHT_RANGE = DEFINED.whole("HEIGHT_RANGE")  # bins, upwards only
+# distance^2 = 400 (da^2 + db^2) + dh^2: 20 bins of the height are as far as one of an angle.
+PER_ANGLE = DEFINED.whole("PER_ANGLE")
 SIDES = (1, 2, 5, 10)  # of the hierarchy's cells in bins of an angle; 20 times as many of the height
 CELLS = [(ANGLES // side) * (ANGLES // side) * -(-HEIGHTS // (20 * side)) for side in SIDES]
-NO_KEY = 0xFFFFFFFF
+NO_KEY = DEFINED.whole("NO_KEY")
 
 
 class Mapping:

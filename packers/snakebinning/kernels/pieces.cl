@@ -5,6 +5,8 @@
 #define PIECE_BARY 9    // barycentrics 1 and 2 of the corners in the parent
 #define PIECE_PARENT 15 // as bits
 
+#define OUTSIDE 1.9f // texels that barycentrics may lie further outside a triangle or piece than one height
+
 // Corner `corner` (0..2) of a triangle or piece.
 INLINE __global const float *corner_of(int triangle, int corner, __global const float *positions,
                                        __global const int *indices, int first_piece, __global const float *pieces)

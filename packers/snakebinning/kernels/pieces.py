@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
+
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -11,6 +14,11 @@ if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Ints
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.triangles import Triangles
+
+DEFINED = constants_of(Path(__file__).with_name("pieces.cl"))
+# Nine of corners, six of their barycentrics 1 and 2 in the parent, and the parent's number as bits.
+PIECE_FLOATS = DEFINED.whole("PIECE_FLOATS")
+OUTSIDE = DEFINED.number("OUTSIDE")  # texels that barycentrics may lie further outside than one height
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.matrices import dot, product, transform
 from shading_atlas_bench.packers.snakebinning.kernels.corners import locate_corners_twin
-from shading_atlas_bench.packers.snakebinning.kernels.pieces import Pieces
+from shading_atlas_bench.packers.snakebinning.kernels.pieces import PIECE_FLOATS, Pieces
 
 if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic import arrays
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
 MOST = 256  # pieces in a frame
-PIECE_FLOATS = 16  # nine of corners, six of their barycentrics 1 and 2 in the parent, and the parent's number as bits
 WIDER = 1.15
 LEAST = 1 / 16  # weight: float32 barycentrics tell the corners of pieces apart that round by less
 

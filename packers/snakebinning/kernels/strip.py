@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import hypot
+from shading_atlas_bench.packers.snakebinning.kernels.bins import UNIT
 
-UNIT = 8  # lengths are in 1/8 texel
 Lengths: TypeAlias = tuple[int, int, int]  # before and after the height's foot, and height, in 1/8 texel
 ENLARGE = {"exact": 0, "paper": 1}
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.snakebinning.kernels.bins import BINS, COLUMN
 from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, SlotShape, row_width, slot_shape, slots_in
 
@@ -33,8 +34,9 @@ SUPERBLOCK = np.dtype(
 STATE = ("strips", "superblocks", "cursor_x", "cursor_y", "left", "outgrown", "shrunk", "collapsed", "orphans", "free")
 MOST_BLOCKS = 1 << 14  # superblocks, at least
 PARTS = 1024  # further parts of strips that a frame may make
-FITS = {"first": 0, "best": 1, "tight": 2, "next": 3}
-ORDERS = {"widest": 0, "found": 1}
+DEFINED = constants_of(HERE / "superblocks.cl")
+FITS = {name: DEFINED.whole(name.upper()) for name in ("first", "best", "tight", "next")}
+ORDERS = {name: DEFINED.whole(name.upper()) for name in ("widest", "found")}
 
 
 @dataclass(frozen=True)

@@ -10,10 +10,12 @@ All bins there can be, by falling height of their slots, are known beforehand; a
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.tss.kernels.pattern import TOP
 
 if TYPE_CHECKING:
@@ -22,7 +24,9 @@ if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Ints
     from shading_atlas_bench.kernels.device import Device
 
-LONGEST = 1023  # texels along a side of a right triangle, but for the last one
+DEFINED = constants_of(Path(__file__).with_name("forms.cl"))
+# Texels along a side of a right triangle, but for the last one.
+LONGEST = DEFINED.whole("LONGEST")
 EXACT = 16  # sizes up to this one have a class each
 PER_DOUBLING = 8
 

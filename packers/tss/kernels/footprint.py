@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -19,7 +20,11 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 
-LEVELS, LONGEST, MOST_PIECES, LEAST_HEIGHT = 64, 1023, 16, 16  # as in footprint.cl
+DEFINED = constants_of(HERE / "footprint.cl")
+LEVELS = DEFINED.whole("LEVELS")  # of the tessellator
+LONGEST = DEFINED.whole("LONGEST")  # texels along a base
+MOST_PIECES = DEFINED.whole("MOST_PIECES")  # along an edge
+LEAST_HEIGHT = DEFINED.whole("LEAST_HEIGHT")  # texels, of a slanted triangle's pieces
 CAMERA_FLOATS = 21
 
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.tss.kernels.bins import LONGEST, Bins
 from shading_atlas_bench.packers.tss.kernels.pattern import TOP
 
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 
 STAGE = "structs/forms"
-OVERSAMPLED = -1  # as the kind of a form
+DEFINED = constants_of(HERE / "forms.cl")
+OVERSAMPLED = DEFINED.whole("OVERSAMPLED")  # as the kind of a form
 
 
 def choose_strategies(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.tss.kernels.bins import Bins
 
 if TYPE_CHECKING:
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 
 STAGE = "structs/layout"
-REGION = 6
+DEFINED = constants_of(HERE / "layout.cl")
+REGION = DEFINED.whole("REGION")
 
 
 @dataclass(frozen=True)

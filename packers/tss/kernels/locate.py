@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.kernels.samples import WIDTH, Samples
 from shading_atlas_bench.packers.tss.kernels.layout import unpack_place
 from shading_atlas_bench.packers.tss.kernels.pattern import locate_in_l_twin
@@ -22,7 +23,8 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 
-UNPLACED = -4
+DEFINED = constants_of(HERE / "locate.cl")
+UNPLACED = DEFINED.whole("UNPLACED")
 
 
 @dataclass(frozen=True)

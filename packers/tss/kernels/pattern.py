@@ -17,16 +17,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from shading_atlas_bench.kernels.constants import constants_of
+
 if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic import arrays
     from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints, Longs
 
-TOP = 64  # the highest level a hardware tessellator takes
+TOP = constants_of(Path(__file__).with_name("forms.cl")).whole("TOP")  # the highest level a hardware tessellator takes
 
 
 def vertex_count(level: int) -> int:
@@ -115,4 +118,5 @@ def locate_in_l_twin(weights: arrays.Array, level: NDArray[np.integer[Any]]) -> 
     return np.where(level[:, None] > 0, place, 0)
 
 
-SLACK = 2.0**-10  # of a cell: rounding must not send a sample of the cut's line to its copy
+# Of a cell: rounding must not send a sample of the cut's line to its copy.
+SLACK = constants_of(Path(__file__).with_name("locate.cl")).number("SLACK")

@@ -1,0 +1,102 @@
+"""Constants that Python reads from a kernel's file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from shading_atlas_bench.kernels.constants import Constants, constants_of
+
+SOURCE = """#include "common/wide.cl"
+#define ANGLES 30 // bins
+#define COLUMN 1504
+#define BINS (ANGLES * ANGLES * COLUMN)
+#define SAME ANGLES
+#define NO_KEY 0xFFFFFFFFu
+#define FAR_AWAY 0x7FFFFFFF /* never reached */
+#define BIT (1 << 30)
+#define FLATTEST 3.7320508f // cot 15 degrees
+#define OBTUSE -0.22f
+#define UNPLACED -4
+#define TINY 4.5e-3f
+#define GUARD 4194048.0f
+#define THIRD (1.0f / 3.0f)
+#define QUOTIENT (-7 / 2)
+#define SUM (2 + 3 * 4 - 1)
+#define SHIFTED (1 << 2 + 3)
+#define SHAPE (ushort4)(0, 8, 8, 0)
+#define INLINE __attribute__((always_inline)) static inline
+#define EARLY (LATE + 1)
+#define LATE 1
+#define BY_ZERO (1 / 0)
+#define EMPTY
+#define SIZE_OF(a) (a)
+  #  define INDENTED 3
+#if WIDE
+#define STREAM 1
+#else
+#define STREAM 0
+#endif
+"""
+
+
+@pytest.fixture
+def constants(tmp_path: Path) -> Constants:
+    file = tmp_path / "stage.cl"
+    file.write_text(SOURCE, encoding="utf-8")
+    return constants_of(file)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("ANGLES", 30),
+        ("BINS", 30 * 30 * 1504),
+        ("SAME", 30),
+        ("NO_KEY", 4294967295),
+        ("FAR_AWAY", 2147483647),
+        ("BIT", 1073741824),
+        ("UNPLACED", -4),
+        ("GUARD", 4194048),
+        ("QUOTIENT", -3),
+        ("SUM", 13),
+        ("SHIFTED", 32),
+        ("INDENTED", 3),
+    ],
+)
+def test_whole_numbers(constants: Constants, name: str, value: int) -> None:
+    whole = constants.whole(name)
+    assert (type(whole), whole) == (int, value)
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("FLATTEST", 3.7320508), ("OBTUSE", -0.22), ("TINY", 0.0045), ("THIRD", 1 / 3), ("ANGLES", 30.0)],
+)
+def test_numbers_are_their_decimals_in_float64(constants: Constants, name: str, value: float) -> None:
+    number = constants.number(name)
+    assert (type(number), number) == (float, value)
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("MISSING", "is not defined"),
+        ("EMPTY", "is not defined"),
+        ("SIZE_OF", "is not defined"),
+        ("SHAPE", "is no number that Python computes"),
+        ("INLINE", "is no number that Python computes"),
+        ("EARLY", "is no number that Python computes: .LATE"),
+        ("BY_ZERO", "is no number that Python computes"),
+        ("STREAM", "is defined more than once"),
+        ("FLATTEST", "is no whole number"),
+    ],
+)
+def test_anything_else_is_refused(constants: Constants, name: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=rf"stage\.cl: {name} .*{reason}"):
+        constants.whole(name)
+
+
+def test_a_file_is_read_once(constants: Constants) -> None:
+    assert constants_of(constants.file) is constants
