@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 
 def masked_material(mode: str = "mask", texture: int = 0, cutoff: float = 0.5, alpha: float = 1.0) -> Material:
+    """A white material with an alpha mode, a base colour texture and an alpha."""
     return Material(base_colour=(1, 1, 1, alpha), base_texture=texture, alpha_mode=mode, alpha_cutoff=cutoff)
 
 

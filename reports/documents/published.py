@@ -56,6 +56,8 @@ class Measured:
     published: dict[str, str]  # method to its variant as published
 
     def value(self, quantity: Quantity, methods: Sequence[str], setting: str) -> float | None:
+        """What was measured of the first method at a setting, over that of the second if there is one; None where it is
+        unknown."""
         return _over([self._one(quantity.name, method, setting) for method in methods])
 
     def _one(self, name: str, method: str, setting: str) -> float | None:

@@ -68,6 +68,7 @@ class Bins:
 
     @property
     def count(self) -> int:
+        """How many bins there are, B."""
         return len(self.width)
 
     def upload(self, device: Device) -> BinTables:
