@@ -216,7 +216,7 @@ def float32_offset(magnitude: float) -> TrialCase:
 
 @stress("scale-up", "the scene in ever smaller units", powers(0, 6), unit="times", invariant=True)
 def scale_up(magnitude: float) -> TrialCase:
-    """The room, with its camera, near plane and view cell, at `magnitude` times as many units."""
+    """The room, its camera, near plane and view cell, all `magnitude` times as large in units."""
     scene = scene_of(room(), scale=magnitude)
     cell = ViewCell(0.08 * magnitude, 80)
     return TrialCase(scene, walk(scene, scale=magnitude), near=0.02 * magnitude, cell=cell)

@@ -36,8 +36,7 @@ class BlendedMaterial(Protocol):
 
 
 class BlendedScene(Protocol):
-    """What opacity reads of a scene: uvs float32 (V, 2), colours float32 (V, 4), indices int32 (T, 3), material_ids
-    int32 (T)."""
+    """What opacity reads of a scene."""
 
     @property
     def uvs(self) -> Floats:

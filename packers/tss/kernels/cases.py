@@ -49,7 +49,7 @@ class Scene:
 
     @classmethod
     def make(cls, device: Device, kind: str, count: int) -> Scene:
-        """`count` random triangles before a camera of 960 x 608 pixels, 1000 units from the origin."""
+        """`count` random triangles before a camera at FAR_EYE, 960 x 608 pixels."""
         rng = seeded(kind)
         corners = far_soup(rng, count)
         if kind == "typical":
