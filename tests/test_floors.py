@@ -15,12 +15,8 @@ FLOORS = ("arithmetic", "kernels", "scenes", "reports", "packers", "harness")
 LONGEST_FUNCTION = 60  # lines
 ASSERTING = {"raises", "warns", "fail"}  # of pytest
 UNDOCUMENTED = ("scenes",)  # floors that are not documented throughout yet
-NOT_FOR_CALLERS = {
-    "AssertionError",
-    "NotImplementedError",
-    "StopIteration",
-    "Exit",
-}  # faults of the program, and its end
+# Faults of the program, and its end.
+NOT_FOR_CALLERS = {"AssertionError", "NotImplementedError", "StopIteration", "Exit"}
 
 
 def sources(*folders: str) -> list[Path]:

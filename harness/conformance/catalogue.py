@@ -199,7 +199,7 @@ def scattered(count: int, distance: float, seed: int = 1) -> Doubles:
 
 @stress("world-offset", "the scene moved away from the world's origin", powers(0, 7), unit="units", invariant=True)
 def world_offset(magnitude: float) -> TrialCase:
-    """The room as a file has it that is `magnitude` times (1, 0.5, -1) away from its origin."""
+    """The room from a file in which it is `magnitude` times (1, 0.5, -1) away from the origin."""
     offset = magnitude * np.array([1.0, 0.5, -1.0])
     scene = scene_of(room(), offset)
     return TrialCase(scene, walk(scene, offset=offset))
@@ -233,7 +233,7 @@ def scale_down(magnitude: float) -> TrialCase:
 
 @stress("slivers", "triangles of ever smaller aspect", powers(0, -7), unit="height / length")
 def slivers(magnitude: float) -> TrialCase:
-    """200 triangles with a longest side of 1 unit and a height of `magnitude` on it, before a wall."""
+    """200 triangles with a base of 1 unit and a height of `magnitude` on it, before a wall."""
     rng = draws.generator(2)
     start = scattered(200, 2.0)
     along = rng.normal(size=(200, 3))
@@ -395,7 +395,7 @@ def behind(magnitude: float) -> TrialCase:
 
 @stress("wide-view", "ever wider fields of view", (60, 90, 120, 150, 170, 175, 179), unit="degrees")
 def wide_view(magnitude: float) -> TrialCase:
-    """The room at a horizontal field of view of `magnitude` degrees, the cell's 20 degrees wider or 179."""
+    """The room at a horizontal field of view of `magnitude` degrees; the cell's is 20 degrees wider, up to 179."""
     scene = scene_of(room())
     return TrialCase(scene, walk(scene), fov=magnitude, cell=ViewCell(0.08, min(179.0, magnitude + 20)))
 
@@ -418,7 +418,7 @@ def motion(magnitude: float) -> TrialCase:
 
 @stress("teleport", "a camera that jumps away and back", powers(-1, 6), unit="units")
 def teleport(magnitude: float) -> TrialCase:
-    """The room from one place, from `magnitude` units further along z, turned round by 180 degrees, and as at first."""
+    """The room from one place, from `magnitude` units further along z, from the first backwards, and as at first."""
     scene = scene_of(room())
     here, there = walk(scene)
     away = replace(there, position=there.position + magnitude * np.array([0, 0, 1]))
@@ -573,8 +573,10 @@ def nan_materials(magnitude: float) -> TrialCase:
 
 @stress("nan-path", "poses of a path that are not numbers", SHARES, unit="share", refusable=True)
 def nan_path(magnitude: float) -> TrialCase:
-    """Two frames of a path file of 12 poses; a share of `magnitude` has NaN or infinity as x. Raises PathError for a
-    file that is refused."""
+    """Two frames of a path file of 12 poses; a share of `magnitude` has NaN or infinity as x.
+
+    Raises PathError for a file that is refused.
+    """
     import tempfile
 
     scene = scene_of(room())

@@ -149,8 +149,8 @@ def check(name: str, what: str, patience: int = 1) -> Callable[[Run], Run]:
 
 @check("parameters", "every parameter's default and sweep can be used, and unknown ones are refused")
 def parameters(kit: Kit) -> Finding:
-    """Invalid for a parameter that is no Parameter, refuses its own values or lacks a meaning, or an unknown name that
-    is taken."""
+    """Invalid where a parameter is no Parameter, objects to a value of its own or lacks a meaning, and where an unknown
+    one is taken."""
     for name, parameter in kit.kind.parameters.items():
         if not isinstance(parameter, Parameter):
             return Finding("invalid", f"{name} is no packers.interface.Parameter.")

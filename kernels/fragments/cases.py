@@ -74,7 +74,7 @@ def building(device: Device, kind: str, size: int) -> Trial:
 # Each field of a sample read and written once, but no texel read.
 @case({"order.order_fragments": Cost("n", "36*n + 4*pixels")}, 480, 96)
 def ordering(device: Device, kind: str, size: int) -> Trial:
-    """Compares the fields of all samples, and their pixels, after ordering."""
+    """Compares the order, and each field of the samples in that order."""
     _, fragments = fragments_of(device, kind, size)
     before, n = fragments.samples, fragments.count
 

@@ -38,7 +38,7 @@ def room(device: Device, kind: str, count: int) -> Triangles:
 
 
 def camera(width: int = WIDTH) -> Camera:
-    """The cases' camera for a picture of this width, 16:9, in pixels."""
+    """The cases' camera, of a 16:9 picture that is `width` pixels wide."""
     return Camera.of(VIEW, PROJECTION, width, width * HEIGHT // WIDTH)
 
 

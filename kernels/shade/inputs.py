@@ -138,8 +138,11 @@ def make_shader(
 
 
 def make_samples(device: Device, count: int = 4000, seed: int = 1, adversarial: bool = False) -> Samples:
-    """Random samples of the triangles of `make_shader`, with texels in random order. adversarial: beyond their
-    triangles, with footprints that are 0, not finite or negative."""
+    """Random samples of the triangles of `make_shader`, with texels in random order.
+
+    seed: odd for samples in the order of their triangles. adversarial: beyond their triangles, with footprints that are
+    huge, not finite, 0 or negative.
+    """
     rng = np.random.default_rng(seed)
     samples = Samples.allocate(device, count)
     room = samples.triangle.size
