@@ -144,6 +144,21 @@ def test_public_functions_name_what_they_raise():
     assert silent == []
 
 
+def test_exceptions_that_a_function_makes_are_found():
+    source = """
+def function():
+    def inner():
+        raise KeyError
+    try:
+        raise errors.InputError("made")
+    except OSError as error:
+        raise error
+    with guarded():
+        raise ValueError("becomes an exit code")
+"""
+    assert own_exceptions(ast.parse(source).body[0]) == {"InputError"}
+
+
 def public_functions(scope: ast.Module | ast.ClassDef) -> list[ast.FunctionDef]:
     """Functions of a module and methods of its classes, without those whose name, or class's, has an underscore."""
     public = [node for node in scope.body if not getattr(node, "name", "_").startswith("_")]
