@@ -33,6 +33,7 @@ def tell_passed_over(device: Device) -> None:
 
 
 def make_table(title: str, *columns: str) -> Table:
+    """A table without rows and frames, with a bold title and columns that fold."""
     table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=False)
     table.caption_justify, table.caption_style = "left", "dim"
     for column in columns:
@@ -70,9 +71,11 @@ class Bar(Task):
         self._id = shown.add_task(escape(what), total=steps)
 
     def doing(self, what: str) -> None:
+        """Show this as the bar's description."""
         self._shown.update(self._id, description=escape(what))
 
     def advance(self, steps: int = 1) -> None:
+        """Move the bar on by so many steps."""
         self._shown.advance(self._id, steps)
 
     def __enter__(self) -> Bar:
@@ -93,10 +96,13 @@ class TerminalProgress(Progress):
         self._shown = progress_bars(self._console)
 
     def say(self, sentence: str) -> None:
+        """Print the sentence dimmed."""
         self._console.print(f"[dim]{escape(sentence)}[/]")
 
     def warn(self, sentence: str) -> None:
+        """Print the sentence as a warning."""
         self._console.print(f"[yellow]warning[/] {escape(sentence)}", soft_wrap=True)
 
     def task(self, what: str, steps: int | None = None) -> Bar:
+        """A bar of so many steps; without their number it only shows that work goes on."""
         return Bar(self._shown, what, steps)

@@ -247,6 +247,7 @@ def parse_value(method: str, name: str, parameter: Parameter, text: str) -> bool
 
 
 def value_text(value: bool | int | float | str) -> str:
+    """A parameter's value as text that `parse_value` reads."""
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):

@@ -26,7 +26,10 @@ def compare(
 
 
 def show_comparison(first: Path, second: Path) -> None:
-    """Print how run `second` compares to run `first`, one line per method, codec, rate and metric."""
+    """Print how run `second` compares to run `first`, one line per method, codec, rate and metric.
+
+    Raises InputError for a folder without results, and for runs that have nothing in common.
+    """
     from shading_atlas_bench.reports.analysis.compare import ALL, compare, differences
 
     for folder in (first, second):

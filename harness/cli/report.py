@@ -21,7 +21,7 @@ def report(
 
 
 def show_report(folder: Path) -> None:
-    """Rebuild the CSV files and the report of a results folder."""
+    """Rebuild the CSV files and the report of a results folder. Raises InputError for a folder without results."""
     from shading_atlas_bench.reports.analysis import sweep
     from shading_atlas_bench.reports.pages import claims_report, html, sweep_report
     from shading_atlas_bench.reports.store import csv_files

@@ -199,6 +199,7 @@ def scattered(count: int, distance: float, seed: int = 1) -> Doubles:
 
 @stress("world-offset", "the scene moved away from the world's origin", powers(0, 7), unit="units", invariant=True)
 def world_offset(magnitude: float) -> TrialCase:
+    """The room from a file in which it is `magnitude` times (1, 0.5, -1) away from the origin."""
     offset = magnitude * np.array([1.0, 0.5, -1.0])
     scene = scene_of(room(), offset)
     return TrialCase(scene, walk(scene, offset=offset))
@@ -206,6 +207,7 @@ def world_offset(magnitude: float) -> TrialCase:
 
 @stress("float32-offset", "positions far from their own float32 origin", powers(0, 7), unit="units")
 def float32_offset(magnitude: float) -> TrialCase:
+    """The room with float32 positions `magnitude` times (1, 0.5, -1) away from the scene's own origin."""
     offset = magnitude * np.array([1.0, 0.5, -1.0])
     scene = as_they_are(room() + offset)
     scene.lights = [replace(LAMP, position=_triple(np.array(LAMP.position) + offset))]
@@ -214,6 +216,7 @@ def float32_offset(magnitude: float) -> TrialCase:
 
 @stress("scale-up", "the scene in ever smaller units", powers(0, 6), unit="times", invariant=True)
 def scale_up(magnitude: float) -> TrialCase:
+    """The room, its camera, near plane and view cell, all `magnitude` times as large in units."""
     scene = scene_of(room(), scale=magnitude)
     cell = ViewCell(0.08 * magnitude, 80)
     return TrialCase(scene, walk(scene, scale=magnitude), near=0.02 * magnitude, cell=cell)
@@ -221,6 +224,7 @@ def scale_up(magnitude: float) -> TrialCase:
 
 @stress("scale-down", "the scene in ever larger units", powers(0, -6), unit="times", invariant=True)
 def scale_down(magnitude: float) -> TrialCase:
+    """The room as `scale_up` makes it, with magnitudes of at most 1."""
     return scale_up(magnitude)
 
 
@@ -229,6 +233,7 @@ def scale_down(magnitude: float) -> TrialCase:
 
 @stress("slivers", "triangles of ever smaller aspect", powers(0, -7), unit="height / length")
 def slivers(magnitude: float) -> TrialCase:
+    """200 triangles with a base of 1 unit and a height of `magnitude` on it, before a wall."""
     rng = draws.generator(2)
     start = scattered(200, 2.0)
     along = rng.normal(size=(200, 3))
@@ -241,6 +246,7 @@ def slivers(magnitude: float) -> TrialCase:
 
 @stress("zero-area", "triangles without area: points, lines and repeated corners", (1, 3, 10, 30, 100, 300, 1000))
 def zero_area(magnitude: float) -> TrialCase:
+    """`magnitude` triangles that are points, lines of two corners or lines of three in turn, before a wall."""
     corners = facing(scattered(int(magnitude), 2.0), 0.1)
     corners[0::3, 1:] = corners[0::3, :1]
     corners[1::3, 2] = corners[1::3, 1]
@@ -251,12 +257,14 @@ def zero_area(magnitude: float) -> TrialCase:
 
 @stress("duplicated", "copies of every triangle", (1, 2, 4, 8, 16, 32))
 def duplicated(magnitude: float) -> TrialCase:
+    """Every other triangle of the room, `magnitude` times."""
     scene = scene_of(np.concatenate([room()[::2]] * int(magnitude)))
     return TrialCase(scene, walk(scene), atlas=(512, 512))
 
 
 @stress("coplanar", "triangles that overlap in one plane", (2, 4, 8, 16, 32, 64, 128))
 def coplanar(magnitude: float) -> TrialCase:
+    """`magnitude` triangles that overlap in the plane z = -2, before a wall."""
     centres = scattered(int(magnitude), 2.0)
     centres[:, 2] = -2
     return seen_from_origin(np.concatenate([facing(centres, 0.5), backdrop()]))
@@ -264,6 +272,7 @@ def coplanar(magnitude: float) -> TrialCase:
 
 @stress("flipped", "triangles turned round, of single-sided material", (0.01, 0.03, 0.1, 0.3, 0.6, 1), unit="share")
 def flipped(magnitude: float) -> TrialCase:
+    """The room of single-sided material, a random share of `magnitude` of its triangles turned round."""
     corners = room()
     turned = draws.generator(3).random(len(corners)) < magnitude
     corners[turned] = corners[turned][:, ::-1]
@@ -273,12 +282,14 @@ def flipped(magnitude: float) -> TrialCase:
 
 @stress("sub-pixel", "triangles smaller than a pixel", (1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), unit="pixels")
 def sub_pixel(magnitude: float) -> TrialCase:
+    """400 triangles with a circumradius of about `magnitude` pixels, before a wall."""
     small = facing(scattered(400, 2.0), 2 * magnitude / PIXELS_PER_TANGENT)
     return seen_from_origin(np.concatenate([small, backdrop()]))
 
 
 @stress("screen-filling", "a triangle that reaches beyond the screen", powers(0, 6), unit="times the screen")
 def screen_filling(magnitude: float) -> TrialCase:
+    """A slanted triangle with a circumradius of 4 `magnitude` units, 3 units ahead, behind 50 small ones."""
     large = facing(np.array([[0, 0, -3.0]]), 4 * magnitude)
     large[:, :, 2] -= 0.3 * large[:, :, 1]
     return seen_from_origin(np.concatenate([large, facing(scattered(50, 1.5), 0.1)]))
@@ -286,6 +297,7 @@ def screen_filling(magnitude: float) -> TrialCase:
 
 @stress("fan", "triangles at one vertex", (10, 30, 100, 300, 1000, 3000, 10_000))
 def fan(magnitude: float) -> TrialCase:
+    """`magnitude` triangles around one vertex, whose rim is wavy."""
     angle = np.linspace(0, 2 * np.pi, int(magnitude) + 1)
     ring = np.stack([cos(angle), sin(angle), -2.5 + 0.2 * cos(5 * angle)], axis=1)
     middle = np.broadcast_to([0.05, 0.02, -2.0], ring[1:].shape)
@@ -297,6 +309,7 @@ def fan(magnitude: float) -> TrialCase:
 
 @stress("one-bin", "triangles of one size", (10, 30, 100, 300, 1000, 3000, 10_000))
 def one_bin(magnitude: float) -> TrialCase:
+    """`magnitude` triangles of one size beside each other in the plane z = -2."""
     side = int(np.ceil(np.sqrt(magnitude)))
     x, y = np.meshgrid(np.linspace(-1, 1, side), np.linspace(-0.55, 0.55, side))
     centres = np.stack([x, y, np.full_like(x, -2)], axis=-1).reshape(-1, 3)[: int(magnitude)]
@@ -305,6 +318,7 @@ def one_bin(magnitude: float) -> TrialCase:
 
 @stress("one-pixel", "triangles behind each other in one pixel", (1, 3, 10, 30, 100, 300, 1000))
 def one_pixel(magnitude: float) -> TrialCase:
+    """`magnitude` triangles, each about a pixel large, behind each other from 1 to 3 units away, before a wall."""
     depth = np.linspace(1, 3, int(magnitude))
     centres = np.stack([0.5 / PIXELS_PER_TANGENT * depth, 0.5 / PIXELS_PER_TANGENT * depth, -depth], axis=1)
     return seen_from_origin(np.concatenate([facing(centres, 0.6 * depth / PIXELS_PER_TANGENT), backdrop()]))
@@ -312,6 +326,7 @@ def one_pixel(magnitude: float) -> TrialCase:
 
 @stress("one-patch", "triangles that share one edge", (2, 4, 8, 16, 32, 64, 128, 256))
 def one_patch(magnitude: float) -> TrialCase:
+    """`magnitude` triangles at one edge, like the pages of a book."""
     angle = np.linspace(0, np.pi, int(magnitude))
     page = np.stack([cos(angle), 0.3 * sin(3 * angle), sin(angle) - 2.5], axis=1)
     hinge = [np.broadcast_to(point, page.shape) for point in ([0, -0.7, -2.6], [0, 0.7, -2.4])]
@@ -320,16 +335,19 @@ def one_patch(magnitude: float) -> TrialCase:
 
 @stress("equal-depth", "layers at exactly one depth", (1, 2, 4, 8, 16, 32, 64))
 def equal_depth(magnitude: float) -> TrialCase:
+    """The same 8 triangles in the plane z = -2, `magnitude` times."""
     return seen_from_origin(np.concatenate([grid((-1, -0.6, -2), (2, 0, 0), (0, 1.2, 0), 2, 2)] * int(magnitude)))
 
 
 @stress("blend-alpha", "blended surfaces", (1, 0.5, 0.1, 2 / 255, 1 / 255, 0), unit="alpha")
 def blend_alpha(magnitude: float) -> TrialCase:
+    """The room, every other triangle blended with an alpha of `magnitude`."""
     return _alpha(replace(DOUBLE, base_colour=(0.9, 0.7, 0.5, magnitude), alpha_mode="blend"))
 
 
 @stress("mask-alpha", "masked surfaces, cut at half of their alpha", (1, 0.5, 0.1, 2 / 255, 1 / 255, 0), unit="alpha")
 def mask_alpha(magnitude: float) -> TrialCase:
+    """The room, every other triangle masked with an alpha of `magnitude` and a cutoff of half of it."""
     colour = (0.9, 0.7, 0.5, magnitude)
     return _alpha(replace(DOUBLE, base_colour=colour, alpha_mode="mask", alpha_cutoff=magnitude / 2))
 
@@ -348,6 +366,7 @@ def _alpha(material: Material) -> TrialCase:
 @stress("near-plane", "corners about, and on, the near plane", (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 0),
         unit="of its distance")  # fmt: skip
 def near_plane(magnitude: float) -> TrialCase:
+    """30 triangles with a corner or two before, on or behind the near plane, off by `magnitude` times its distance."""
     near, count = 0.02, 30
     turn = np.arange(count) * 2 * np.pi / count
     side = np.stack([cos(turn), 0.5 * sin(turn), np.zeros(count)], axis=1)
@@ -367,6 +386,7 @@ def near_plane(magnitude: float) -> TrialCase:
 
 @stress("behind", "triangles from far behind the eye to before it", powers(0, 6), unit="units behind")
 def behind(magnitude: float) -> TrialCase:
+    """A fan of 14 triangles around a vertex 2 units ahead; its rim is a circle of `magnitude` units around the eye."""
     turn = np.arange(14) * 2 * np.pi / 14
     ring = np.stack([cos(turn), np.full(14, -0.2), sin(turn)], axis=1) * [magnitude, 1, magnitude]
     middle = np.broadcast_to([0.1, -0.5, -2.0], ring.shape)
@@ -375,18 +395,21 @@ def behind(magnitude: float) -> TrialCase:
 
 @stress("wide-view", "ever wider fields of view", (60, 90, 120, 150, 170, 175, 179), unit="degrees")
 def wide_view(magnitude: float) -> TrialCase:
+    """The room at a horizontal field of view of `magnitude` degrees; the cell's is 20 degrees wider, up to 179."""
     scene = scene_of(room())
     return TrialCase(scene, walk(scene), fov=magnitude, cell=ViewCell(0.08, min(179.0, magnitude + 20)))
 
 
 @stress("narrow-view", "ever narrower fields of view", (60, 30, 10, 5, 2, 1), unit="degrees")
 def narrow_view(magnitude: float) -> TrialCase:
+    """The room at a horizontal field of view of `magnitude` degrees; the cell narrows with it."""
     scene = scene_of(room())
     return TrialCase(scene, walk(scene), fov=magnitude, cell=ViewCell(0.08 * magnitude / 60, 1.3 * magnitude))
 
 
 @stress("motion", "ever smaller steps of the camera, and none", (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0), unit="units")
 def motion(magnitude: float) -> TrialCase:
+    """Four frames of the room, between which the camera moves by `magnitude` times (1, 0, 0.5) units."""
     scene = scene_of(room())
     (first,) = walk(scene, 1)
     steps = [np.array([magnitude, 0, magnitude / 2]) * k for k in range(4)]
@@ -395,6 +418,7 @@ def motion(magnitude: float) -> TrialCase:
 
 @stress("teleport", "a camera that jumps away and back", powers(-1, 6), unit="units")
 def teleport(magnitude: float) -> TrialCase:
+    """The room from one place, from `magnitude` units further along z, from the first backwards, and as at first."""
     scene = scene_of(room())
     here, there = walk(scene)
     away = replace(there, position=there.position + magnitude * np.array([0, 0, 1]))
@@ -407,18 +431,21 @@ def teleport(magnitude: float) -> TrialCase:
 
 @stress("small-atlas", "ever smaller atlases", (256, 128, 64, 48, 32, 16), unit="texels a side")
 def small_atlas(magnitude: float) -> TrialCase:
+    """The room in an atlas of `magnitude` x `magnitude` texels."""
     scene = scene_of(room())
     return TrialCase(scene, walk(scene), atlas=(int(magnitude), int(magnitude)))
 
 
 @stress("large-atlas", "ever larger atlases", (256, 512, 1024, 2048, 4096, 8192), unit="texels a side")
 def large_atlas(magnitude: float) -> TrialCase:
+    """One frame of the room in an atlas of `magnitude` x `magnitude` texels."""
     scene = scene_of(room())
     return TrialCase(scene, walk(scene, 1), atlas=(int(magnitude), int(magnitude)))
 
 
 @stress("empty-frames", "empty sets between full ones", (1, 2, 3, 5, 8, 13), unit="frames")
 def empty_frames(magnitude: float) -> TrialCase:
+    """`magnitude` frames of an empty set between two of the whole room, all from one pose."""
     scene = scene_of(room())
     full, none = np.arange(scene.triangle_count, dtype=np.int32), np.zeros(0, np.int32)
     sets = (full, *[none] * int(magnitude), full)
@@ -445,6 +472,8 @@ def _poisoned_room(poison: Callable[[RawScene], None]) -> TrialCase:
 
 @stress("nan-positions", "positions that are not numbers", SHARES, unit="share", refusable=True)
 def nan_positions(magnitude: float) -> TrialCase:
+    """The room with NaN or infinity as x of a share of `magnitude` of its positions."""
+
     def poison(raw: RawScene) -> None:
         raw.parts[0].positions = poisoned(raw.parts[0].positions, magnitude)
 
@@ -453,6 +482,8 @@ def nan_positions(magnitude: float) -> TrialCase:
 
 @stress("nan-indices", "indices of vertices that are not there", SHARES, unit="share", refusable=True)
 def nan_indices(magnitude: float) -> TrialCase:
+    """The room with indices of 2^31 - 1 and of -5, each in a third of a share of `magnitude` of its triangles."""
+
     def poison(raw: RawScene) -> None:
         rows = np.isnan(poisoned(np.zeros((len(raw.parts[0].indices), 1)), magnitude)[:, 0])
         raw.parts[0].indices[rows, 1] = 2**31 - 1
@@ -463,6 +494,8 @@ def nan_indices(magnitude: float) -> TrialCase:
 
 @stress("nan-normals", "normals that are not numbers", SHARES, unit="share", refusable=True)
 def nan_normals(magnitude: float) -> TrialCase:
+    """The room with NaN or infinity as x of a share of `magnitude` of its normals."""
+
     def poison(raw: RawScene) -> None:
         up = np.tile([0.0, 1.0, 0.0], (len(raw.parts[0].positions), 1))
         raw.parts[0].normals = poisoned(up, magnitude)
@@ -472,6 +505,8 @@ def nan_normals(magnitude: float) -> TrialCase:
 
 @stress("nan-uvs", "texture coordinates that are not numbers", SHARES, unit="share", refusable=True)
 def nan_uvs(magnitude: float) -> TrialCase:
+    """The room with NaN or infinity as u of a share of `magnitude` of its texture coordinates."""
+
     def poison(raw: RawScene) -> None:
         raw.parts[0].uvs = poisoned(raw.parts[0].positions[:, :2], magnitude)
 
@@ -480,6 +515,8 @@ def nan_uvs(magnitude: float) -> TrialCase:
 
 @stress("nan-colours", "vertex colours that are not numbers", SHARES, unit="share", refusable=True)
 def nan_colours(magnitude: float) -> TrialCase:
+    """The room with NaN or infinity as red of a share of `magnitude` of its vertex colours."""
+
     def poison(raw: RawScene) -> None:
         if (colours := raw.parts[0].colours) is not None:
             raw.parts[0].colours = poisoned(colours, magnitude).astype(np.float32)
@@ -489,6 +526,8 @@ def nan_colours(magnitude: float) -> TrialCase:
 
 @stress("nan-tangents", "tangents that are not numbers", SHARES, unit="share", refusable=True)
 def nan_tangents(magnitude: float) -> TrialCase:
+    """The room with NaN or infinity as x of a share of `magnitude` of its tangents."""
+
     def poison(raw: RawScene) -> None:
         tangent = np.tile([1.0, 0.0, 0.0, 1.0], (len(raw.parts[0].positions), 1))
         raw.parts[0].tangents = poisoned(tangent, magnitude)
@@ -498,6 +537,8 @@ def nan_tangents(magnitude: float) -> TrialCase:
 
 @stress("nan-transforms", "instances whose placement is not a number", SHARES, unit="share", refusable=True)
 def nan_transforms(magnitude: float) -> TrialCase:
+    """Four instances of the room; a share of `magnitude` has NaN or infinity as first column of its matrix."""
+
     def poison(raw: RawScene) -> None:
         raw.parts[0].transforms = poisoned(np.tile(np.eye(4), (4, 1, 1)), magnitude)
 
@@ -506,6 +547,8 @@ def nan_transforms(magnitude: float) -> TrialCase:
 
 @stress("nan-lights", "lights whose numbers are none", SHARES, unit="share", refusable=True)
 def nan_lights(magnitude: float) -> TrialCase:
+    """The room with six more lights; a share of `magnitude` has NaN or infinity in colour, position or direction."""
+
     def poison(raw: RawScene) -> None:
         values = poisoned(np.ones((6, 3)), magnitude)
         raw.lights += [Light("point", _triple(value), (0.0, 1.0, 0.0)) for value in values[:2]]
@@ -517,6 +560,8 @@ def nan_lights(magnitude: float) -> TrialCase:
 
 @stress("nan-materials", "materials whose numbers are none", SHARES, unit="share", refusable=True)
 def nan_materials(magnitude: float) -> TrialCase:
+    """The room with NaN or infinity in a share of `magnitude` of its base colour, roughness, metalness and emission."""
+
     def poison(raw: RawScene) -> None:
         red, rough, metal, glow = poisoned(np.full((4, 1), 0.5), magnitude)[:, 0]
         raw.materials[0] = replace(
@@ -528,6 +573,10 @@ def nan_materials(magnitude: float) -> TrialCase:
 
 @stress("nan-path", "poses of a path that are not numbers", SHARES, unit="share", refusable=True)
 def nan_path(magnitude: float) -> TrialCase:
+    """Two frames of a path file of 12 poses; a share of `magnitude` has NaN or infinity as x.
+
+    Raises PathError for a file that is refused.
+    """
     import tempfile
 
     scene = scene_of(room())

@@ -149,6 +149,8 @@ def check(name: str, what: str, patience: int = 1) -> Callable[[Run], Run]:
 
 @check("parameters", "every parameter's default and sweep can be used, and unknown ones are refused")
 def parameters(kit: Kit) -> Finding:
+    """Invalid where a parameter is no Parameter, objects to a value of its own or lacks a meaning, and where an unknown
+    one is taken."""
     for name, parameter in kit.kind.parameters.items():
         if not isinstance(parameter, Parameter):
             return Finding("invalid", f"{name} is no packers.interface.Parameter.")
@@ -178,6 +180,7 @@ for _name in SCENES:
 
 @check("isolated", "clients hold nothing of the server, and show what they receive and nothing else")
 def isolated(kit: Kit) -> Finding:
+    """What comes out of the first built-in scene whose client is not isolated, else of the last."""
     for name in SCENES:
         found = try_isolation(kit.scene(name), kit.make)
         if not found.good:
@@ -187,11 +190,13 @@ def isolated(kit: Kit) -> Finding:
 
 @check("deterministic", "two frames of the hall packed again, and again with other work-groups, to the same bytes")
 def deterministic(kit: Kit) -> Finding:
+    """What comes out of two frames of the hall, packed twice more."""
     return try_method(kit.scene("hall"), kit.make, again=2)
 
 
 @check("picture", "the client shows the surfaces that a float64 rendering shows, at a FLIP of at most 0.1")
 def picture(kit: Kit) -> Finding:
+    """What comes out of the room; inaccurate where the client's picture has a mean FLIP above 0.1."""
     found = kit.case("room", _room)
     if found.good and found.error is not None and found.error > 0.1:
         return replace(found, status="inaccurate", sentence=f"The client's picture has a FLIP of {found.error:.3f}.")
@@ -205,6 +210,7 @@ def _room() -> TrialCase:
 
 @check("kernels", "each of its own kernels against its float64 twin, on typical and adversarial input", patience=5)
 def kernels(kit: Kit) -> Finding:
+    """Inaccurate where a kernel of the method's own package is beyond its bound; ok where there are none."""
     own = own_cases(kit.kind)
     if not own:
         return Finding("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
@@ -218,12 +224,15 @@ def kernels(kit: Kit) -> Finding:
 
 @check("empty set", "a frame in which nothing is visible, between two others, and as the first")
 def empty_set(kit: Kit) -> Finding:
+    """What comes out of the room after an empty set, then of an empty set between two of the room."""
     first = kit.case("empty first", lambda: _sets([0.0, 1.0]))
     return first if not first.good else kit.case("empty between", lambda: _sets([1.0, 0.0, 1.0]))
 
 
 @check("one triangle", "a scene, and a set, of one triangle")
 def one_triangle(kit: Kit) -> Finding:
+    """What comes out of a scene of one triangle, then of a set of one between two of the room."""
+
     def alone() -> TrialCase:
         scene = scene_of(facing(np.array([[0, 0, -2.0]]), 0.5))
         return TrialCase(scene, still(scene))
@@ -234,6 +243,7 @@ def one_triangle(kit: Kit) -> Finding:
 
 @check("other set", "sets that change completely from frame to frame")
 def other_set(kit: Kit) -> Finding:
+    """What comes out of the room's first half, its last half, its first half again, and all of it."""
     return kit.case("other set", lambda: _sets([0.5, -0.5, 0.5, 1.0]))
 
 
@@ -248,6 +258,8 @@ def _sets(shares: list[float]) -> TrialCase:
 
 @check("slivers only", "a scene of nothing but triangles 1000 times as long as high")
 def slivers_only(kit: Kit) -> Finding:
+    """What comes out of 100 triangles, flattened to a thousandth."""
+
     def slivers() -> TrialCase:
         corners = facing(scattered(100, 2.0), 0.4)
         corners[:, 2] = corners[:, 0] + (corners[:, 1] - corners[:, 0]) / 2 + 1e-3 * (corners[:, 2] - corners[:, 0])
@@ -259,6 +271,8 @@ def slivers_only(kit: Kit) -> Finding:
 
 @check("screen-filling", "one triangle that covers the whole picture")
 def screen_filling(kit: Kit) -> Finding:
+    """What comes out of a triangle with a circumradius of 8 units, 2 units ahead."""
+
     def large() -> TrialCase:
         scene = scene_of(facing(np.array([[0, 0, -2.0]]), 8))
         return TrialCase(scene, still(scene))
@@ -268,6 +282,8 @@ def screen_filling(kit: Kit) -> Finding:
 
 @check("overflow", "an atlas of 16 x 16 texels: every triangle left out is named, with a reason")
 def overflow(kit: Kit) -> Finding:
+    """What comes out of the room and a wall of 200 triangles in 16 x 16 texels."""
+
     def tiny() -> TrialCase:
         scene = scene_of(np.concatenate([room(), grid((-1, -1, -2), (2, 0, 0), (0, 2, 0), 10, 10)]))
         return TrialCase(scene, walk(scene), atlas=(16, 16))

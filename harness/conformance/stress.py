@@ -46,10 +46,12 @@ class Contender:
     make: Callable[[], Packer] | None
 
     def run(self, stage: Stage) -> Finding:
+        """What comes out of a stage."""
         return try_rasteriser(stage) if self.make is None else try_method(stage, self.make)
 
     @property
     def key(self) -> str:
+        """The row's name, `method[variant]`."""
         return f"{self.method}[{self.variant}]"
 
 
@@ -149,6 +151,7 @@ class Log:
         return cls(folder, [])
 
     def has(self, row: Contender, test: StressTest, step: int) -> bool:
+        """Whether the trial is finished."""
         return self.find(row, test, step) is not None
 
     def find(self, row: Contender, test: StressTest, step: int) -> dict[str, Any] | None:
@@ -160,6 +163,7 @@ class Log:
         return None
 
     def add(self, values: dict[str, Any]) -> None:
+        """Add a finished trial, here and to the file."""
         self.rows.append(values)
         with open(self.folder / "stress.jsonl", "a", encoding="utf-8") as file:
             file.write(json.dumps(values) + "\n")

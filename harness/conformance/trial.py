@@ -113,6 +113,7 @@ class Finding:
 
     @property
     def good(self) -> bool:
+        """Whether it is a result: its status is one of GOOD."""
         return self.status in GOOD
 
 

@@ -148,7 +148,10 @@ def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Fr
 
 
 def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], wanted: Experiment) -> Iterator[Row]:
-    """One row per frame of a mode: sizes in both layouts, times, fragments, and how the display's picture differs."""
+    """One row per frame of a mode: sizes in both layouts, times, fragments, and how the display's picture differs.
+
+    Raises InputError for parameters out of range.
+    """
     chosen: dict[str, Any] = {"mode": mode, "layers": LAYERS if mode == "depth-limited" else 0}
     chosen |= {"merge": "paper" if mode == "bilateral" else "exact", **wanted.parameters}
     packer, other = PerPixelLinkedLists(**chosen), PerPixelLinkedLists(**chosen | {"layout": "shuffled"})

@@ -160,7 +160,10 @@ class VideoStream:
         return _Jpeg(self.quality, self.grey) if self.codec == "jpeg" else _Plain(self.grey)
 
     def encode(self, rgb: Array | Picture) -> EncodedFrame:
-        """Encode the next frame, uint8 (height, width, 3 or 4), sRGB; decode it as the client would if asked to."""
+        """Encode the next frame, uint8 (height, width, 3 or 4), sRGB; decode it as the client would if asked to.
+
+        Raises CodecError for a frame of another size than the stream's.
+        """
         began = time.thread_time()
         picture = rgb if isinstance(rgb, Picture) else Picture(rgb)
         if (picture.width, picture.height) != (self.width, self.height):

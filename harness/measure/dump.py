@@ -117,7 +117,10 @@ def _scatter(owners: Owners, values: NDArray[Number], plane: NDArray[Number]) ->
 
 
 def write_png(path: Path, rgb: Array) -> None:
-    """Write a picture, uint8 (h, w, 3), sRGB, as PNG. Raises OSError, naming the file, if that fails."""
+    """Write a picture, uint8 (h, w, 3), sRGB, as PNG.
+
+    Raises ValueError for another shape or dtype, and OSError if writing fails; both name the file.
+    """
     import OpenImageIO
 
     rgb = np.ascontiguousarray(rgb)

@@ -31,7 +31,10 @@ def check_folder(out: Path | None) -> None:
 
 
 def folder_for(plan: dict[str, Any], name: str) -> Path:
-    """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`."""
+    """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`.
+
+    Raises InputError if it cannot be made.
+    """
     for folder in sorted(RUNS.glob("*/"), reverse=True):
         if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file() and not in_use(folder):
             with Store(folder) as store:

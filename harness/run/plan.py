@@ -38,6 +38,7 @@ def make_plan(session: Session, pipelines: list[Pipeline]) -> dict[str, Any]:
 
 
 def duration(seconds: float) -> str:
+    """Seconds in words: in steps of 5 s, from 90 s on in minutes, from 90 minutes on in hours."""
     if seconds < 90:
         return f"{max(5, round(seconds / 5) * 5)} s"
     return f"{seconds / 60:.0f} min" if seconds < 5400 else f"{seconds / 3600:.1f} h"

@@ -170,7 +170,10 @@ def make_grid(settings: Settings, vary: Iterable[str]) -> Grid:
 
 
 def read_axes(vary: Iterable[str], packers: list[Packer]) -> dict[str, list[str]]:
-    """The values of each `--vary` by name, as text; a name that is given again adds values."""
+    """The values of each `--vary` by name, as text; a name that is given again adds values.
+
+    Raises InputError for unknown names, and for those without values.
+    """
     parameters = {name: packer.parameters[name] for packer in packers for name in packer.parameters}
     axes: dict[str, list[str]] = {}
     for argument in vary:

@@ -213,7 +213,7 @@ def parse_pair(text: str, separator: str, option: str, example: str) -> tuple[fl
 
 
 def parse_size(text: str, option: str) -> tuple[int, int]:
-    """A size like 960x540 in whole numbers."""
+    """A size like 960x540 in whole numbers. Raises SettingsError, naming the option."""
     width, height = parse_pair(text, "x", option, "960x540")
     if width != int(width) or height != int(height):
         raise SettingsError(f"{option} is {text!r}: give whole numbers like 960x540.")
@@ -221,7 +221,7 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
 
 
 def parse_cell(text: str) -> ViewCell:
-    """A preset's name, or RADIUS,FOV in metres and degrees."""
+    """A preset's name, or RADIUS,FOV in metres and degrees. Raises SettingsError for other texts."""
     if text in CELLS:
         return CELLS[text]
     if "," not in text:
@@ -230,7 +230,7 @@ def parse_cell(text: str) -> ViewCell:
 
 
 def parse_unit(text: str) -> float:
-    """Metres per unit, from the name of a unit or a number."""
+    """Metres per unit, from the name of a unit or a number. Raises SettingsError for other texts."""
     if text.strip() in UNITS:
         return UNITS[text.strip()]
     try:
@@ -242,7 +242,7 @@ def parse_unit(text: str) -> float:
 
 
 def parse_crfs(text: str) -> tuple[int, ...]:
-    """A comma-separated list of whole numbers."""
+    """A comma-separated list of whole numbers. Raises SettingsError for other texts."""
     try:
         return tuple(int(part) for part in text.split(",") if part.strip())
     except ValueError as error:

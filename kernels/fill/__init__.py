@@ -1,0 +1,1 @@
+"""Filling of the texels of an atlas that nothing owns."""

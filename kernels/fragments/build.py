@@ -48,10 +48,12 @@ class Fragments:
 
     @property
     def count(self) -> int:
+        """Fragments of all pixels."""
         return self.samples.count
 
     @property
     def pixels(self) -> int:
+        """Pixels of the picture."""
         return self.width * self.height
 
 

@@ -74,6 +74,7 @@ def building(device: Device, kind: str, size: int) -> Trial:
 # Each field of a sample read and written once, but no texel read.
 @case({"order.order_fragments": Cost("n", "36*n + 4*pixels")}, 480, 96)
 def ordering(device: Device, kind: str, size: int) -> Trial:
+    """Compares the order, and each field of the samples in that order."""
     _, fragments = fragments_of(device, kind, size)
     before, n = fragments.samples, fragments.count
 
@@ -99,6 +100,7 @@ OPACITY = {
 
 @case(OPACITY, 480, 96)
 def opacity(device: Device, kind: str, size: int) -> Trial:
+    """Compares the opacities, 0..255, of the fragments of random glass."""
     triangles, fragments = fragments_of(device, kind, size)
     glass, _ = glass_opacity(device, seeded(kind), triangles)
     samples, n = numbered(device, fragments, "numbers").samples, fragments.count
@@ -121,6 +123,7 @@ def most_layers(kind: str) -> int:
 
 @case({"blend.blend_lists": Cost("n", "4*words*n + 12*pixels", "7*n")}, 480, 120, typical=Bound(wrong=6e-5))
 def blending(device: Device, kind: str, size: int) -> Trial:
+    """Compares blends of lists of random colours and opacities over a random picture, uint8 (pixels, 4)."""
     rng = seeded(kind)
     offsets, rows = random_rows(rng, size, size * 2 // 3, most_layers(kind))
     (count, words), pixels = rows.shape, len(offsets) - 1

@@ -36,26 +36,31 @@ class BlendedMaterial(Protocol):
 
 
 class BlendedScene(Protocol):
-    """What opacity reads of a scene: uvs float32 (V, 2), colours float32 (V, 4), indices int32 (T, 3), material_ids
-    int32 (T)."""
+    """What opacity reads of a scene."""
 
     @property
-    def uvs(self) -> Floats: ...
+    def uvs(self) -> Floats:
+        """Texture coordinates, float32 (V, 2)."""
 
     @property
-    def colours(self) -> Floats: ...
+    def colours(self) -> Floats:
+        """Linear RGBA of the vertices, float32 (V, 4)."""
 
     @property
-    def indices(self) -> Ints: ...
+    def indices(self) -> Ints:
+        """Vertices of the triangles, int32 (T, 3)."""
 
     @property
-    def material_ids(self) -> Ints: ...
+    def material_ids(self) -> Ints:
+        """Materials of the triangles, int32 (T)."""
 
     @property
-    def materials(self) -> Sequence[BlendedMaterial]: ...
+    def materials(self) -> Sequence[BlendedMaterial]:
+        """What `material_ids` number."""
 
     @property
-    def textures(self) -> Sequence[TextureImage]: ...
+    def textures(self) -> Sequence[TextureImage]:
+        """What the materials' `base_texture` numbers."""
 
 
 def blends(material: BlendedMaterial) -> bool:

@@ -1,0 +1,1 @@
+"""Picture metrics, and the stretch of an atlas."""

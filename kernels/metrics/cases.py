@@ -41,9 +41,11 @@ def _pictures(kind: str, size: int) -> tuple[Bytes, Bytes]:
 class Metric(Protocol):
     """What the metrics have that compare pictures with a reference."""
 
-    def reference(self, image: Array) -> None: ...
+    def reference(self, image: Array) -> None:
+        """Take a reference, uint8 (h, w, 4), sRGB, on the device."""
 
-    def compare(self, test: Array) -> None: ...
+    def compare(self, test: Array) -> None:
+        """Compare a picture, uint8 (h, w, 4), sRGB, on the device, with the reference."""
 
 
 AnyMetric = TypeVar("AnyMetric", bound=Metric)
@@ -74,6 +76,7 @@ def _trial(
 
 @case({"mse.squared_error": Cost("n", "8*n", "6*n")}, 960)
 def mse(device: Device, kind: str, size: int) -> Trial:
+    """Compares the mean over all pixels and channels."""
     reference, test = _pictures(kind, size)
     height, width = reference.shape[:2]
     error = SquaredError(device, width, height)
@@ -122,6 +125,8 @@ FLIP = {
 # Powers of 0.7 of colour differences near 0 enlarge them.
 @case(FLIP, 960, 480, typical=Bound(1000), adversarial=Bound(15_000))
 def flip(device: Device, kind: str, size: int) -> Trial:
+    """Compares the error of every pixel."""
+
     def results(ours: Flip, reference: Bytes, test: Bytes) -> list[Result]:
         return [Result(ours.error_map(), flip_twin(test, reference))]
 

@@ -38,6 +38,7 @@ def room(device: Device, kind: str, count: int) -> Triangles:
 
 
 def camera(width: int = WIDTH) -> Camera:
+    """The cases' camera, of a 16:9 picture that is `width` pixels wide."""
     return Camera.of(VIEW, PROJECTION, width, width * HEIGHT // WIDTH)
 
 
@@ -56,6 +57,7 @@ def records_of(
 
 @case({"clusters.build_clusters": Cost("n", "(12 + 36 + 1 + 36)*n", "18*n")}, 200_000)
 def building(device: Device, kind: str, size: int) -> Trial:
+    """Compares the bounds of the clusters."""
     triangles = room(device, kind, size)
 
     def results() -> list[Result]:
@@ -165,6 +167,7 @@ RESOLVING = {
 # Slivers: their area is a difference of almost equal products.
 @case(RESOLVING, WIDTH, 240, typical=Bound(1400), adversarial=Bound(30))
 def resolving(device: Device, kind: str, size: int) -> Trial:
+    """Compares every field of the samples of the covered pixels."""
     triangles, at = room(device, kind, 3000), camera(size)
     seen = Rasteriser(device, triangles).draw(VIEW, PROJECTION, at.width, at.height)
 
@@ -181,6 +184,7 @@ def resolving(device: Device, kind: str, size: int) -> Trial:
 
 @case({"mark.mark_visible": Cost("pixels", "5*pixels")}, WIDTH)
 def marking(device: Device, kind: str, size: int) -> Trial:
+    """Compares the flags of the triangles that a picture shows."""
     triangles, at = room(device, kind, 30_000), camera(size)
     seen = Rasteriser(device, triangles).draw(VIEW, PROJECTION, at.width, at.height)
     flags = device.zeros(triangles.count, np.uint8)

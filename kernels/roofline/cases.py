@@ -22,6 +22,7 @@ def _values(kind: str, size: int) -> Floats:
 
 @case({"roofline.copy": Cost("n", "8*n")}, 1 << 22)
 def copying(device: Device, kind: str, size: int) -> Trial:
+    """Compares the copy with its source, float32. Adversarial: values of all magnitudes."""
     values = _values(kind, size)
     source, target = device.upload(values), device.empty(size, np.float32)
 
@@ -39,6 +40,7 @@ def copying(device: Device, kind: str, size: int) -> Trial:
     adversarial=Bound(100),  # 256 roundings, one after the other
 )
 def arithmetic(device: Device, kind: str, size: int) -> Trial:
+    """Compares chains of multiplications and additions, float32. Adversarial: values of all magnitudes."""
     values = _values(kind, size)
     working = device.upload(values)
 

@@ -1,0 +1,1 @@
+"""Shading of samples on surfaces: materials, lights, shadow maps, environment maps and the sky."""

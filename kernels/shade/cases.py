@@ -45,6 +45,8 @@ def colours_twin(shader: Shader, samples: Samples) -> Bytes:
     typical=Bound(wrong=2e-3),  # colours close to the middle between two levels
 )
 def shading(device: Device, kind: str, size: int) -> Trial:
+    """Compares the colours of samples of everything a material can have. Adversarial: degenerate triangles, samples
+    beyond them."""
     materials, lights, features = CASES["everything"]
     hard = kind == "adversarial"
     shader = make_shader(device, materials, lights, degenerate=hard, **features)

@@ -46,6 +46,7 @@ LIGHTS = [Light("directional"), Light("point", colour=(9.0, 8.0, 7.0)), Light("s
 
 
 def textures_of(rng: np.random.Generator, device: Device, wraps: bool) -> TextureBuffers:
+    """Four textures of random texels, two of them sRGB. wraps: in different wrap modes, else all repeat."""
     modes = ["clamp", "mirror", "repeat", "repeat"] if wraps else ["repeat"] * 4
     sizes = [(64, 64), (19, 50), (32, 16), (24, 40)]
     images = []
@@ -137,6 +138,11 @@ def make_shader(
 
 
 def make_samples(device: Device, count: int = 4000, seed: int = 1, adversarial: bool = False) -> Samples:
+    """Random samples of the triangles of `make_shader`, with texels in random order.
+
+    seed: odd for samples in the order of their triangles. adversarial: beyond their triangles, with footprints that are
+    huge, not finite, 0 or negative.
+    """
     rng = np.random.default_rng(seed)
     samples = Samples.allocate(device, count)
     room = samples.triangle.size

@@ -1,0 +1,1 @@
+"""Textures: mip chains, lookups and alpha masks."""

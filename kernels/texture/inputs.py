@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
 
 def masked_material(mode: str = "mask", texture: int = 0, cutoff: float = 0.5, alpha: float = 1.0) -> Material:
+    """A white material. mode: its alpha mode. texture: of its base colour, -1 for none. cutoff: the alpha below which
+    it has holes. alpha: of its base colour."""
     return Material(base_colour=(1, 1, 1, alpha), base_texture=texture, alpha_mode=mode, alpha_cutoff=cutoff)
 
 

@@ -22,12 +22,16 @@ def cells(count: int, width: int, height: int) -> tuple[int, Longs, Longs]:
 
 
 class Grid(Packer):
+    """Cells of one size for all triangles of the set, in its order."""
+
     name, paper = "grid", Paper("An example without a paper", 2026, "")
 
     def prepare(self, scene: ServerScene) -> None:
+        """Begin the stream of the triangles' geometry."""
         self.geometry = geometry_encoder(scene, {})
 
     def pack(self, frame: Frame) -> Payload:
+        """Shade the cells of the triangles that fit."""
         device, width, height = frame.scene.device, frame.atlas_width, frame.atlas_height
         side, x, y = cells(len(frame.pvs), width, height)
         fits = y + side <= height
@@ -49,11 +53,15 @@ class Grid(Packer):
         )
 
     def client(self, scene: ClientScene) -> GridClient:
+        """A client, which finds the cells by itself."""
         return GridClient(scene)
 
 
 class GridClient(AtlasClient):
+    """Draws from the cells of the triangles that it has received."""
+
     def corner_texels(self) -> Array:
+        """float32 (n, 3, 2) on the device: the corners in each triangle's cell, NaN for those that do not fit."""
         height, width = self.plane.shape[:2]
         side, x, y = cells(len(self.geometry.pvs), width, height)
         corner = np.stack([x, y], axis=1)[:, None] + 0.5 + (side - 1) * np.array([[0, 0], [1, 0], [0, 1]])

@@ -26,7 +26,10 @@ class ListClient(Client):
         self.held: list[ListView] = []
 
     def receive(self, payload: Decoded) -> None:
-        """Take a frame's lists: all of them, or what changed."""
+        """Take a frame's lists: all of them, or what changed.
+
+        Raises WireError for what `decode` refuses, and for changes of lists that are not like those held.
+        """
         messages = decode(payload.blobs["head"], payload.lists["lists"])
         arrived = [self._upload(message) for message in messages]
         if self.held and messages[0].mode in DIFFERENCES:

@@ -29,8 +29,8 @@ LOWEST = 2.0**-16  # the smallest scale: every primitive is a single texel
 class Mapped:
     """A frame's primitives in their bins, on the device.
 
-    scale: texels per pixel. forms: int32 (n, 4), as from `choose_strategies`. regions: int32 (B, 6), of the bins. used: rows
-    of the atlas that it needs, -1 if the atlas is too narrow.
+    scale: texels per pixel. forms: int32 (n, 4), as from `choose_strategies`. regions: int32 (B, 6), of the bins. used:
+    rows of the atlas that it needs, -1 if the atlas is too narrow.
     """
 
     scale: float

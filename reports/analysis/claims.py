@@ -91,6 +91,7 @@ class Rule:
 
     @property
     def text(self) -> str:
+        """The rule in words."""
         if self.low == -math.inf:
             return f"below {self.high:g}"
         return f"above {self.low:g}" if self.high == math.inf else f"between {self.low:g} and {self.high:g}"
@@ -117,6 +118,7 @@ class Claim:
     undecided: str = ""
 
     def operands(self) -> list[Operand]:
+        """The values that it takes: none, one or two."""
         found = [self.measure.value, self.measure.other] if self.measure else []
         return [operand for operand in found if operand]
 

@@ -56,6 +56,8 @@ class Measured:
     published: dict[str, str]  # method to its variant as published
 
     def value(self, quantity: Quantity, methods: Sequence[str], setting: str) -> float | None:
+        """What was measured of the first method at a setting, over that of the second if there is one; None where it is
+        unknown."""
         return _over([self._one(quantity.name, method, setting) for method in methods])
 
     def _one(self, name: str, method: str, setting: str) -> float | None:
@@ -79,7 +81,10 @@ def read_published(file: Path = FILE) -> list[Quantity]:
 
 def published_parts(folders: Sequence[Path]) -> Parts:
     """Runs in threes of cells, each cell with a run at the methods' settings and one at equal samples: a table per
-    paper, and every number by cell."""
+    paper, and every number by cell.
+
+    Raises DocumentError for another number of runs, and for cells of several scenes taken for those of one.
+    """
     if len(folders) % (2 * len(CELLS)):
         raise DocumentError(f"Published numbers take two runs for each of {len(CELLS)} cells of a scene.")
     runs = [_measured(*folders[at : at + 2]) for at in range(0, len(folders), 2)]

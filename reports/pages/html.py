@@ -163,10 +163,12 @@ def _samples_asked(rows: list[Row]) -> str:
 
 
 def section(name: str, title: str, *content: str) -> str:
+    """HTML of a section with the id `name` and a heading; content: HTML."""
     return f'<section id="{name}"><h2>{escape(title)}</h2>{"".join(content)}</section>'
 
 
 def caption(text: str) -> str:
+    """HTML of a caption."""
     return f'<p class="caption">{prose(text)}</p>'
 
 

@@ -84,6 +84,7 @@ class Line:
 
     @property
     def coding(self) -> tuple[str | None, int | None]:
+        """Codec and rate; None for a row without one."""
         return self.summary["codec"], self.summary["crf"]
 
     def values(self, name: str) -> dict[int, float]:

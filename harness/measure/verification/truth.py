@@ -64,6 +64,7 @@ class Truth:
 
     @property
     def triangles(self) -> Triangles:
+        """The scene's triangles, on the device and on the host."""
         return self.scene.triangles
 
     @cached_property

@@ -1,0 +1,1 @@
+"""Kernels of per-pixel linked lists: making, limiting, moving and sending them."""

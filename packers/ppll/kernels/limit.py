@@ -35,6 +35,7 @@ class Depth:
 
     @property
     def limits(self) -> bool:
+        """Whether lists can be deeper than that."""
         return self.layers < EVERY_LAYER or self.threshold <= 1
 
 

@@ -34,6 +34,7 @@ class Lists:
 
     @property
     def pixels(self) -> int:
+        """How many lists there are, one a pixel."""
         return self.width * self.height
 
     @classmethod

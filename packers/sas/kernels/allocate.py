@@ -41,10 +41,12 @@ class Grid:
 
     @property
     def total(self) -> int:
+        """Superblocks of the atlas."""
         return self.columns * self.rows
 
     @property
     def classes(self) -> int:
+        """Size classes of blocks: every power of two up to a superblock's side, in width and in height."""
         return (self.top + 1) * (self.top + 1)
 
     @property

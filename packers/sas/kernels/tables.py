@@ -42,6 +42,7 @@ class Patches:
 
     @property
     def count(self) -> int:
+        """How many patches there are, P."""
         return len(self.members)
 
     def sizes(self, patches: Ints | slice = slice(None)) -> Longs:

@@ -1,0 +1,1 @@
+"""Kernels of SnakeBinning: footprints, bins, superblocks, places and samples."""

@@ -68,6 +68,7 @@ class Scene:
 
     @classmethod
     def make(cls, device: Device, kind: str, count: int) -> Scene:
+        """`count` random triangles, measured from two eyes."""
         rng = seeded(kind)
         corners = mixed_soup(rng, count)
         if kind == "typical":
@@ -84,6 +85,7 @@ class Scene:
         return scene
 
     def measure(self) -> None:
+        """Measure the triangles into new footprints."""
         fresh = Footprints.allocate(self.device, len(self.corners))
         measure_triangles(self.device, self.listed, self.sliced, self.views, self.fit, fresh)
         self.footprints = fresh
@@ -99,6 +101,7 @@ class Packed:
 
     @classmethod
     def make(cls, scene: Scene) -> Packed:
+        """The scene's triangles, mapped exactly and placed in an atlas of WIDTH x WIDTH texels."""
         device, count, footprints = scene.device, len(scene.corners), scene.footprints
         bins = BinCounts(device).count(scene.listed, footprints.bins, footprints.lengths)
         mapping = Mapping(device, "exact", 16)
@@ -110,12 +113,14 @@ class Packed:
         return packed
 
     def place(self) -> None:
+        """Place the triangles as if all were new."""
         scene, device = self.scene, self.scene.device
         self.placement = replace(self.placement, places=Places.allocate(device, len(scene.corners)))
         is_new = find_new(device, scene.listed, 1, self.placement)
         place_triangles(device, 1, scene.listed, is_new, self.mapping.targets, self.placement)
 
     def samples(self) -> Samples:
+        """The samples of all placed triangles."""
         scene = self.scene
         return emit_samples(scene.device, scene.listed, scene.sliced, self.placement, Blowup(), WIDTH)
 
@@ -197,11 +202,13 @@ EXACT = {
 
 @case(EXACT, 3000, 600)
 def exact_mapping(device: Device, kind: str, size: int) -> Trial:
+    """Compares the target of each used bin, found by the exact search."""
     return _mapping(device, kind, size, "exact")
 
 
 @case({"mapping.add_sinks": Cost("u", "40*u"), "mapping.search_hierarchy": Cost("sources", "24*sources")}, 3000, 600)
 def hierarchical_mapping(device: Device, kind: str, size: int) -> Trial:
+    """Compares the target of each used bin, found in the hierarchy."""
     return _mapping(device, kind, size, "hierarchical")
 
 
@@ -251,6 +258,7 @@ PLACING = {
 
 @case(PLACING, 1 << 13, 1 << 10)
 def placing(device: Device, kind: str, size: int) -> Trial:
+    """Compares all places, and the drawn lengths of the triangles that have one."""
     scene = Scene.make(device, kind, size)
     packed = Packed.make(scene)
     blocks = packed.placement.superblocks
@@ -289,6 +297,7 @@ def placing(device: Device, kind: str, size: int) -> Trial:
     typical=Bound(14),
 )
 def emission(device: Device, kind: str, size: int) -> Trial:
+    """Compares every field of all samples."""
     scene = Scene.make(device, kind, size)
     packed = Packed.make(scene)
 
@@ -320,6 +329,7 @@ def samples_twin(packed: Packed) -> dict[str, arrays.Array]:
 
 @case({"corners.locate_corners": Cost("n", "(4 + 8 + 4 + 36)*n", "20*n")}, 1 << 13, typical=Bound(2))
 def corners(device: Device, kind: str, size: int) -> Trial:
+    """Compares the corners of all triangles, homogeneous."""
     packed = Packed.make(Scene.make(device, kind, size))
     places, drawn = packed.placement.places.places, packed.placement.places.drawn
     words = packed.scene.footprints.words

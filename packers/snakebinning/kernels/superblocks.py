@@ -134,6 +134,7 @@ class PartTwin:
 
     @property
     def slots(self) -> int:
+        """Slots in the part's rows."""
         return self.rows * self.per_row
 
 

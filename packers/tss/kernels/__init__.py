@@ -1,0 +1,1 @@
+"""Kernels of Tessellated Shading Streaming: primitives, their bins and places, and samples."""

@@ -72,6 +72,7 @@ class Bins:
 
     @property
     def count(self) -> int:
+        """How many bins there are, B."""
         return len(self.width)
 
     def upload(self, device: Device) -> BinTables:

@@ -49,6 +49,7 @@ class Scene:
 
     @classmethod
     def make(cls, device: Device, kind: str, count: int) -> Scene:
+        """`count` random triangles before a camera at FAR_EYE, 960 x 608 pixels."""
         rng = seeded(kind)
         corners = far_soup(rng, count)
         if kind == "typical":
@@ -63,6 +64,7 @@ class Scene:
         return cls(device, corners, camera, triangles, device.upload(np.arange(count, dtype=np.int32)))
 
     def primitives(self) -> Primitives:
+        """The primitives of all triangles."""
         camera = self.device.upload(self.camera)
         return list_primitives(self.device, self.ids, len(self.corners), self.triangles, camera, SCALE, SLANTED)
 
@@ -83,6 +85,7 @@ class Packed:
 
     @classmethod
     def make(cls, scene: Scene) -> Packed:
+        """The scene's primitives in places of an atlas 4096 texels wide."""
         device, primitives, bins = scene.device, scene.primitives(), Bins.make()
         tables, count = bins.upload(device), primitives.count
         turns = device.upload(np.arange(count, dtype=np.int32))
@@ -104,6 +107,7 @@ class Packed:
     adversarial=Bound(4),
 )
 def footprints(device: Device, kind: str, size: int) -> Trial:
+    """Compares the depths and pieces of all triangles."""
     scene = Scene.make(device, kind, size)
     camera = device.upload(scene.camera)
 
@@ -127,6 +131,7 @@ PRIMITIVES = {
 # Slivers: their height is an area that cancels over a length; longest edges of equal length may differ.
 @case(PRIMITIVES, 1 << 15, 1 << 12, typical=Bound(25_000), adversarial=Bound(13_000, wrong=3e-3))
 def primitives(device: Device, kind: str, size: int) -> Trial:
+    """Compares level, base, height and first corner of all primitives."""
     scene = Scene.make(device, kind, size)
 
     def results() -> list[Result]:
@@ -147,6 +152,7 @@ def primitives(device: Device, kind: str, size: int) -> Trial:
 
 @case({"perspective.invert_depths": Cost("n", "36*n", "12*n")}, 1 << 18, adversarial=Bound(2))
 def perspective(device: Device, kind: str, size: int) -> Trial:
+    """Compares the inverse depths of all triangles' corners."""
     primitives = Scene.make(device, kind, size).primitives()
 
     def run() -> Array:
@@ -161,6 +167,7 @@ def perspective(device: Device, kind: str, size: int) -> Trial:
 
 @case({"forms.choose_strategies": Cost("n", "(16 + 4 + 4 + 4 + 16 + 8)*n", "20*n")}, 1 << 14)
 def forms(device: Device, kind: str, size: int) -> Trial:
+    """Compares the form and the bins of each primitive."""
     primitives, bins = Scene.make(device, kind, size).primitives(), Bins.make()
     count, tables = primitives.count, bins.upload(device)
     turns = device.upload(np.arange(count, dtype=np.int32))
@@ -178,6 +185,7 @@ def forms(device: Device, kind: str, size: int) -> Trial:
 
 @case({"layout.lay_out": Cost("b", "36*b"), "layout.place_items": Cost("2*n", "(8 + 8 + 32 + 4)*2*n")}, 1 << 14, 1 << 9)
 def layout(device: Device, kind: str, size: int) -> Trial:
+    """Compares the regions of all bins and the places of all items."""
     packed = Packed.make(Scene.make(device, kind, size))
     totals, count = device.upload(packed.totals.astype(np.int32)), packed.primitives.count
 
@@ -203,6 +211,7 @@ def layout(device: Device, kind: str, size: int) -> Trial:
     typical=Bound(6),
 )
 def emission(device: Device, kind: str, size: int) -> Trial:
+    """Compares every field of all samples, and their number."""
     scene = Scene.make(device, kind, size)
     packed, table = Packed.make(scene), CellTable.upload(device)
     primitives = packed.primitives

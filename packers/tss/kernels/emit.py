@@ -65,7 +65,8 @@ def build_kernels(device: Device) -> None:
 class Placed:
     """Primitives with their places, on the device.
 
-    forms, places: int32 (n, 4) and (n, 2), as from `choose_strategies` and `place_items`. inverse: as from `invert_depths`.
+    forms, places: int32 (n, 4) and (n, 2), as from `choose_strategies` and `place_items`. inverse: as from
+    `invert_depths`.
     """
 
     primitives: Primitives
