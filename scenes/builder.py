@@ -48,6 +48,7 @@ class Mesh:
 
     @property
     def triangle_count(self) -> int:
+        """How many triangles it has."""
         return len(self.indices)
 
 

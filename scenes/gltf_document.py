@@ -77,6 +77,7 @@ class GltfDocument:
         """An accessor's entries: (N,), (N, k) or (N, k, k) for matrices by row; float32 where normalised.
 
         kinds: the types that it may have, such as "VEC3"; name: what it is for, in the sentence where it has another.
+        Raises ValueError then.
         """
         entry = self.entry("accessors", index)
         if entry["type"] not in kinds:
@@ -86,7 +87,7 @@ class GltfDocument:
         return self._accessors[index]
 
     def whole_numbers(self, index: int, name: str, *kinds: str) -> Array:
-        """As `accessor`, of unsigned integers only."""
+        """As `accessor`, of unsigned integers only. Raises ValueError for others."""
         values = self.accessor(index, name, *kinds)
         if values.dtype.kind != "u":
             raise ValueError(f"{name} has entries of {values.dtype.name}, not unsigned integers")
@@ -97,7 +98,7 @@ class GltfDocument:
         return "bufferView" in self.entry("accessors", index) or "sparse" in self.entry("accessors", index)
 
     def image_bytes(self, index: int) -> bytes:
-        """An image file's bytes, embedded, from a data URI or from the file beside."""
+        """An image file's bytes, embedded, from a data URI or from the file beside. Raises ValueError without any."""
         image = self.entry("images", index)
         if "bufferView" in image:
             return bytes(self._view(image["bufferView"]))

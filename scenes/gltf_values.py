@@ -10,7 +10,7 @@ _SHOWN = 60  # characters of a wrong value
 
 
 def number(entry: JsonObject, key: str, default: float) -> float:
-    """A number of a JSON object, as a float."""
+    """A number of a JSON object, as a float. Raises ValueError for another value."""
     value = entry.get(key, default)
     if not _is_number(value):
         raise ValueError(f"{key} is {_shown(value)}, not a number")
@@ -28,7 +28,7 @@ def numbers(
 @overload
 def numbers(entry: JsonObject, key: str, default: tuple[float, ...]) -> tuple[float, ...]: ...
 def numbers(entry: JsonObject, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
-    """A list of numbers of a JSON object, as long as its default."""
+    """A list of numbers of a JSON object, as long as its default. Raises ValueError for another value."""
     values = entry.get(key, default)
     if not isinstance(values, list | tuple) or len(values) != len(default) or not all(map(_is_number, values)):
         raise ValueError(f"{key} is {_shown(values)}, not a list of {len(default)} numbers")
@@ -36,7 +36,7 @@ def numbers(entry: JsonObject, key: str, default: tuple[float, ...]) -> tuple[fl
 
 
 def whole(entry: JsonObject, key: str, default: int) -> int:
-    """A whole number of a JSON object that is not negative."""
+    """A whole number of a JSON object that is not negative. Raises ValueError for another value."""
     value = entry.get(key, default)
     if type(value) is not int or value < 0:
         raise ValueError(f"{key} is {_shown(value)}, not a whole number from 0")
@@ -44,7 +44,8 @@ def whole(entry: JsonObject, key: str, default: int) -> int:
 
 
 def picked(entries: list[JsonObject], index: int, name: str) -> JsonObject:
-    """The entry that a file refers to by its number in a list; the list's name is for the sentence."""
+    """The entry that a file refers to by its number in a list. Raises ValueError where there is none; the list's name is
+    for the sentence."""
     if type(index) is not int or not 0 <= index < len(entries):
         raise ValueError(f"the file has no {name}[{_shown(index)}], to which it refers")
     return entries[index]

@@ -212,6 +212,7 @@ class Scene:
 
     @property
     def triangle_count(self) -> int:
+        """How many triangles it has."""
         return len(self.indices)
 
     @property

@@ -58,6 +58,7 @@ class MapStatement:
     ignored: list[str] = field(default_factory=list)
 
     def lies_as(self, other: MapStatement) -> bool:
+        """Whether both pictures lie on a surface in the same way: scaled, shifted and clamped alike."""
         return (self.scale, self.offset, self.clamped) == (other.scale, other.offset, other.clamped)
 
 
@@ -78,6 +79,7 @@ class LibraryMaterial:
 
     @property
     def textured(self) -> bool:
+        """Whether the material has a texture of colour or of light."""
         return max(self.material.base_texture, self.material.emissive_texture) >= 0
 
     def placed(self, uvs: Array) -> Doubles:

@@ -76,6 +76,7 @@ class CameraPath:
 
     @property
     def frames(self) -> int:
+        """How many poses it has."""
         return len(self.times_ms)
 
     @property

@@ -31,6 +31,7 @@ class Panorama:
 
     @classmethod
     def empty(cls) -> Panorama:
+        """A panorama in which no ray meets anything."""
         shape = TURNS, len(SLOPES)
         return cls(np.full(shape, np.inf), np.full(shape, -1), np.zeros(shape, bool))
 

@@ -14,7 +14,6 @@ ROOT = Path(__file__).parents[1]
 FLOORS = ("arithmetic", "kernels", "scenes", "reports", "packers", "harness")
 LONGEST_FUNCTION = 60  # lines
 ASSERTING = {"raises", "warns", "fail"}  # of pytest
-UNDOCUMENTED = ("scenes",)  # floors that are not documented throughout yet
 # Faults of the program, and its end.
 NOT_FOR_CALLERS = {"AssertionError", "NotImplementedError", "StopIteration", "Exit"}
 
@@ -136,7 +135,7 @@ def test_public_functions_name_what_they_raise():
     """A docstring has the exceptions that the function makes itself, in whatever words."""
     silent = [
         f"{name_of(path)}: {function.name} raises {name}"
-        for path in sources(*(floor for floor in FLOORS if floor not in UNDOCUMENTED))
+        for path in sources(*FLOORS)
         for function in public_functions(tree_of(path))
         for name in sorted(own_exceptions(function) - NOT_FOR_CALLERS)
         if not re.search(rf"\b{name}\b", ast.get_docstring(function) or "")
