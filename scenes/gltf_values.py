@@ -44,8 +44,8 @@ def whole(entry: JsonObject, key: str, default: int) -> int:
 
 
 def picked(entries: list[JsonObject], index: int, name: str) -> JsonObject:
-    """The entry that a file refers to by its number in a list. Raises ValueError where there is none; the list's name is
-    for the sentence."""
+    """The entry that a file refers to by its number in a list; the list's name is for the sentence. Raises ValueError
+    where there is none."""
     if type(index) is not int or not 0 <= index < len(entries):
         raise ValueError(f"the file has no {name}[{_shown(index)}], to which it refers")
     return entries[index]
