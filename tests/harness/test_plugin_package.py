@@ -75,7 +75,7 @@ def test_its_name_is_found_and_its_files_are_installed(site: Path, packer: Packe
 def test_its_kernel_builds_with_the_headers_of_the_suite(device: Device, site: Path):
     file = site / "shelves" / "kernels" / "emit.cl"
     assert '#include "common/wide.cl"' in file.read_text(encoding="utf-8")
-    assert "#define LESSER" in source_with_includes(file)
+    assert "#define MIN" in source_with_includes(file)
     assert "emit_samples" in device.build(file).by_name
 
 

@@ -13,10 +13,10 @@ __kernel void emit_samples(int count, int width, __global const int *ids, __glob
     if (i >= count)
         return;
     const int side = 1 << levels[i];
-    const float last = (float)GREATER(side - 1, 1);
+    const float last = (float)MAX(side - 1, 1);
     int sample = first[i];
     for (int row = 0; row < side; row++) {
-        for (int column = 0; column < LESSER(side, side - row + 1); column++, sample++) {
+        for (int column = 0; column < MIN(side, side - row + 1); column++, sample++) {
             triangle[sample] = ids[i];
             bary1[sample] = (float)column / last;
             bary2[sample] = (float)row / last;
