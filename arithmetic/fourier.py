@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Iterator
+from typing import Any, TypeVar
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import sin_cos
 
+Samples = TypeVar("Samples", Floats, Doubles)
 BLOCK = 64  # rows or columns that are transformed together: their samples stay in a processor's cache
 
 
-def inverse_real(spectrum: np.ndarray) -> np.ndarray:
+def inverse_real(spectrum: Samples) -> Samples:
     """The real picture (N, N) of its half spectrum (2, N, N / 2 + 1), real and imaginary parts, rows first.
 
     float32 or float64, as the spectrum is. N: a power of two. As `np.fft.irfft2(spectrum[0] + 1j * spectrum[1])`.
@@ -32,13 +35,13 @@ def _blocks(count: int) -> Iterator[slice]:
 
 
 @functools.cache
-def _turns(length: int, dtype: np.dtype) -> tuple[np.ndarray, np.ndarray]:
+def _turns(length: int, dtype: np.dtype[np.floating[Any]]) -> tuple[Array, Array]:
     """Sines and cosines (length, 1) of the angles from 0 up to half a turn."""
     sine, cosine = (part.astype(dtype) for part in sin_cos(np.arange(length) * (np.pi / length)))
     return sine[:, None], cosine[:, None]
 
 
-def _real_rows(rows: np.ndarray) -> np.ndarray:
+def _real_rows(rows: Samples) -> Samples:
     """Real samples (R, N) of half spectra (2, R, N / 2 + 1): as complex numbers of an even and an odd sample each."""
     columns = np.ascontiguousarray(rows.transpose(0, 2, 1))
     half = columns.shape[1] - 1
@@ -53,7 +56,7 @@ def _real_rows(rows: np.ndarray) -> np.ndarray:
     return pairs.transpose(2, 1, 0).reshape(-1, 2 * half)
 
 
-def _inverse(z: np.ndarray) -> np.ndarray:
+def _inverse(z: Samples) -> Samples:
     """Sums of z[k] e^(2 pi i k n / N) over the middle axis of (2, N, M), by Stockham's way, which reorders nothing."""
     shape = z.shape
     length = shape[1]

@@ -12,8 +12,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from typing import Any, TypeVar
 
 import numpy as np
+
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Floats
+
+Numbers = TypeVar("Numbers", float, Doubles, Floats)  # what a function takes is what it gives
 
 BLOCK = 8192  # elements: the intermediate arrays of a block stay in a processor's nearest cache
 FEW = 24  # numbers that are computed one by one
@@ -88,13 +93,15 @@ ARCTANGENT_LOW = np.array(
 )
 
 
-def _elementwise(compute: Callable, arguments: tuple, results: int = 1) -> tuple:
+def _elementwise(
+    compute: Callable[..., Doubles | tuple[Doubles, Doubles]], *arguments: Numbers | float, results: int = 1
+) -> tuple[Numbers, ...]:
     """What `compute` makes of the arguments, as float64 (N) in blocks: `results` arrays of their common shape."""
-    arguments = tuple(argument if isinstance(argument, int | float) else np.asarray(argument) for argument in arguments)
-    single = np.result_type(*arguments) == np.float32
-    arrays = [np.asarray(argument, np.float64) for argument in arguments]
+    given = [argument if isinstance(argument, int | float) else np.asarray(argument) for argument in arguments]
+    single = np.result_type(*given) == np.float32
+    arrays = [np.asarray(argument, np.float64) for argument in given]
     if len(arrays) > 1:
-        arrays = np.broadcast_arrays(*arrays)
+        arrays = list(np.broadcast_arrays(*arrays))
     shape = arrays[0].shape
     flat = [array.reshape(-1) for array in arrays]
     out = np.empty((results, len(flat[0])), np.float32 if single else np.float64)
@@ -102,10 +109,15 @@ def _elementwise(compute: Callable, arguments: tuple, results: int = 1) -> tuple
         for start in range(0, out.shape[1], BLOCK):
             block = slice(start, start + BLOCK)
             out[:, block] = compute(*(array[block] for array in flat))
-    return tuple(row.reshape(shape)[()] for row in out)
+    return tuple(_number_or_array(row.reshape(shape)) for row in out)
 
 
-def _series(z: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
+def _number_or_array(values: Array) -> Any:
+    """A number where there are no axes."""
+    return values[()]
+
+
+def _series(z: Numbers, coefficients: tuple[float, ...]) -> Numbers:
     """The polynomial in z by Horner's rule, lowest coefficient first."""
     total = coefficients[-1] * z
     for coefficient in coefficients[-2:0:-1]:
@@ -115,32 +127,33 @@ def _series(z: np.ndarray, coefficients: tuple[float, ...]) -> np.ndarray:
     return total
 
 
-def sin_cos(angle) -> tuple:
+def sin_cos(angle: Numbers) -> tuple[Numbers, Numbers]:
     """Sine and cosine of angles in radians."""
     if np.size(angle) > FEW:
-        return _elementwise(_sin_cos, (angle,), 2)
-    angle = np.asarray(angle)
-    found = [_sin_cos_of_number(x) for x in angle.reshape(-1).tolist()]
-    out = np.array(found, np.float32 if angle.dtype == np.float32 else np.float64).reshape(*angle.shape, 2)
-    return out[..., 0][()], out[..., 1][()]
+        sine, cosine = _elementwise(_sin_cos, angle, results=2)
+        return sine, cosine
+    angles = np.asarray(angle)
+    found = [_sin_cos_of_number(x) for x in angles.reshape(-1).tolist()]
+    out = np.array(found, np.float32 if angles.dtype == np.float32 else np.float64).reshape(*angles.shape, 2)
+    return _number_or_array(out[..., 0]), _number_or_array(out[..., 1])
 
 
-def sin(angle):
+def sin(angle: Numbers) -> Numbers:
     """Sine of angles in radians."""
     return sin_cos(angle)[0]
 
 
-def cos(angle):
+def cos(angle: Numbers) -> Numbers:
     """Cosine of angles in radians."""
     return sin_cos(angle)[1]
 
 
-def tan(angle):
+def tan(angle: Numbers) -> Numbers:
     """Tangent of angles in radians."""
-    return _elementwise(lambda x: np.divide(*_sin_cos(x)), (angle,))[0]
+    return _elementwise(lambda x: np.divide(*_sin_cos(x)), angle)[0]
 
 
-def _sin_cos(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _sin_cos(x: Doubles) -> tuple[Doubles, Doubles]:
     if not (np.abs(x) <= LARGEST_ANGLE).all():
         x = np.where(np.abs(x) > LARGEST_ANGLE, np.fmod(x, 2 * np.pi), x)
     quarters = np.rint(x * (2 / np.pi)) + 0.0
@@ -163,7 +176,7 @@ def _sin_cos_of_number(x: float) -> tuple[float, float]:
     return sine * (1 - (turn & 2)), cosine * (1 - (turn + 1 & 2))
 
 
-def _in_quarter(x, quarters) -> tuple:
+def _in_quarter(x: Numbers, quarters: Numbers) -> tuple[Numbers, Numbers]:
     """Sine and cosine of x less that many quarter turns: numbers or arrays."""
     first, second, rest = HALF_PI_PARTS
     before = x - quarters * first
@@ -179,44 +192,46 @@ def _in_quarter(x, quarters) -> tuple:
     return sine, most + (((1 - most) - half) + (z * (z * _series(z, COSINE)) - y * low))
 
 
-def arctan(x):
+def arctan(x: Numbers) -> Numbers:
     """Angle in radians, -pi / 2 .. pi / 2, whose tangent is x."""
-    return _elementwise(lambda x: np.copysign(_arctan(np.abs(x)), x), (x,))[0]
+    return _elementwise(lambda x: np.copysign(_arctan(np.abs(x)), x), x)[0]
 
 
-def arctan2(y, x):
+def arctan2(y: Numbers | float, x: Numbers | float) -> Numbers:
     """Angle in radians, -pi .. pi, of the point (x, y) as seen from the origin; signed zeros count as in C."""
-    return _elementwise(_arctan2, (y, x))[0]
+    return _elementwise(_arctan2, y, x)[0]
 
 
-def arcsin(x):
+def arcsin(x: Numbers) -> Numbers:
     """Angle in radians, -pi / 2 .. pi / 2, whose sine is x; NaN beyond +-1."""
-    return _elementwise(lambda x: _arctan2(x, np.sqrt((1 - x) * (1 + x))), (x,))[0]
+    return _elementwise(lambda x: _arctan2(x, np.sqrt((1 - x) * (1 + x))), x)[0]
 
 
-def _arctan2(y: np.ndarray, x: np.ndarray) -> np.ndarray:
+def _arctan2(y: Doubles, x: Doubles) -> Doubles:
     ratio = np.abs(y) / np.abs(x)
     ratio = np.where((y == 0) & (x == 0), 0.0, np.where(np.isinf(x) & np.isinf(y), 1.0, ratio))
     angle = _arctan(ratio)
-    return np.copysign(np.where(np.signbit(x) & (ratio < np.inf), np.pi - (angle - PI_REST), angle), y)
+    signed: Doubles = np.copysign(np.where(np.signbit(x) & (ratio < np.inf), np.pi - (angle - PI_REST), angle), y)
+    return signed
 
 
-def _arctan(x: np.ndarray) -> np.ndarray:
+def _arctan(x: Doubles) -> Doubles:
     """Of x >= 0."""
     x = np.minimum(x, 1e300)
     part = np.searchsorted(ARCTANGENT_FROM, x, side="right")
     p, q, r, s = ARCTANGENT_FRACTION[part].T
     t = (p * x - q) / (r + s * x)
     z = t * t
-    return ARCTANGENT_HIGH[part] - ((t * (z * _series(z, ARCTANGENT)) - ARCTANGENT_LOW[part]) - t)
+    angle: Doubles = ARCTANGENT_HIGH[part] - ((t * (z * _series(z, ARCTANGENT)) - ARCTANGENT_LOW[part]) - t)
+    return angle
 
 
-def exp(x):
+def exp(x: Numbers) -> Numbers:
     """e to the power of x."""
-    return _elementwise(lambda x: _exp(x, 0.0), (x,))[0]
+    return _elementwise(lambda x: _exp(x, 0.0), x)[0]
 
 
-def _exp(x: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
+def _exp(x: Doubles, rest: Doubles | float) -> Doubles:
     """e to the power of x + rest, where the rest is below the last place of x."""
     x = np.clip(x, -800, 800)
     power_of_two = np.rint(x * PER_LOG2)
@@ -229,17 +244,17 @@ def _exp(x: np.ndarray, rest: np.ndarray | float) -> np.ndarray:
     return np.ldexp(result, power_of_two.astype(np.int32))
 
 
-def log(x):
+def log(x: Numbers) -> Numbers:
     """Natural logarithm: -inf of 0, NaN of less."""
-    return _elementwise(_log, (x,))[0]
+    return _elementwise(_log, x)[0]
 
 
-def log2(x):
+def log2(x: Numbers) -> Numbers:
     """Logarithm to base 2, exact for powers of two: -inf of 0, NaN of less."""
-    return _elementwise(_log2, (x,))[0]
+    return _elementwise(_log2, x)[0]
 
 
-def _log(x: np.ndarray) -> np.ndarray:
+def _log(x: Doubles) -> Doubles:
     f, exponent = _split(x)
     half = 0.5 * f * f
     s = f / (2 + f)
@@ -247,37 +262,37 @@ def _log(x: np.ndarray) -> np.ndarray:
     return _log_range(x, exponent * LOG2_HIGH - ((half - rest) - f))
 
 
-def _log2(x: np.ndarray) -> np.ndarray:
+def _log2(x: Doubles) -> Doubles:
     f, exponent = _split(x)
     half = 0.5 * f * f
     s = f / (2 + f)
     return _log_range(x, exponent + (f - (half - s * (half + _log_series(s)))) * PER_LOG2)
 
 
-def _split(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _split(x: Doubles) -> tuple[Doubles, Doubles]:
     """f in sqrt(1/2) - 1 .. sqrt(2) - 1 and an exponent with x = (1 + f) * 2 ** exponent."""
     mantissa, exponent = np.frexp(x)
     low = mantissa < ROOT_HALF
     return np.where(low, 2 * mantissa, mantissa) - 1, (exponent - low).astype(np.float64)
 
 
-def _log_series(s: np.ndarray) -> np.ndarray:
+def _log_series(s: Doubles) -> Doubles:
     """(log(1 + f) - 2 s) / s for s = f / (2 + f)."""
     z = s * s
     return z * _series(z, LOGARITHM)
 
 
-def _log_range(x: np.ndarray, value: np.ndarray) -> np.ndarray:
+def _log_range(x: Doubles, value: Doubles) -> Doubles:
     """The logarithm where x is a positive number, and what it is elsewhere."""
     return np.where((x > 0) & (x < np.inf), value, np.where(x == 0, -np.inf, np.where(x > 0, x, np.nan)))
 
 
-def power(base, exponent):
+def power(base: Numbers | float, exponent: Numbers | float) -> Numbers:
     """base ** exponent for bases from 0; NaN for negative ones."""
-    return _elementwise(_power, (base, exponent))[0]
+    return _elementwise(_power, base, exponent)[0]
 
 
-def _power(base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
+def _power(base: Doubles, exponent: Doubles) -> Doubles:
     exponent = np.clip(exponent, -1e20, 1e20)  # of any base but 1 the result is then 0 or infinite
     high, low = _long_log(base)
     product, error = _long_product(exponent, high)
@@ -290,7 +305,7 @@ def _power(base: np.ndarray, exponent: np.ndarray) -> np.ndarray:
     return np.where((exponent == 0) | (base == 1), 1.0, result)
 
 
-def _long_log(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _long_log(x: Doubles) -> tuple[Doubles, Doubles]:
     """log x as the sum of two numbers, good to about 58 bits."""
     f, exponent = _split(x)
     divisor = 2 + f
@@ -305,19 +320,19 @@ def _long_log(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return high, low - (high - total)
 
 
-def _long_product(a: np.ndarray, b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _long_product(a: Doubles, b: Doubles) -> tuple[Doubles, Doubles]:
     """a * b and its rounding error, by Dekker's halves of 26 bits."""
     product = a * b
     (a_high, a_low), (b_high, b_low) = _halves(a), _halves(b)
     return product, ((a_high * b_high - product) + a_high * b_low + a_low * b_high) + a_low * b_low
 
 
-def _halves(a: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _halves(a: Doubles) -> tuple[Doubles, Doubles]:
     scaled = 134217729.0 * a  # 2 ** 27 + 1
     high = scaled - (scaled - a)
     return high, a - high
 
 
-def hypot(x, y):
+def hypot(x: Numbers | float, y: Numbers | float) -> Numbers:
     """Length of (x, y)."""
-    return _elementwise(lambda x, y: np.sqrt(x * x + y * y), (x, y))[0]
+    return _elementwise(lambda x, y: np.sqrt(x * x + y * y), x, y)[0]

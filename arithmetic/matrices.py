@@ -8,18 +8,21 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import ArrayLike
+
+from shading_atlas_bench.arithmetic.arrays import Doubles
 
 
-def dot(a, b) -> np.ndarray:
+def dot(a: ArrayLike, b: ArrayLike) -> Doubles:
     """Sums of a * b over the last axis, from its first element to its last: float64 (...)."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    total = a[..., 0] * b[..., 0]
+    total: Doubles = a[..., 0] * b[..., 0]
     for k in range(1, max(a.shape[-1], b.shape[-1])):
         total = total + a[..., k] * b[..., k]
     return total
 
 
-def product(*matrices) -> np.ndarray:
+def product(*matrices: ArrayLike) -> Doubles:
     """Matrix product from left to right: float64 (..., rows of the first, columns of the last); ValueError where the
     shapes do not fit."""
     total = np.asarray(matrices[0], np.float64)
@@ -27,13 +30,13 @@ def product(*matrices) -> np.ndarray:
         matrix = np.asarray(matrix, np.float64)
         if total.shape[-1] != matrix.shape[-2]:
             raise ValueError(f"Matrices of shapes {total.shape} and {matrix.shape} have no product.")
-        left, total = total, 0.0
+        left, total = total, np.zeros(())
         for k in range(matrix.shape[-2]):
             total = total + left[..., :, k, None] * matrix[..., None, k, :]
     return total
 
 
-def transform(matrix, points) -> np.ndarray:
+def transform(matrix: ArrayLike, points: ArrayLike) -> Doubles:
     """Points (..., N, K) under matrices (..., M, K): float64 (..., N, M). K + 1 columns add the last one, a shift."""
     matrix, points = np.asarray(matrix, np.float64), np.asarray(points, np.float64)
     size = points.shape[-1]
@@ -47,25 +50,26 @@ def transform(matrix, points) -> np.ndarray:
     return out
 
 
-def turned(matrix, vector) -> np.ndarray:
+def turned(matrix: ArrayLike, vector: ArrayLike) -> Doubles:
     """Vectors (..., K) under matrices (..., M, K): float64 (..., M)."""
     return dot(matrix, np.asarray(vector, np.float64)[..., None, :])
 
 
-def determinant(matrix) -> np.ndarray:
+def determinant(matrix: ArrayLike) -> Doubles:
     """Determinants of matrices (..., 3, 3): float64 (...)."""
     matrix = np.asarray(matrix, np.float64)
     return dot(matrix[..., 0, :], np.cross(matrix[..., 1, :], matrix[..., 2, :]))
 
 
-def cofactors(matrix) -> np.ndarray:
+def cofactors(matrix: ArrayLike) -> Doubles:
     """Cofactors of matrices (..., 3, 3), float64: the inverse's transpose times the determinant."""
     matrix = np.asarray(matrix, np.float64)
     next_, last = matrix[..., [1, 2, 0], :], matrix[..., [2, 0, 1], :]
-    return next_[..., [1, 2, 0]] * last[..., [2, 0, 1]] - next_[..., [2, 0, 1]] * last[..., [1, 2, 0]]
+    found: Doubles = next_[..., [1, 2, 0]] * last[..., [2, 0, 1]] - next_[..., [2, 0, 1]] * last[..., [1, 2, 0]]
+    return found
 
 
-def inverse(matrix) -> np.ndarray:
+def inverse(matrix: ArrayLike) -> Doubles:
     """Inverses of matrices (..., N, N) by elimination with the largest pivot; ValueError for a singular one."""
     matrix = np.asarray(matrix, np.float64)
     size = matrix.shape[-1]
@@ -82,7 +86,7 @@ def inverse(matrix) -> np.ndarray:
     return work[..., size:].reshape(matrix.shape)
 
 
-def eigenvectors(matrix) -> tuple[np.ndarray, np.ndarray]:
+def eigenvectors(matrix: ArrayLike) -> tuple[Doubles, Doubles]:
     """Eigenvalues (N), rising, and unit eigenvectors, the columns of (N, N), of a symmetric matrix, by Jacobi's turns.
 
     An eigenvector's component of largest magnitude, the first of equals, is positive. ValueError for a matrix that is
@@ -101,7 +105,7 @@ def eigenvectors(matrix) -> tuple[np.ndarray, np.ndarray]:
     return np.diag(a)[order], vectors * np.where(largest < 0, -1.0, 1.0)
 
 
-def _turn_all(a: np.ndarray, vectors: np.ndarray) -> bool:
+def _turn_all(a: Doubles, vectors: Doubles) -> bool:
     """One sweep over all pairs of rows, in place; whether any entry off the diagonal was not yet negligible."""
     changed = False
     for p in range(len(a) - 1):
@@ -119,7 +123,7 @@ def _turn_all(a: np.ndarray, vectors: np.ndarray) -> bool:
     return changed
 
 
-def _turn(rows: np.ndarray, p: int, q: int, cosine: float, sine: float) -> None:
+def _turn(rows: Doubles, p: int, q: int, cosine: float, sine: float) -> None:
     """Rows p and q turned into each other, in place."""
     first, second = rows[p].copy(), rows[q].copy()
     rows[p], rows[q] = cosine * first - sine * second, sine * first + cosine * second

@@ -134,9 +134,10 @@ def _installed(name: str) -> type[Packer]:
     return _checked(_import_entry(entry), f"the packer {name!r} ({entry.value})")
 
 
-def _import_entry(entry: EntryPoint) -> Any:
+def _import_entry(entry: EntryPoint) -> object:
     try:
-        return entry.load()
+        found: object = entry.load()
+        return found
     except (ImportError, AttributeError) as error:
         raise ValueError(f"The packer {entry.name!r} ({entry.value}) cannot be imported: {error}.") from error
 
@@ -169,6 +170,8 @@ def _import_file(path: Path) -> ModuleType:
     if name in sys.modules:
         return sys.modules[name]
     spec = importlib.util.spec_from_file_location(name, path)
+    if spec is None or spec.loader is None:
+        raise ValueError(f"The file {path} is of no kind that Python imports.")
     module = importlib.util.module_from_spec(spec)
     sys.modules[name] = module
     try:
@@ -179,7 +182,7 @@ def _import_file(path: Path) -> ModuleType:
     return module
 
 
-def _checked(found: Any, what: str) -> type[Packer]:
+def _checked(found: object, what: str) -> type[Packer]:
     if not (inspect.isclass(found) and issubclass(found, Packer)):
         raise ValueError(f"{what} is not a packer: it must be a subclass of shading_atlas_bench.Packer.")
     if inspect.isabstract(found):
@@ -223,7 +226,7 @@ def _parse_values(target: str, parameters: dict[str, Parameter], text: str) -> d
     return values
 
 
-def parse_value(method: str, name: str, parameter: Parameter, text: str) -> Any:
+def parse_value(method: str, name: str, parameter: Parameter, text: str) -> bool | int | float | str:
     """`text` as the type of the parameter's default; a whole number may be written for a float.
 
     Raises ValueError for what cannot be read so, naming the method and the parameter.
@@ -232,18 +235,18 @@ def parse_value(method: str, name: str, parameter: Parameter, text: str) -> Any:
     try:
         if kind is bool:
             return TRUTH[text.lower()]
-        value = kind(text)
+        value: bool | int | float | str = kind(text)
     except (KeyError, ValueError):
         wanted = {bool: "true or false", int: "a whole number", float: "a number"}.get(kind, f"a {kind.__name__}")
         raise ValueError(f"{method}: {name} must be {wanted}, not {text!r}.") from None
     if kind is str and parameter.sweep and all(isinstance(known, str) for known in parameter.sweep):
-        known = sorted({*parameter.sweep, parameter.default})
+        known = sorted({str(each) for each in (*parameter.sweep, parameter.default)})
         if value not in known:
             raise ValueError(f"{method}: {name} cannot be {text!r}.{nearest(text, known)}")
     return value
 
 
-def value_text(value: Any) -> str:
+def value_text(value: bool | int | float | str) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, float):

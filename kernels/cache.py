@@ -47,7 +47,7 @@ def cache_folder(kind: str) -> Path:
     return folder
 
 
-def write_atomically(path: Path, write: Callable[[BinaryIO], None]) -> None:
+def write_atomically(path: Path, write: Callable[[BinaryIO], object]) -> None:
     """Write a cached file through a temporary file and a rename, so that concurrent runs never read half of it.
 
     It replaces what is there. Where it cannot be written (a full disk, a folder without permission) it is only made

@@ -10,10 +10,11 @@ from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles
 from shading_atlas_bench.arithmetic.functions import log2
 from shading_atlas_bench.kernels.device import METHOD_KERNELS, ROOT
 
@@ -42,8 +43,8 @@ class Cost:
 class Result:
     """Values of a launch beside those of the twin, of equal shape; whole numbers where `found` are."""
 
-    found: np.ndarray
-    expected: np.ndarray
+    found: Array
+    expected: Array
 
 
 @dataclass(frozen=True)
@@ -81,7 +82,7 @@ class Trial:
     """
 
     counts: Mapping[str, float]
-    run: Callable[[], Any]
+    run: Callable[[], object]
     results: Callable[[], list[Result]]
 
 
@@ -128,8 +129,8 @@ def case(
 
 def distance(results: Iterable[Result], bound: Bound) -> Distance:
     """How far results are from the twin's, of the real and the whole values whichever is worse."""
-    ulps: list[np.ndarray] = []
-    differs: list[np.ndarray] = []
+    ulps: list[Doubles] = []
+    differs: list[Bools] = []
     for result in results:
         found, expected = result.found.ravel(), np.asarray(result.expected, np.float64).ravel()
         if len(found) != len(expected):
@@ -145,14 +146,14 @@ def distance(results: Iterable[Result], bound: Bound) -> Distance:
     return max((_real(ulps, bound), _whole(differs, bound)), key=lambda one: one.over)
 
 
-def _real(parts: list[np.ndarray], bound: Bound) -> Distance:
+def _real(parts: list[Doubles], bound: Bound) -> Distance:
     errors = np.sort(np.concatenate([*parts, np.zeros(1)]))[::-1]
     worst = float(errors[int(bound.spared * (len(errors) - 1))])
     spared = f" for all but {bound.spared:.2%}" if bound.spared else ""
     return Distance(_ratio(worst, bound.ulp), f"off by {worst:.4g} ulp; the bound is {bound.ulp:g}{spared}")
 
 
-def _whole(parts: list[np.ndarray], bound: Bound) -> Distance:
+def _whole(parts: list[Bools], bound: Bound) -> Distance:
     count, total = sum(int(part.sum()) for part in parts), sum(map(len, parts))
     text = f"{count} of {total} whole values differ; the bound is {bound.wrong * total:.4g}"
     return Distance(_ratio(count / max(total, 1), bound.wrong), text)

@@ -15,10 +15,11 @@ from dataclasses import dataclass, field
 from functools import cache, cached_property
 from pathlib import Path
 from threading import Lock
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.kernels.cache import cache_folder, cache_root, read_checked, write_checked
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.kernels.runtime import kernel_cache
@@ -36,8 +37,11 @@ from shading_atlas_bench.kernels.runtime.opencl import (
 from shading_atlas_bench.kernels.runtime.vendors import how_to_get_one
 
 if TYPE_CHECKING:
-    import pyopencl as cl
+    import pyopencl
+    from numpy.typing import DTypeLike
     from pyopencl.array import Array
+    from pyopencl.tools import MemoryPool
+    from pyopencl.typing import KernelArg
 
 ROOT = Path(__file__).parent
 METHOD_KERNELS = "kernels"  # the folder of a method where its kernels lie
@@ -144,7 +148,7 @@ class Record:
     milliseconds: dict[str, float] = field(default_factory=dict)
     launches: dict[str, int] = field(default_factory=dict)
     kernels: dict[str, float] = field(default_factory=dict)
-    _events: list[tuple[str, str | None, Any]] = field(default_factory=list)
+    _events: list[tuple[str, str | None, pyopencl.Event]] = field(default_factory=list)
 
     def total(self, prefix: str) -> float:
         """Milliseconds of all stages named `prefix` or `prefix/...`."""
@@ -179,8 +183,9 @@ class Device:
         if found.is_pocl and not shutil.which("ld"):
             raise DeviceError("PoCL needs the linker ld: install binutils (Debian, Ubuntu: apt install binutils).")
         self.found, self.device, self.variant, self.passed_over = found, device, variant, tuple(passed_over)
-        self.context = cl.Context([device])
-        self.queue = cl.CommandQueue(self.context, properties=cl.command_queue_properties.PROFILING_ENABLE)
+        self.context: pyopencl.Context = cl.Context([device])
+        profiling = cl.command_queue_properties.PROFILING_ENABLE
+        self.queue: pyopencl.CommandQueue = cl.CommandQueue(self.context, properties=profiling)
         self.name = found.name
         self.is_cpu = bool(device.type & cl.device_type.CPU)
         self.local_size = _local_size(device.max_work_group_size)
@@ -189,10 +194,10 @@ class Device:
         self.chunks = 64
         self.announce: Callable[[str], None] = lambda building: None
         self._building = Lock()  # not SPEAKING: a compiler needs no queue, others go on meanwhile
-        self._programs: dict[tuple, Any] = {}
-        self._asked: list[tuple[str, Sequence[str], dict[str, Any]]] = []  # what `build` was asked for, each once
-        self._names: dict[cl.Kernel, str] = {}
-        self._launched: set[tuple] = set()
+        self._programs: dict[tuple[Path | str, ...], Kernels] = {}
+        self._asked: list[tuple[str, Sequence[str], dict[str, int]]] = []  # what `build` was asked for, each once
+        self._names: dict[pyopencl.Kernel, str] = {}
+        self._launched: set[tuple[pyopencl.Kernel, int, bool]] = set()
         self._records: list[Record] = []
 
     @classmethod
@@ -214,7 +219,7 @@ class Device:
                 return cls(one, variant)._noted(asked)
             known = "; ".join(f"{one.device.name.strip()} on {one.device.platform.name}" for one in found)
             raise DeviceError(f"No OpenCL device matches {asked!r}, which {by} asks for. There are: {known}.")
-        reasons = []
+        reasons: list[str] = []
         for one in found:
             reason = one.refused() or noted_death(one.key, kernels_digest())
             if reason is None:
@@ -277,7 +282,7 @@ class Device:
             "compute_units": str(device.max_compute_units),
         }
 
-    def build(self, source: str | Path, options: Sequence[str] = (), **defines: Any) -> Kernels:
+    def build(self, source: str | Path, options: Sequence[str] = (), /, **defines: int) -> Kernels:
         """Build an OpenCL file with preprocessor `defines`; built once per (source, options, defines).
 
         source: a file, as `Path(__file__).parent / "stage.cl"`, or one of those that methods share, by its path below
@@ -287,7 +292,7 @@ class Device:
         arithmetic, file = VARIANTS[self.variant], ROOT / source
         given = [option for option in arithmetic.options if option != EXACT or self._is_exact]
         flags = [*given, *options, *(f"-D{key}={value}" for key, value in sorted(defines.items()))]
-        key = (file, *flags)
+        key: tuple[Path | str, ...] = (file, *flags)
         with self._building:
             if key not in self._programs:
                 self._programs[key] = self._built(file, flags, arithmetic.contract)
@@ -313,15 +318,18 @@ class Device:
         }
         return kernels
 
-    def _compiled(self, stage: str, source: str, flags: Sequence[str]) -> list[cl.Kernel]:
+    def _compiled(self, stage: str, source: str, flags: Sequence[str]) -> list[pyopencl.Kernel]:
         cl = opencl()
         try:
             program = cl.Program(self.context, source).build(["-cl-std=CL1.2", "-w", *flags], cache_dir=False)
         except cl.RuntimeError as error:
             raise DeviceError(f"{stage}.cl does not build on {self.name}: {error}") from error
-        return program.all_kernels()
+        kernels: list[pyopencl.Kernel] = program.all_kernels()
+        return kernels
 
-    def launch(self, stage: str, kernel: cl.Kernel, items: int, *args: Any, local: int | None = None) -> None:
+    def launch(
+        self, stage: str, kernel: pyopencl.Kernel, items: int, *args: KernelArg, local: int | None = None
+    ) -> None:
         """Run `kernel` over at least `items` work-items and time it under `stage`.
 
         The global size is padded to the work-group size, so a kernel must return when its id is >= its item count.
@@ -346,7 +354,7 @@ class Device:
             for record in self._records:
                 record._events.append((stage, self._names.get(kernel), event))
 
-    def upload(self, values: np.ndarray) -> Array:
+    def upload(self, values: arrays.Array) -> Array:
         """A device copy of a NumPy array (never empty: zero-sized arrays become one unused element)."""
         values = np.ascontiguousarray(values)
         if values.size == 0:
@@ -362,22 +370,23 @@ class Device:
             place = (array.base_data, cl.map_flags.READ, array.offset, array.shape, array.dtype)
             shown, _ = cl.enqueue_map_buffer(self.queue, *place)
             try:
-                return shown.tobytes()
+                content: bytes = shown.tobytes()
             finally:
                 shown.base.release(self.queue)
+        return content
 
-    def empty(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
+    def empty(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> Array:
         """An uninitialised device array; a shape without elements gets one, because OpenCL has no empty buffer."""
         with SPEAKING:
             return array_class()(self.queue, _some(shape), np.dtype(dtype))
 
     @cached_property
-    def _pool(self) -> Any:
-        import pyopencl.tools as tools
+    def _pool(self) -> MemoryPool:
+        from pyopencl.tools import ImmediateAllocator, MemoryPool
 
-        return tools.MemoryPool(tools.ImmediateAllocator(self.queue))
+        return MemoryPool(ImmediateAllocator(self.queue))
 
-    def recycled(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
+    def recycled(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> Array:
         """Like `empty`, but from memory that is kept and handed out again once the array is gone.
 
         For the pictures and lists of every frame: the first writes to fresh memory cost more than what is written.
@@ -385,7 +394,7 @@ class Device:
         with SPEAKING:
             return array_class()(self.queue, _some(shape), np.dtype(dtype), allocator=self._pool)
 
-    def zeros(self, shape: int | tuple[int, ...], dtype: Any) -> Array:
+    def zeros(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> Array:
         """A device array of zeros."""
         array = self.empty(shape, dtype)
         self.fill(array, 0)
@@ -425,10 +434,10 @@ class Device:
 class Kernels:
     """The kernels of one built file, as attributes by name, and a hash of what they were built from."""
 
-    by_name: dict[str, Any]
+    by_name: dict[str, pyopencl.Kernel]
     digest: str
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> pyopencl.Kernel:
         try:
             return self.by_name[name]
         except KeyError:
@@ -448,9 +457,10 @@ def _some(shape: int | tuple[int, ...]) -> tuple[int, ...]:
     return shape if np.prod(shape) else (1,)
 
 
-def _argument(value: Any) -> Any:
+def _argument(value: KernelArg) -> KernelArg:
     if isinstance(value, (bool, int)):
         return np.int32(value)
     if isinstance(value, float):
         return np.float32(value)
-    return getattr(value, "base_data", value)
+    buffer: KernelArg = getattr(value, "base_data", value)
+    return buffer

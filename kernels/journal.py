@@ -36,7 +36,7 @@ class Journal:
         self._numbers = itertools.count()
         self._lock = Lock()
 
-    def note(self, **facts: Any) -> None:
+    def note(self, **facts: object) -> None:
         """Set `device` or `again`."""
         with self._lock:
             self._state |= facts
@@ -56,7 +56,7 @@ class Journal:
             yield
 
     @contextmanager
-    def _entry(self, kind: str, value: Any) -> Iterator[None]:
+    def _entry(self, kind: str, value: object) -> Iterator[None]:
         if self._handle is None:
             yield
             return

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -38,18 +40,19 @@ class Samples:
     def allocate(cls, device: Device, count: int) -> Samples:
         """Room for `count` samples, rounded up to whole steps of WIDTH."""
         room = max(1, -(-count // WIDTH)) * WIDTH
-        real = [device.recycled(room, np.float32) for _ in range(3)]
-        return cls(count, device.recycled(room, np.int32), *real, device.recycled(room, np.int32))
+        triangle, texel = (device.recycled(room, np.int32) for _ in range(2))
+        bary1, bary2, footprint = (device.recycled(room, np.float32) for _ in range(3))
+        return cls(count, triangle, bary1, bary2, footprint, texel)
 
     @classmethod
     def upload(
         cls,
         device: Device,
-        triangle: np.ndarray,
-        bary1: np.ndarray,
-        bary2: np.ndarray,
-        footprint: np.ndarray,
-        texel: np.ndarray,
+        triangle: arrays.Array,
+        bary1: arrays.Array,
+        bary2: arrays.Array,
+        footprint: arrays.Array,
+        texel: arrays.Array,
     ) -> Samples:
         """Samples from host arrays of equal length."""
         samples = cls.allocate(device, len(triangle))

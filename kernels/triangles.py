@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -30,15 +33,22 @@ class Triangles:
     positions: Array
     indices: Array
     flags: Array
-    host_positions: np.ndarray
-    host_indices: np.ndarray
-    host_flags: np.ndarray
+    host_positions: Floats
+    host_indices: Ints
+    host_flags: Bytes
 
     @classmethod
-    def upload(cls, device: Device, positions: np.ndarray, indices: np.ndarray, flags: np.ndarray) -> Triangles:
+    def upload(cls, device: Device, positions: arrays.Array, indices: arrays.Array, flags: arrays.Array) -> Triangles:
         """Copy host arrays to the device: positions (V, 3), indices (T, 3), flags (T)."""
         positions = np.ascontiguousarray(positions, np.float32)
         indices = np.ascontiguousarray(indices, np.int32)
         flags = np.ascontiguousarray(flags, np.uint8)
-        uploaded = [device.upload(array) for array in (positions, indices, flags)]
-        return cls(len(indices), *uploaded, positions, indices, flags)
+        return cls(
+            len(indices),
+            device.upload(positions),
+            device.upload(indices),
+            device.upload(flags),
+            positions,
+            indices,
+            flags,
+        )

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
+from numpy.typing import DTypeLike
 
 from shading_atlas_bench.kernels.atlas.locate import locate
 from shading_atlas_bench.kernels.atlas.lookup import look_up
@@ -23,6 +24,8 @@ from shading_atlas_bench.packers.interface import ALPHA, Client, ClientScene, De
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles, Floats, Ints
     from shading_atlas_bench.kernels.fragments.build import Fragments
     from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
@@ -38,15 +41,15 @@ class LookupClient(Client):
     where surface points lie in the atlas.
     """
 
-    attributes: ClassVar[Mapping[str, Any]] = {}
+    attributes: ClassVar[Mapping[str, DTypeLike]] = {}
 
     def __init__(self, scene: ClientScene) -> None:
         self.device = scene.device
         self.sky = scene.sky
         self.mask = scene.mask
         self.geometry = GeometryDecoder(self.attributes)
-        self._row_of: np.ndarray | None = None
-        self._rgba = np.empty((0, 0, 4), np.uint8)
+        self._row_of: Ints | None = None
+        self._rgba: Bytes = np.empty((0, 0, 4), np.uint8)
 
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
@@ -66,25 +69,25 @@ class LookupClient(Client):
             indices = np.arange(3 * count, dtype=np.int32).reshape(-1, 3)
             self.triangles = Triangles.upload(self.device, positions, indices, self.geometry.current("flags"))
             mask = self.mask.of_triangles(self.device, self.geometry.pvs) if self.mask else None
-            self.rasteriser, self.layered = self._rasteriser(mask)
+            self.rasteriser = self._rasteriser(mask)
             self.ids = self.device.upload(self.geometry.pvs)
         planes = {name: self._upload(plane) for name, plane in payload.planes.items()}
         self.alpha = planes.pop(ALPHA, None)
         (self.plane,) = planes.values()
         self.read(payload.blobs)
 
-    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+    def locate(self, triangles: Ints, bary: Floats) -> Doubles:
         """Atlas position of surface points (see Client.locate): what drawing uses."""
         row, known = self._rows(triangles)
         if not known.any():
             return np.full((len(triangles), 2), np.nan)
         unused = np.zeros(len(row), np.int32)
         samples = Samples.upload(self.device, row, bary[:, 0], bary[:, 1], unused, unused)
-        place = self.place(samples).get()[:, : len(row)].T.astype(np.float64) + 0.5
+        place: Doubles = self.place(samples).get()[:, : len(row)].T.astype(np.float64) + 0.5
         place[~known] = np.nan
         return place
 
-    def _rows(self, triangles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _rows(self, triangles: Ints) -> tuple[Ints, Bools]:
         """Places of triangles (n) in `geometry.pvs`, int (n), 0 for one that is not there, and which are: bool (n)."""
         if self._row_of is None:
             pvs = self.geometry.pvs
@@ -93,7 +96,7 @@ class LookupClient(Client):
         row = self._row_of[np.minimum(triangles, len(self._row_of) - 1)]
         return np.maximum(row, 0), row >= 0
 
-    def _upload(self, plane: np.ndarray) -> Array:
+    def _upload(self, plane: Bytes) -> Array:
         shape = (*plane.shape[:2], 4)
         if self._rgba.shape != shape:  # kept, because the first writes to fresh memory cost more than what is written
             self._rgba = np.full(shape, 255, np.uint8)
@@ -103,21 +106,22 @@ class LookupClient(Client):
         uploaded.set(self._rgba)
         return uploaded
 
-    def _rasteriser(self, mask: AlphaMask | None) -> tuple[Rasteriser | None, LayeredRasteriser | None]:
+    def _rasteriser(self, mask: AlphaMask | None) -> Rasteriser | LayeredRasteriser:
         """What draws the current set: one for opaque triangles only, or one for both."""
         if not (self.triangles.host_flags & Triangles.BLENDED).any():
-            return Rasteriser(self.device, self.triangles, mask), None
+            return Rasteriser(self.device, self.triangles, mask)
         self.opacities = self.device.upload(self.geometry.current_opacities().astype(np.int32))
-        return None, LayeredRasteriser(self.device, self.triangles, mask)
+        return LayeredRasteriser(self.device, self.triangles, mask)
 
     def draw(self, view: View) -> Image:
         """The view: sky, and over it every pixel of a triangle that has a place."""
         device, camera = self.device, (view.view, view.projection)
         size = (view.width, view.height)
-        if self.layered:
-            visibility, fragments = self.layered.draw(*camera, *size, stage="client")
+        fragments = None
+        if isinstance(self.rasteriser, LayeredRasteriser):
+            visibility, fragments = self.rasteriser.draw(*camera, *size, stage="client")
         else:
-            visibility, fragments = self.rasteriser.draw(*camera, *size, stage="client/raster"), None
+            visibility = self.rasteriser.draw(*camera, *size, stage="client/raster")
         samples = resolve(device, self.triangles, visibility, *camera, stage="client/resolve")
         rgb = device.empty((view.height, view.width, 4), np.uint8)
         self.sky(*camera, rgb, stage="client/sky")
@@ -140,8 +144,7 @@ class LookupClient(Client):
         if self.alpha is not None:
             alphas = device.recycled((1, count, 4), np.uint8)
             look_up(device, samples, places, self.ids, self.alpha, alphas, owners, "client/lookup")
-        covered = (samples.triangle, owners, self.opacities, alphas)
-        opacity = fragment_opacity(device, count, *covered, "client/opacity")
+        opacity = fragment_opacity(device, count, samples.triangle, owners, self.opacities, alphas, "client/opacity")
         blend_layers(device, fragments, colours, opacity, owners, rgb, drawn, "client/blend")
 
 
@@ -162,9 +165,16 @@ class AtlasClient(LookupClient):
         return locate(self.device, samples, self.corner_texels(), "client/locate")
 
 
-def geometry_encoder(scene: ServerScene, attributes: Mapping[str, np.ndarray]) -> GeometryEncoder:
+def geometry_encoder(scene: ServerScene, attributes: Mapping[str, arrays.Array]) -> GeometryEncoder:
     """The encoder whose messages an AtlasClient with the same attributes understands."""
     triangles, host = scene.triangles, scene.host
-    arrays = (triangles.host_positions, triangles.host_indices, triangles.host_flags, host.uvs, host.material_ids)
-    opacities = scene.layers.opacity.constants if scene.layers else None
-    return GeometryEncoder(*arrays, attributes, opacities, host.colours[:, 3])
+    return GeometryEncoder(
+        positions=triangles.host_positions,
+        indices=triangles.host_indices,
+        flags=triangles.host_flags,
+        uvs=host.uvs,
+        materials=host.material_ids,
+        attributes=attributes,
+        opacities=scene.layers.opacity.constants if scene.layers else None,
+        alphas=host.colours[:, 3],
+    )

@@ -11,24 +11,27 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints, Longs
 from shading_atlas_bench.arithmetic.matrices import product, turned
 from shading_atlas_bench.packers.interface import View
 
 
-def owners(views: Sequence[View], rays: np.ndarray) -> np.ndarray:
+def owners(views: Sequence[View], rays: Doubles) -> Longs:
     """int64 (n), the number of the view that each ray, float64 (n, 3) in scene axes, belongs to."""
     axes = np.stack([-view.view[2, :3] for view in views])
-    return np.argmax(product(rays, axes.T), axis=-1)
+    nearest: Longs = np.argmax(product(rays, axes.T), axis=-1)
+    return nearest
 
 
-def owned_spans(views: Sequence[View], number: int) -> np.ndarray:
+def owned_spans(views: Sequence[View], number: int) -> Ints:
     """int32 (h, 2): in each row of views[number], the first pixel whose centre's ray belongs to it, and the one behind
     the last; both equal where there is none. Views meet in planes through the eye, so that a row holds one run."""
     view = views[number]
     (scale_x, scale_y), (shift_x, shift_y) = view.projection[[0, 1], [0, 1]], view.projection[:2, 2]
     step, start = 2 / view.width / scale_x, (1 / view.width - 1 + shift_x) / scale_x  # of tan x along a row
     y = (1 - (2 * np.arange(view.height) + 1) / view.height + shift_y) / scale_y
-    first, end = np.zeros(view.height), np.full(view.height, float(view.width))
+    first: Doubles = np.zeros(view.height)
+    end: Doubles = np.full(view.height, float(view.width))
     for other, rival in enumerate(views):
         if other == number:
             continue
@@ -48,8 +51,9 @@ def owned_spans(views: Sequence[View], number: int) -> np.ndarray:
     return np.stack([first, np.maximum(first, end)], axis=1).astype(np.int32)
 
 
-def owned_pixels(views: Sequence[View], number: int) -> np.ndarray:
+def owned_pixels(views: Sequence[View], number: int) -> Bools:
     """bool (h, w): the pixels of views[number] whose centres' rays belong to it."""
     first, end = owned_spans(views, number).T[..., None]
     columns = np.arange(views[number].width)
-    return (columns >= first) & (columns < end)
+    owned: Bools = (columns >= first) & (columns < end)
+    return owned

@@ -22,24 +22,30 @@ So a scene without blended triangles sends nothing for them.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Floats, Ints
 from shading_atlas_bench.kernels.triangles import Triangles
 
+Number = TypeVar("Number", bound=np.generic)
 
-def shuffle(values: np.ndarray) -> bytes:
+
+def shuffle(values: Array) -> bytes:
     """The bytes of an array, first all lowest ones, then all second ones and so on."""
     values = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
     return values.view(np.uint8).reshape(values.size, values.itemsize).T.tobytes()
 
 
-def unshuffle(data: bytes, dtype: Any, count: int, offset: int = 0) -> np.ndarray:
+def unshuffle(
+    data: bytes | memoryview, dtype: type[Number] | np.dtype[Number], count: int, offset: int = 0
+) -> NDArray[Number]:
     """The inverse: `count` numbers of `dtype` from `data` at `offset`."""
-    dtype = np.dtype(dtype).newbyteorder("<")
-    planes = np.frombuffer(data, np.uint8, count * dtype.itemsize, offset).reshape(dtype.itemsize, count)
-    return np.ascontiguousarray(planes.T).reshape(-1).view(dtype)
+    sent = np.dtype(dtype).newbyteorder("<")
+    planes = np.frombuffer(data, np.uint8, count * sent.itemsize, offset).reshape(sent.itemsize, count)
+    return np.ascontiguousarray(planes.T).reshape(-1).view(sent)
 
 
 SPECIAL = Triangles.MASKED | Triangles.BLENDED  # triangles whose material the client must know
@@ -56,23 +62,24 @@ class GeometryEncoder:
 
     def __init__(
         self,
-        positions: np.ndarray,
-        indices: np.ndarray,
-        flags: np.ndarray,
-        uvs: np.ndarray,
-        materials: np.ndarray,
-        attributes: Mapping[str, np.ndarray],
-        opacities: np.ndarray | None = None,
-        alphas: np.ndarray | None = None,
+        positions: Floats,
+        indices: Ints,
+        flags: Bytes,
+        uvs: Floats,
+        materials: NDArray[np.integer[Any]],
+        attributes: Mapping[str, Array],
+        opacities: NDArray[np.uint16] | None = None,
+        alphas: Floats | None = None,
     ) -> None:
         self.opacities = np.empty(0, np.uint16) if opacities is None else opacities
+        self.alphas = np.empty(0, np.float32) if alphas is None else alphas
         self.stated = np.zeros(len(self.opacities), bool)
         self.positions, self.indices, self.flags, self.uvs = positions, indices, flags, uvs
-        self.materials, self.attributes, self.alphas = materials, attributes, alphas
+        self.materials, self.attributes = materials, attributes
         self.sent = np.zeros(len(indices), bool)
-        self.current = np.empty(0, np.int32)
+        self.current: Ints = np.empty(0, np.int32)
 
-    def encode(self, pvs: np.ndarray) -> bytes:
+    def encode(self, pvs: Ints) -> bytes:
         """The message that makes `pvs` (int32, ascending) the client's set."""
         changed = np.setxor1d(self.current, pvs, assume_unique=True)
         new = changed[~self.sent[changed]]
@@ -87,13 +94,13 @@ class GeometryEncoder:
             shuffle(self.positions[self.indices[new]]),
             self.flags[new].tobytes(),
             shuffle(self.uvs[self.indices[masked]].astype(np.float32)),
-            shuffle(self.alphas[self.indices[faded]].astype(np.float32)) if len(faded) else b"",
+            shuffle(self.alphas[self.indices[faded]].astype(np.float32)),
             shuffle(self.materials[special].astype(np.int16)),
         ]
         parts += [shuffle(values[new]) for values in self.attributes.values()]
         return b"".join(parts + self._opacities_of(new[(self.flags[new] & Triangles.BLENDED) > 0]))
 
-    def _opacities_of(self, blended: np.ndarray) -> list[bytes]:
+    def _opacities_of(self, blended: Ints) -> list[bytes]:
         """What says how much the materials of new blended triangles cover; nothing if there are none."""
         if not len(blended):
             return []
@@ -110,15 +117,15 @@ class GeometryDecoder:
     attributes: name to dtype, in the encoder's order.
     """
 
-    def __init__(self, attributes: Mapping[str, Any]) -> None:
-        self.dtypes = {"positions": (np.float32, 9), "flags": (np.uint8, 1), "uvs": (np.float32, 6)}
-        self.dtypes |= {"alphas": (np.float32, 3), "materials": (np.int16, 1)}
-        self.dtypes |= {name: (dtype, 1) for name, dtype in attributes.items()}
-        self.attributes = attributes
-        self.columns = {name: np.empty((0, width), dtype) for name, (dtype, width) in self.dtypes.items()}
+    def __init__(self, attributes: Mapping[str, DTypeLike]) -> None:
+        real, byte = np.dtype(np.float32), np.dtype(np.uint8)
+        self.dtypes: dict[str, tuple[np.dtype[Any], int]] = {"positions": (real, 9), "flags": (byte, 1)}
+        self.dtypes |= {"uvs": (real, 6), "alphas": (real, 3), "materials": (np.dtype(np.int16), 1)}
+        self.dtypes |= {name: (np.dtype(dtype), 1) for name, dtype in attributes.items()}
+        self.columns: dict[str, Array] = {name: np.empty((0, width), of) for name, (of, width) in self.dtypes.items()}
         self.opacities: dict[int, int] = {}  # of materials
-        self.row_of = np.empty(0, np.int32)
-        self.pvs = np.empty(0, np.int32)
+        self.row_of: Ints = np.empty(0, np.int32)
+        self.pvs: Ints = np.empty(0, np.int32)
 
     def decode(self, data: bytes) -> bool:
         """Take one message; whether the set changed."""
@@ -139,7 +146,7 @@ class GeometryDecoder:
     def _append(self, data: bytes, offset: int, count: int) -> None:
         """Read the columns of `count` new triangles."""
         chosen = {"uvs": Triangles.MASKED, "alphas": Triangles.FADED, "materials": SPECIAL}
-        flags = np.zeros(count, np.uint8)
+        flags: Bytes = np.zeros(count, np.uint8)
         for name, (dtype, width) in self.dtypes.items():
             rows = np.flatnonzero(flags & chosen[name]) if name in chosen else np.arange(count)
             values = unshuffle(data, dtype, len(rows) * width, offset).reshape(len(rows), width)
@@ -155,12 +162,12 @@ class GeometryDecoder:
             opacities = np.frombuffer(data, "<u2", fresh, offset + 2 + 2 * fresh).tolist()
             self.opacities.update(zip(materials, opacities, strict=True))
 
-    def current(self, name: str) -> np.ndarray:
+    def current(self, name: str) -> Array:
         """A column of the triangles in the current set, in the order of their ids: (n, width) or (n)."""
         values = self.columns[name][self.row_of[self.pvs]]
         return values[:, 0] if values.shape[1] == 1 else values
 
-    def current_opacities(self) -> np.ndarray:
+    def current_opacities(self) -> NDArray[np.uint16]:
         """uint16 (n): how much each triangle of the current set covers, 0..255; 256 where the alpha plane says it."""
         table = np.full(max(self.opacities, default=0) + 1, 255, np.uint16)
         table[list(self.opacities)] = list(self.opacities.values())

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar, Literal, NoReturn, TypeAlias
 
 import numpy as np
 
@@ -19,6 +19,8 @@ from shading_atlas_bench.packers.skips import Skips
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints, Longs
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.fragments.layers import Layers
     from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.triangles import Triangles
     from shading_atlas_bench.scenes.model import Scene
 
+
+Value: TypeAlias = bool | int | float | str  # of a parameter
 
 ALPHA = "alpha"  # the name of a plane that holds opacities
 FULL = "atlas_full"  # the statistic that is 1 in frames for whose texels the atlas has no room, else 0
@@ -52,20 +56,22 @@ class Parameter:
     published: what the paper has, where the default is another value; None where it is not, or the paper has none.
     """
 
-    default: Any
-    sweep: tuple
+    default: Value
+    sweep: tuple[Value, ...]
     meaning: str
     unit: str = ""
     source: str = ""
     limits: tuple[float | None, float | None] = (None, None)
-    choices: tuple = ()
-    published: Any = None
+    choices: tuple[Value, ...] = ()
+    published: Value | None = None
 
-    def objection(self, value: Any) -> str | None:
+    def objection(self, value: Value) -> str | None:
         """Why `value` cannot be used, as the end of a sentence, or None."""
         low, high = self.limits
         if self.choices and value not in self.choices:
             return f"is {value!r}: give one of {', '.join(str(choice) for choice in self.choices)}"
+        if isinstance(value, str):
+            return None if self.limits == (None, None) else f"is {value!r}: give a number"
         if low is not None and not value >= low:
             return f"is {value}: give {low:g} or more"
         if high is not None and not value <= high:
@@ -95,18 +101,18 @@ class View:
     The projection has reversed depth with an infinite far plane: clip z = near, clip w = distance along -z.
     """
 
-    view: np.ndarray
-    projection: np.ndarray
+    view: Doubles
+    projection: Doubles
     width: int
     height: int
 
     @property
-    def matrix(self) -> np.ndarray:
+    def matrix(self) -> Doubles:
         """projection @ view, float64 (4, 4)."""
         return product(self.projection, self.view)
 
     @property
-    def eye(self) -> np.ndarray:
+    def eye(self) -> Doubles:
         """The camera's position, float64 (3)."""
         return -turned(self.view[:3, :3].T, self.view[:3, 3])
 
@@ -163,7 +169,7 @@ class ClientScene:
     sky: Sky
     mask: AlphaMask | None = None
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> NoReturn:
         raise NotShippedError(
             f"The client uses {name!r} of its scene, but a client is shipped with device, sky and mask only: send what "
             "else it needs."
@@ -192,7 +198,7 @@ class Frame:
     server: View
     cell_radius: float
     cell_fov: float
-    pvs: np.ndarray
+    pvs: Ints
     pvs_device: Array
     predicted: tuple[View, ...]
     atlas_width: int
@@ -215,14 +221,13 @@ class Frame:
         scenes where opacity varies over triangles, the opacity in a second plane, ALPHA."""
         device, scene = self.scene.device, self.scene
         shape = (self.atlas_height, self.atlas_width, 4)
-        planes = {"atlas": device.recycled(shape, np.uint8)}
-        if scene.layers and scene.layers.opacity.varies:
-            planes[ALPHA] = device.recycled(shape, np.uint8)
+        opacity = scene.layers.opacity if scene.layers and scene.layers.opacity.varies else None
+        planes = {name: device.recycled(shape, np.uint8) for name in ("atlas", *([ALPHA] if opacity else []))}
         for plane in planes.values():
-            device.fill(plane.view(np.uint32), 0, "gather/clear")
+            device.fill(plane.view(np.uint32), 0, "gather/clear")  # type: ignore[no-untyped-call]  # pyopencl's own
         scene.shader.shade(samples, eye=self.server.eye, target=planes["atlas"], stage="gather/shade")
-        if ALPHA in planes:
-            scene.layers.opacity.write(samples, planes[ALPHA], "gather/alpha")
+        if opacity:
+            opacity.write(samples, planes[ALPHA], "gather/alpha")
         return planes
 
 
@@ -268,7 +273,7 @@ class Payload:
 class Decoded:
     """What arrives at the client: planes uint8 (H, W, 3) after the codec; blobs, geometry and lists as sent."""
 
-    planes: dict[str, np.ndarray]
+    planes: dict[str, Bytes]
     blobs: dict[str, bytes]
     geometry: bytes
     lists: dict[str, bytes] = field(default_factory=dict)
@@ -281,9 +286,9 @@ class Owners:
     texel: int64 (n), row * width + column. triangle: int32 (n). bary: float32 (n, 2), weights of vertices 1 and 2.
     """
 
-    texel: np.ndarray
-    triangle: np.ndarray
-    bary: np.ndarray
+    texel: Longs
+    triangle: Ints
+    bary: Floats
 
 
 class Client(ABC):
@@ -305,7 +310,7 @@ class Client(ABC):
         """
         return ()
 
-    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray | None:
+    def locate(self, triangles: Ints, bary: Floats) -> Doubles | None:
         """Atlas position, in texels, that a lookup at a surface point uses; None for a method without an atlas.
 
         triangles: int32 (n), scene ids. bary: float32 (n, 2). Returns float64 (n, 2) of column, row, where texel (0, 0)
@@ -341,9 +346,9 @@ class HeldLists:
     """
 
     view: View
-    offsets: np.ndarray
-    rgba: np.ndarray
-    depth: np.ndarray
+    offsets: Longs
+    rgba: Bytes
+    depth: Floats
     normals: bool = False
 
 
@@ -359,7 +364,7 @@ COMMON = {
 }
 
 # What a client's lists hold of the fragments that a list view sees, see Packer.holds.
-HOLDS = ("every", "nearest", "alike", "moved", "blended")
+Holds: TypeAlias = Literal["every", "nearest", "alike", "moved", "blended"]
 
 
 class Packer(ABC):
@@ -368,11 +373,6 @@ class Packer(ABC):
     Stages are launched under names that start with "structs/" or "gather/"; the device times them.
     parameters: by name; those of COMMON come on top.
     atlas: whether it fills planes for the video encoder. A method that does not has rows of codec `none` only.
-    leaves_unwritten: whether it writes only the texels within half a texel of a triangle, not all that lookups in it
-        touch. Their share is then reported as the statistic `unwritten_lookups`, where validity would else object.
-    holds: of a method that sends lists, what clients hold of each pixel's fragments: one of HOLDS. "every" one;
-        "nearest", the nearest ones; "alike", some that blend to the same colour within ALIKE levels; "moved", some that
-        were seen from elsewhere; "blended", one in place of all.
     skips: what it leaves out (ServerScene.skips) where a frame does not need it, by name: what that is, why it is not
         needed where that applies, and why it is needed elsewhere.
     """
@@ -380,8 +380,6 @@ class Packer(ABC):
     name: ClassVar[str]
     paper: ClassVar[Paper]
     atlas: ClassVar[bool] = True
-    leaves_unwritten: bool = False
-    holds: str = "every"
     parameters: ClassVar[dict[str, Parameter]] = {}
     skips: ClassVar[dict[str, tuple[str, str, str]]] = {}
     mipmaps: bool = True
@@ -389,7 +387,7 @@ class Packer(ABC):
     def __init_subclass__(cls) -> None:
         cls.parameters = COMMON | cls.parameters
 
-    def __init__(self, **values: Any) -> None:
+    def __init__(self, **values: Value) -> None:
         """Set the parameters; unknown names and values that cannot be used raise ValueError, naming those that can."""
         for name in values:
             if name not in self.parameters:
@@ -400,6 +398,23 @@ class Packer(ABC):
             if objection := parameter.objection(value):
                 raise ValueError(f"{self.name}: the parameter {name} {objection}.")
             setattr(self, name, value)
+
+    @property
+    def leaves_unwritten(self) -> bool:
+        """Whether it writes only the texels within half a texel of a triangle, not all that lookups in it touch.
+
+        Their share is then reported as the statistic `unwritten_lookups`, where validity would else object.
+        """
+        return False
+
+    @property
+    def holds(self) -> Holds:
+        """Of a method that sends lists, what clients hold of each pixel's fragments.
+
+        "every" one; "nearest", the nearest ones; "alike", some that blend to the same colour within ALIKE levels;
+        "moved", some that were seen from elsewhere; "blended", one in place of all.
+        """
+        return "every"
 
     def scene_shaded(self, scene: ServerScene) -> ServerScene:
         """The scene as this method shades it, which the harness hands to `prepare` and has in its frames."""
@@ -427,11 +442,11 @@ class Packer(ABC):
     def pack(self, frame: Frame) -> Payload:
         """Place and shade everything in the frame's PVS."""
 
-    def pictures(self, payload: Payload) -> dict[str, np.ndarray]:
+    def pictures(self, payload: Payload) -> dict[str, Bytes]:
         """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""
         return {}
 
-    def details(self, payload: Payload) -> dict[str, np.ndarray]:
+    def details(self, payload: Payload) -> dict[str, arrays.Array]:
         """Arrays that `--dump` writes beside the pictures, on request only, under their names."""
         return {}
 

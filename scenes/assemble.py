@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import determinant, dot, transform
-from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Light, Material, Scene, SceneError
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Indices, Light, Material, Scene, SceneError
 from shading_atlas_bench.scenes.normals import perpendicular, tangents, with_normals
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.repair import decimated, repaired
@@ -24,7 +25,7 @@ _MATERIAL_RANGES = dict.fromkeys(_SHARES, (0.0, 1.0))
 _MATERIAL_RANGES |= {"emissive": (0.0, np.inf), "alpha_cutoff": (0.0, np.inf)}
 _LIGHT_RANGES = {"colour": (0.0, np.inf), "cone": (0.0, 90.0)}
 _Described = TypeVar("_Described", Light, Material)
-_BRIGHTEST = np.float32([1e4, 1e4, 1e4, 1])  # of a vertex: light may be any, coverage at most whole
+_BRIGHTEST = np.array([1e4, 1e4, 1e4, 1], np.float32)  # of a vertex: light may be any, coverage at most whole
 
 
 def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | None = None, file: str = "") -> Scene:
@@ -41,8 +42,7 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
     if not parts:
         raise SceneError(f"{file or name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
     _drop_unused_textures(parts, raw)
-    parts = [_completed(part, raw.materials[part.material]) for part in parts]
-    arrays, origin = _flattened(parts)
+    arrays, origin = _flattened([_completed(part, raw.materials[part.material]) for part in parts])
     keep = has_area(arrays.positions, arrays.indices)
     raw.note("Triangles without any area, dropped: {}.", np.count_nonzero(~keep))
     if not keep.any():
@@ -73,26 +73,46 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
 class FlatMesh:
     """The scene's arrays as `Scene` documents them."""
 
-    positions: np.ndarray
-    indices: np.ndarray
-    normals: np.ndarray
-    uvs: np.ndarray
-    colours: np.ndarray
-    material_ids: np.ndarray
-    tangents: np.ndarray | None
-    further_uvs: np.ndarray | None
+    positions: Floats
+    indices: Ints
+    normals: Floats
+    uvs: Floats
+    colours: Floats
+    material_ids: Ints
+    tangents: Floats | None
+    further_uvs: Floats | None
 
-    def keeping(self, triangles: np.ndarray) -> FlatMesh:
+    def keeping(self, triangles: Bools) -> FlatMesh:
         """Only the triangles marked in a bool mask (T), and the vertices that they use."""
         indices, used = compacted(self.indices[triangles], len(self.positions))
-        vertex_arrays = (self.positions, self.normals, self.uvs, self.colours, self.tangents)
-        positions, normals, uvs, colours, tangent = (None if a is None else a[used] for a in vertex_arrays)
-        further = None if self.further_uvs is None else self.further_uvs[:, used]
-        ids = self.material_ids[triangles]
-        return FlatMesh(positions, indices.astype(np.int32), normals, uvs, colours, ids, tangent, further)
+        return FlatMesh(
+            positions=self.positions[used],
+            indices=indices.astype(np.int32),
+            normals=self.normals[used],
+            uvs=self.uvs[used],
+            colours=self.colours[used],
+            material_ids=self.material_ids[triangles],
+            tangents=None if self.tangents is None else self.tangents[used],
+            further_uvs=None if self.further_uvs is None else self.further_uvs[:, used],
+        )
 
 
-def compacted(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
+@dataclass(frozen=True)
+class CompletePart:
+    """A part that lacks nothing; fields as in `Part`, tangents where its material has a normal map."""
+
+    positions: Array
+    indices: Indices
+    material: int
+    normals: Floats
+    uvs: Array
+    colours: Array
+    tangents: Array | None
+    transforms: Doubles
+    further_uvs: tuple[Array, ...]
+
+
+def compacted(indices: Indices, count: int) -> tuple[Indices, Indices]:
     """Indices renumbered to the vertices that they use, and those vertices' old numbers in rising order."""
     marks = np.zeros(count, bool)
     marks[indices] = True
@@ -101,7 +121,7 @@ def compacted(indices: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     return number[indices], used
 
 
-def has_area(positions: np.ndarray, indices: np.ndarray) -> np.ndarray:
+def has_area(positions: Floats, indices: Indices) -> Bools:
     """Bool (T): whether float32 positions span any area at all, decided in float64 where it is close."""
     keep = np.ones(len(indices), bool)
     for start in range(0, len(indices), _CHUNK):
@@ -138,12 +158,14 @@ def _clean_lights(raw: RawScene) -> None:
 
 def _clean_materials(raw: RawScene) -> None:
     """Give materials the default of each property that is not finite (counted), and clamp what is out of range."""
-    default, outside = Material(), []
+    default = Material()
+    outside: list[str] = []
     for index, material in enumerate(raw.materials):
         numbers = {f.name: getattr(material, f.name) for f in fields(Material) if isinstance(f.default, float | tuple)}
         broken = [name for name, value in numbers.items() if not _finite(value)]
         raw.note("Properties of materials that are infinite or not a number, replaced: {}.", len(broken))
-        material = replace(material, **{name: getattr(default, name) for name in broken})
+        usual: dict[str, Any] = {name: getattr(default, name) for name in broken}
+        material = replace(material, **usual)
         raw.materials[index], changed = _in_range(material, _MATERIAL_RANGES)
         outside += [f"{name} {_written(material, name)} of {material.name or f'material {index}'}" for name in changed]
     if outside:
@@ -154,12 +176,12 @@ def _clean_materials(raw: RawScene) -> None:
 def _finite(values: float | Sequence[float]) -> bool:
     """Whether all values are finite as float32, as which they are used."""
     with np.errstate(over="ignore"):
-        return bool(np.isfinite(np.float32(values)).all())
+        return bool(np.isfinite(np.array(values, np.float32)).all())
 
 
 def _in_range(item: _Described, ranges: dict[str, tuple[float, float]]) -> tuple[_Described, list[str]]:
     """A light or material with its properties clamped, and the names of those that were outside."""
-    clamped = {}
+    clamped: dict[str, Any] = {}
     for name, (low, high) in ranges.items():
         value = getattr(item, name)
         inside = (
@@ -203,7 +225,7 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
     usable = np.isfinite(part.transforms).all(axis=(1, 2))
     raw.note("Instances whose placement is infinite or not a number, dropped: {}.", np.count_nonzero(~usable))
     part = replace(part, transforms=part.transforms[usable])
-    finite = np.isfinite(part.positions).all(axis=1)
+    finite: Bools = np.all(np.isfinite(part.positions), axis=1)
     near = np.ones(count, bool)
     with np.errstate(over="ignore", invalid="ignore"):
         for placed in part.transforms:
@@ -216,11 +238,11 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
         keep = good[indices].all(axis=1)
         raw.note(sentence, np.count_nonzero(~keep) * len(part.transforms))
         indices = indices[keep]
-    indices, used = compacted(indices, count)
-    return part.taking(used, indices)
+    renumbered, used = compacted(indices, count)
+    return part.taking(used, renumbered)
 
 
-def _completed(part: Part, material: Material) -> Part:
+def _completed(part: Part, material: Material) -> CompletePart:
     """The part with normals, UVs and colours, and with tangents where its material has a normal map."""
     if part.normals is None:
         part = with_normals(part)
@@ -231,15 +253,24 @@ def _completed(part: Part, material: Material) -> Part:
     )
     colours = part.colours if part.colours is not None else np.ones((count, 4), np.float32)
     colours = np.clip(np.nan_to_num(colours, nan=1.0, posinf=1.0, neginf=1.0), 0, _BRIGHTEST)
-    part = replace(part, uvs=uvs, further_uvs=tuple(further), colours=colours, normals=_repaired_normals(part))
-    if material.normal_texture < 0:
-        return replace(part, tangents=None)
-    if part.tangents is None or not np.isfinite(part.tangents).all():
-        part.tangents = tangents(part.positions, part.normals, (uvs, *further)[material.normal_uv], part.indices)
-    return part
+    normals = _repaired_normals(part)
+    tangent = part.tangents if material.normal_texture >= 0 else None
+    if material.normal_texture >= 0 and (tangent is None or not np.isfinite(tangent).all()):
+        tangent = tangents(part.positions, normals, (uvs, *further)[material.normal_uv], part.indices)
+    return CompletePart(
+        positions=part.positions,
+        indices=part.indices,
+        material=part.material,
+        normals=normals,
+        uvs=uvs,
+        colours=colours,
+        tangents=tangent,
+        transforms=part.transforms,
+        further_uvs=tuple(further),
+    )
 
 
-def _repaired_normals(part: Part) -> np.ndarray:
+def _repaired_normals(part: Part) -> Floats:
     """Unit normals, float32; where the file's have no length, that of one of the vertex's faces."""
     normals = np.asarray(part.normals, np.float64)
     length = np.linalg.norm(normals, axis=1)
@@ -255,29 +286,33 @@ def _repaired_normals(part: Part) -> np.ndarray:
         for corner in range(3):
             vertices = part.indices[solid, corner]
             normals[vertices[bad[vertices]]] = faces[bad[vertices]]
-    return (normals / length[:, None]).astype(np.float32)
+    unit: Doubles = normals / length[:, None]
+    return unit.astype(np.float32)
 
 
-def _flattened(parts: list[Part]) -> tuple[FlatMesh, np.ndarray]:
+def _flattened(parts: list[CompletePart]) -> tuple[FlatMesh, Doubles]:
     """Every instance of every part in world space, and the origin: the centre of the bounds, float64 (3)."""
     world = [transform(part.transforms[:, :3], part.positions) for part in parts]
-    low = np.min([points.min(axis=(0, 1)) for points in world], axis=0)
-    high = np.max([points.max(axis=(0, 1)) for points in world], axis=0)
+    low: Doubles = np.min([points.min(axis=(0, 1)) for points in world], axis=0)
+    high: Doubles = np.max([points.max(axis=(0, 1)) for points in world], axis=0)
     origin = (low + high) / 2
     vertices = sum(points.shape[0] * points.shape[1] for points in world)
     triangles = sum(len(part.transforms) * len(part.indices) for part in parts)
     sets = max(len(part.further_uvs) for part in parts)
     if max(vertices, triangles * 3) >= 1 << 31:
         raise SceneError(f"It has {triangles:,} triangles, more than 32-bit indices can number; use --decimate.")
+    bumpy = any(part.tangents is not None for part in parts)
+    tangent = np.tile(np.array([1, 0, 0, 1], np.float32), (vertices if bumpy else 0, 1))
+    further = np.zeros((sets, vertices, 2), np.float32)
     mesh = FlatMesh(
-        np.empty((vertices, 3), np.float32),
-        np.empty((triangles, 3), np.int32),
-        np.empty((vertices, 3), np.float32),
-        np.empty((vertices, 2), np.float32),
-        np.empty((vertices, 4), np.float32),
-        np.empty(triangles, np.int32),
-        None if all(part.tangents is None for part in parts) else np.tile(np.float32([1, 0, 0, 1]), (vertices, 1)),
-        np.zeros((sets, vertices, 2), np.float32) if sets else None,
+        positions=np.empty((vertices, 3), np.float32),
+        indices=np.empty((triangles, 3), np.int32),
+        normals=np.empty((vertices, 3), np.float32),
+        uvs=np.empty((vertices, 2), np.float32),
+        colours=np.empty((vertices, 4), np.float32),
+        material_ids=np.empty(triangles, np.int32),
+        tangents=tangent if bumpy else None,
+        further_uvs=further if sets else None,
     )
     vertex = triangle = 0
     for part, points in zip(parts, world, strict=True):
@@ -289,50 +324,50 @@ def _flattened(parts: list[Part]) -> tuple[FlatMesh, np.ndarray]:
         mesh.material_ids[faces] = part.material
         mesh.normals[rows] = _instance_normals(part)
         for number, uvs in enumerate(part.further_uvs):
-            mesh.further_uvs[number, rows] = np.tile(uvs, (count, 1))
+            further[number, rows] = np.tile(uvs, (count, 1))
         if part.tangents is not None:
-            mesh.tangents[rows] = _instance_tangents(part, mesh.normals[rows])
+            tangent[rows] = _instance_tangents(part, part.tangents, mesh.normals[rows])
         vertex, triangle = rows.stop, faces.stop
     return mesh, origin
 
 
-def _mirrored(part: Part) -> np.ndarray:
+def _mirrored(part: CompletePart) -> Bools:
     return determinant(part.transforms[:, :3, :3]) < 0
 
 
-def _instance_indices(part: Part, first: int) -> np.ndarray:
+def _instance_indices(part: CompletePart, first: int) -> Indices:
     """Indices (N*T, 3) of a part's instances; mirrored ones turned, so that fronts stay counter-clockwise."""
     offsets = first + np.arange(len(part.transforms)) * len(part.positions)
     turned = np.where(_mirrored(part)[:, None, None], part.indices[None][:, :, [0, 2, 1]], part.indices[None])
     return (turned + offsets[:, None, None]).reshape(-1, 3)
 
 
-def _instance_normals(part: Part) -> np.ndarray:
+def _instance_normals(part: CompletePart) -> Doubles:
     turned = transform(normal_matrices(part.transforms[:, :3, :3]), part.normals)
     length = np.linalg.norm(turned, axis=2, keepdims=True)
     return np.where(length > 0, turned / np.where(length > 0, length, 1), part.normals[None]).reshape(-1, 3)
 
 
-def _instance_tangents(part: Part, normals: np.ndarray) -> np.ndarray:
-    turned = transform(part.transforms[:, :3, :3], part.tangents[:, :3]).reshape(-1, 3)
+def _instance_tangents(part: CompletePart, tangent: Array, normals: Floats) -> Doubles:
+    turned = transform(part.transforms[:, :3, :3], tangent[:, :3]).reshape(-1, 3)
     turned = turned - normals * dot(turned, normals)[:, None]
     length = np.linalg.norm(turned, axis=1, keepdims=True)
     unit = np.where(length > 0, turned / np.where(length > 0, length, 1), perpendicular(normals))
-    side = np.where(_mirrored(part), -1.0, 1.0)[:, None] * part.tangents[None, :, 3]
+    side = np.where(_mirrored(part), -1.0, 1.0)[:, None] * tangent[None, :, 3]
     return np.concatenate([unit, side.reshape(-1, 1)], axis=1)
 
 
-def _moved(point: tuple[float, float, float], origin: np.ndarray) -> tuple[float, float, float]:
+def _moved(point: tuple[float, float, float], origin: Doubles) -> tuple[float, float, float]:
     return tuple((np.array(point) - origin).tolist())
 
 
-def _camera_from(camera: Camera, origin: np.ndarray) -> Camera:
+def _camera_from(camera: Camera, origin: Doubles) -> Camera:
     return replace(camera, position=_moved(camera.position, origin))
 
 
-def _light_from(light: Light, origin: np.ndarray) -> Light:
+def _light_from(light: Light, origin: Doubles) -> Light:
     return replace(light, position=_moved(light.position, origin))
 
 
-def _animation_from(animation: CameraAnimation, origin: np.ndarray) -> CameraAnimation:
+def _animation_from(animation: CameraAnimation, origin: Doubles) -> CameraAnimation:
     return replace(animation, positions=animation.positions - origin)

@@ -12,11 +12,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.functions import cos, sin_cos
 from shading_atlas_bench.arithmetic.matrices import dot, transform
 from shading_atlas_bench.scenes.features import content_digest, find_features
-from shading_atlas_bench.scenes.model import Material, Scene, Texture
+from shading_atlas_bench.scenes.model import Camera, Indices, Light, Material, Scene, Sky, Texture
 from shading_atlas_bench.scenes.normals import tangents
 from shading_atlas_bench.scenes.transforms import normal_matrices
 
@@ -37,30 +39,36 @@ class Mesh:
     indices: int32 (T, 3), counter-clockwise from the front. materials: int32 (T).
     """
 
-    positions: np.ndarray
-    normals: np.ndarray
-    uvs: np.ndarray
-    colours: np.ndarray
-    indices: np.ndarray
-    materials: np.ndarray
+    positions: Floats
+    normals: Floats
+    uvs: Floats
+    colours: Floats
+    indices: Ints
+    materials: Ints
 
     @property
     def triangle_count(self) -> int:
         return len(self.indices)
 
 
-def mesh(positions, normals, uvs, indices, material: int, colour=WHITE) -> Mesh:
-    """A mesh of one material and one colour from array-likes."""
-    positions = np.asarray(positions, np.float32).reshape(-1, 3)
-    indices = np.asarray(indices, np.int32).reshape(-1, 3)
-    colours = np.broadcast_to(np.asarray(colour, np.float32), positions.shape).copy()
+def mesh(
+    positions: ArrayLike,
+    normals: ArrayLike,
+    uvs: ArrayLike,
+    indices: ArrayLike,
+    material: int,
+    colour: ArrayLike = WHITE,
+) -> Mesh:
+    """A mesh of one material and one colour."""
+    points = np.asarray(positions, np.float32).reshape(-1, 3)
+    triangles = np.asarray(indices, np.int32).reshape(-1, 3)
     return Mesh(
-        positions,
+        points,
         np.asarray(normals, np.float32).reshape(-1, 3),
         np.asarray(uvs, np.float32).reshape(-1, 2),
-        colours,
-        indices,
-        np.full(len(indices), material, np.int32),
+        np.broadcast_to(np.asarray(colour, np.float32), points.shape).copy(),
+        triangles,
+        np.full(len(triangles), material, np.int32),
     )
 
 
@@ -68,21 +76,24 @@ def merge(meshes: Sequence[Mesh]) -> Mesh:
     """All meshes in order as one."""
     starts = np.cumsum([0] + [len(m.positions) for m in meshes[:-1]])
     return Mesh(
-        *(np.concatenate([getattr(m, name) for m in meshes]) for name in ("positions", "normals", "uvs", "colours")),
+        np.concatenate([m.positions for m in meshes]),
+        np.concatenate([m.normals for m in meshes]),
+        np.concatenate([m.uvs for m in meshes]),
+        np.concatenate([m.colours for m in meshes]),
         np.concatenate([m.indices + np.int32(start) for m, start in zip(meshes, starts, strict=True)]),
         np.concatenate([m.materials for m in meshes]),
     )
 
 
-def translation(points) -> np.ndarray:
+def translation(points: ArrayLike) -> Doubles:
     """Matrices (N, 4, 4) that move to points (N, 3)."""
-    points = np.asarray(points, np.float64).reshape(-1, 3)
-    matrices = np.tile(np.eye(4), (len(points), 1, 1))
-    matrices[:, :3, 3] = points
+    places = np.asarray(points, np.float64).reshape(-1, 3)
+    matrices = np.tile(np.eye(4), (len(places), 1, 1))
+    matrices[:, :3, 3] = places
     return matrices
 
 
-def placement(points, yaw=0.0, scale=1.0, tilt=0.0) -> np.ndarray:
+def placement(points: ArrayLike, yaw: ArrayLike = 0.0, scale: ArrayLike = 1.0, tilt: ArrayLike = 0.0) -> Doubles:
     """Matrices (N, 4, 4): scale, tilt about x, turn about y by `yaw`, move to points (N, 3). Angles in degrees.
 
     scale: a number, (N,) or (N, 3).
@@ -92,18 +103,18 @@ def placement(points, yaw=0.0, scale=1.0, tilt=0.0) -> np.ndarray:
     angles = np.empty((2, count))
     angles[0], angles[1] = yaw, tilt
     sine, cosine = sin_cos(np.radians(angles))
-    scale = np.asarray(scale, np.float64)
-    scale = np.broadcast_to(scale[:, None] if scale.ndim == 1 and len(scale) == count else scale, (count, 3))
+    sizes = np.asarray(scale, np.float64)
+    sizes = np.broadcast_to(sizes[:, None] if sizes.ndim == 1 and len(sizes) == count else sizes, (count, 3))
     matrices[:, 0, 0], matrices[:, 2, 0] = cosine[0], -sine[0]
     matrices[:, :3, 1] = np.stack([sine[0] * sine[1], cosine[1], cosine[0] * sine[1]], axis=1)
     matrices[:, :3, 2] = np.stack([sine[0] * cosine[1], -sine[1], cosine[0] * cosine[1]], axis=1)
-    matrices[:, :3, :3] *= scale[:, None, :]
+    matrices[:, :3, :3] *= sizes[:, None, :]
     return matrices
 
 
-def repeat(part: Mesh, matrices: np.ndarray, tints: np.ndarray | None = None) -> Mesh:
+def repeat(part: Mesh, matrices: Doubles, tints: ArrayLike | None = None) -> Mesh:
     """Copies of a part under matrices (N, 4, 4), one after the other; tints (N, 3) multiply their colours."""
-    matrices = np.asarray(matrices, np.float64).reshape(-1, 4, 4)
+    matrices = matrices.reshape(-1, 4, 4)
     count, vertices = len(matrices), len(part.positions)
     positions = transform(matrices[:, :3], part.positions)
     normals = transform(normal_matrices(matrices[:, :3, :3]), part.normals)
@@ -122,13 +133,13 @@ def repeat(part: Mesh, matrices: np.ndarray, tints: np.ndarray | None = None) ->
     )
 
 
-def moved(part: Mesh, point, yaw: float = 0.0, scale=1.0, tilt: float = 0.0) -> Mesh:
+def moved(part: Mesh, point: ArrayLike, yaw: float = 0.0, scale: float = 1.0, tilt: float = 0.0) -> Mesh:
     """One copy of a part, placed as by `placement`."""
-    return repeat(part, placement([point], yaw, np.broadcast_to(scale, (1, 3)), tilt))
+    return repeat(part, placement(point, yaw, scale, tilt))
 
 
 @functools.cache
-def _unit_box(faces: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _unit_box(faces: str) -> tuple[Doubles, Doubles, Indices]:
     """Corners (F, 4, 3) of the unit box's faces, their normals (F, 3) and the axes (F, 2) that u and v run along."""
     corners, normals, axes = [], [], []
     for face in FACES:
@@ -146,106 +157,143 @@ def _unit_box(faces: str) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     return np.array(corners), np.array(normals), np.array(axes)
 
 
-def boxes(centres, sizes, material: int, turns=None, tints=None, faces: str = ALL_FACES) -> Mesh:
+def boxes(
+    centres: ArrayLike,
+    sizes: ArrayLike,
+    material: int,
+    turns: Doubles | None = None,
+    tints: ArrayLike | None = None,
+    faces: str = ALL_FACES,
+) -> Mesh:
     """Boxes with their own sizes: 2 triangles for each face in `faces` (names of `FACES` in one string).
 
     centres, sizes: (N, 3). turns: rotation matrices (N, 3, 3) or None. tints: (N, 3), (3,) or None.
     """
-    centres = np.asarray(centres, np.float64).reshape(-1, 3)
-    count = len(centres)
-    sizes = np.broadcast_to(np.asarray(sizes, np.float64), (count, 3))
+    middles = np.asarray(centres, np.float64).reshape(-1, 3)
+    count = len(middles)
+    lengths = np.broadcast_to(np.asarray(sizes, np.float64), (count, 3))
     corners, face_normals, axes = _unit_box(faces)
     faces_count = len(corners)
-    local = corners.reshape(1, -1, 3) * sizes[:, None, :]
+    local = corners.reshape(1, -1, 3) * lengths[:, None, :]
     normals = np.broadcast_to(face_normals, (count, faces_count, 3))
     if turns is not None:
         local, normals = transform(turns, local), transform(turns, face_normals)
-    extent = sizes[:, axes]
+    extent = lengths[:, axes]
     unit = np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float64)
     uvs = unit[None, None] * extent[:, :, None, :]
-    tints = np.broadcast_to(np.asarray(WHITE if tints is None else tints, np.float32), (count, 3))
+    colours = np.broadcast_to(np.asarray(WHITE if tints is None else tints, np.float32), (count, 3))
     quads = np.arange(count * faces_count, dtype=np.int32)[:, None] * 4
     return Mesh(
-        (local + centres[:, None, :]).reshape(-1, 3).astype(np.float32),
+        (local + middles[:, None, :]).reshape(-1, 3).astype(np.float32),
         np.repeat(normals.astype(np.float32).reshape(-1, 3), 4, axis=0),
         uvs.reshape(-1, 2).astype(np.float32),
-        np.repeat(tints, faces_count * 4, axis=0),
+        np.repeat(colours, faces_count * 4, axis=0),
         (quads + np.array([0, 1, 2, 0, 2, 3], np.int32)).reshape(-1, 3),
         np.full(count * faces_count * 2, material, np.int32),
     )
 
 
-def box(centre, size, material: int, tint=WHITE, yaw: float = 0.0, faces: str = ALL_FACES) -> Mesh:
+def box(
+    centre: ArrayLike,
+    size: ArrayLike,
+    material: int,
+    tint: ArrayLike = WHITE,
+    yaw: float = 0.0,
+    faces: str = ALL_FACES,
+) -> Mesh:
     """One box turned by `yaw` degrees about y."""
-    return boxes([centre], size, material, placement([(0, 0, 0)], yaw)[:, :3, :3], tint, faces)
+    return boxes(centre, size, material, placement([(0, 0, 0)], yaw)[:, :3, :3], tint, faces)
 
 
-def aim(directions: np.ndarray) -> np.ndarray:
+def aim(directions: Doubles) -> Doubles:
     """Rotations (N, 3, 3) whose z axis is along the directions (N, 3) and whose y axis is as upright as can be."""
-    z = np.asarray(directions, np.float64)
-    z = z / np.linalg.norm(z, axis=1, keepdims=True)
+    z = directions / np.linalg.norm(directions, axis=1, keepdims=True)
     up = np.where(np.abs(z[:, 1:2]) > 0.999, [1.0, 0.0, 0.0], [0.0, 1.0, 0.0])
     x = np.cross(up, z)
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, np.cross(z, x), z], axis=2)
 
 
-def struts(starts, ends, width, material: int, tints=None, height=None, faces: str = SIDES_ALONG_Z) -> Mesh:
+def struts(
+    starts: ArrayLike,
+    ends: ArrayLike,
+    width: float,
+    material: int,
+    tints: ArrayLike | None = None,
+    height: float | None = None,
+    faces: str = SIDES_ALONG_Z,
+) -> Mesh:
     """Square bars from starts (N, 3) to ends (N, 3); `width` across and `height` (default the same) along up."""
-    starts, ends = (np.asarray(p, np.float64).reshape(-1, 3) for p in (starts, ends))
-    along = ends - starts
+    first, last = (np.asarray(points, np.float64).reshape(-1, 3) for points in (starts, ends))
+    along = last - first
     lengths = np.linalg.norm(along, axis=1)
-    width = np.broadcast_to(np.asarray(width, np.float64), lengths.shape)
-    sizes = np.stack([width, width if height is None else np.full(len(lengths), height), lengths], axis=1)
-    return boxes((starts + ends) / 2, sizes, material, aim(along), tints, faces)
+    across = np.full(len(lengths), width)
+    sizes = np.stack([across, across if height is None else np.full(len(lengths), height), lengths], axis=1)
+    return boxes((first + last) / 2, sizes, material, aim(along), tints, faces)
 
 
-def chain(points, width, material: int, tints=None, height=None) -> Mesh:
+def chain(
+    points: ArrayLike, width: float, material: int, tints: ArrayLike | None = None, height: float | None = None
+) -> Mesh:
     """Bars along a polyline of points (N, 3)."""
-    points = np.asarray(points, np.float64)
-    return struts(points[:-1], points[1:], width, material, tints, height)
+    line = np.asarray(points, np.float64)
+    return struts(line[:-1], line[1:], width, material, tints, height)
 
 
-def sheet(corner, along_u, along_v, material: int, divisions: tuple[int, int] = (1, 1), tint=WHITE, uv0=(0, 0)) -> Mesh:
+def sheet(
+    corner: ArrayLike,
+    along_u: ArrayLike,
+    along_v: ArrayLike,
+    material: int,
+    divisions: tuple[int, int] = (1, 1),
+    tint: ArrayLike = WHITE,
+    uv0: tuple[float, float] = (0, 0),
+) -> Mesh:
     """A flat rectangle of divisions[0] x divisions[1] cells; its front is cross(along_u, along_v)."""
-    corner, along_u, along_v = (np.asarray(p, np.float64) for p in (corner, along_u, along_v))
+    start, right, up = (np.asarray(point, np.float64) for point in (corner, along_u, along_v))
     nu, nv = divisions
     u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
-    positions = corner + u[..., None] * along_u + v[..., None] * along_v
-    normal = np.cross(along_u, along_v)
-    lengths = np.linalg.norm(along_u, axis=-1), np.linalg.norm(along_v, axis=-1)
+    positions = start + u[..., None] * right + v[..., None] * up
+    normal = np.cross(right, up)
+    lengths = np.linalg.norm(right, axis=-1), np.linalg.norm(up, axis=-1)
     uvs = np.stack([uv0[0] + u * lengths[0], uv0[1] - v * lengths[1]], axis=-1)
     normals = np.broadcast_to(normal / np.linalg.norm(normal, axis=-1), positions.shape)
     return mesh(positions, normals, uvs, lattice_indices(nv + 1, nu + 1), material, tint)
 
 
-def lattice_indices(rows: int, columns: int) -> np.ndarray:
+def lattice_indices(rows: int, columns: int) -> Ints:
     """Triangles (2 (rows-1) (columns-1), 3) of a grid of vertices numbered row by row, front towards +row x +column."""
     start = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).reshape(-1, 1)
-    return (start + np.array([0, 1, columns + 1, 0, columns + 1, columns])).reshape(-1, 3).astype(np.int32)
+    corners: Indices = start + np.array([0, 1, columns + 1, 0, columns + 1, columns])
+    return corners.reshape(-1, 3).astype(np.int32)
 
 
-def card(corners, material: int, uv=(0, 0, 1, 1), tint=WHITE) -> Mesh:
+def card(
+    corners: ArrayLike,
+    material: int,
+    uv: tuple[float, float, float, float] = (0, 0, 1, 1),
+    tint: ArrayLike = WHITE,
+) -> Mesh:
     """A quad with explicit texture coordinates (u0, v0, u1, v1); corners from lower left, counter-clockwise.
 
     The material's tile must be 1.
     """
-    corners = np.asarray(corners, np.float64)
-    normal = np.cross(corners[1] - corners[0], corners[3] - corners[0])
+    points = np.asarray(corners, np.float64)
+    normal = np.cross(points[1] - points[0], points[3] - points[0])
     u0, v0, u1, v1 = uv
     uvs = [(u0, v1), (u1, v1), (u1, v0), (u0, v0)]
     return mesh(
-        corners, np.tile(normal / np.linalg.norm(normal, axis=-1), (4, 1)), uvs, [0, 1, 2, 0, 2, 3], material, tint
+        points, np.tile(normal / np.linalg.norm(normal, axis=-1), (4, 1)), uvs, [0, 1, 2, 0, 2, 3], material, tint
     )
 
 
-def lathe(profile, segments: int, material: int, tint=WHITE, crease: float = 40.0) -> Mesh:
+def lathe(profile: ArrayLike, segments: int, material: int, tint: ArrayLike = WHITE, crease: float = 40.0) -> Mesh:
     """A profile (N, 2) of (radius, y) turned about the y axis, from bottom to top for outward fronts.
 
     Bends of the profile sharper than `crease` degrees stay sharp; the rest is smooth.
     """
-    profile = np.asarray(profile, np.float64)
-    edges = np.diff(profile, axis=0)
+    outline = np.asarray(profile, np.float64)
+    edges = np.diff(outline, axis=0)
     lengths = np.linalg.norm(edges, axis=1)
     flat = np.stack([edges[:, 1], -edges[:, 0]], axis=1) / lengths[:, None]
     lower, upper = flat.copy(), flat.copy()
@@ -257,9 +305,9 @@ def lathe(profile, segments: int, material: int, tint=WHITE, crease: float = 40.
     angle = np.linspace(0, 2 * np.pi, segments + 1)
     ring = np.stack(sin_cos(angle), axis=1)
     along = np.concatenate([[0], np.cumsum(lengths)])
-    reach = max(profile[:, 0].max(), 1e-9)
+    reach = max(outline[:, 0].max(), 1e-9)
     around = angle / (2 * np.pi) * max(1.0, np.round(2 * np.pi * reach / 0.5)) * 0.5 if reach > 0.2 else angle * reach
-    points = np.stack([profile[:-1], profile[1:]], axis=1)
+    points = np.stack([outline[:-1], outline[1:]], axis=1)
     normals = np.stack([lower, upper], axis=1)
     positions = _turn(points, ring)
     uvs = np.empty((*positions.shape[:3], 2))
@@ -271,7 +319,7 @@ def lathe(profile, segments: int, material: int, tint=WHITE, crease: float = 40.
     return without_slivers(turned)
 
 
-def _turn(points: np.ndarray, ring: np.ndarray) -> np.ndarray:
+def _turn(points: Doubles, ring: Doubles) -> Doubles:
     """Points (..., 2) of (radius, y) at all positions of a ring (S, 2): (..., S, 3)."""
     out = np.empty((*points.shape[:-1], len(ring), 3))
     out[..., 0] = points[..., None, 0] * ring[:, 0]
@@ -287,21 +335,28 @@ def without_slivers(part: Mesh) -> Mesh:
     return replace(part, indices=part.indices[keep], materials=part.materials[keep])
 
 
-def picked(part: Mesh, triangles: np.ndarray, material: int) -> Mesh:
+def picked(part: Mesh, triangles: Bools, material: int) -> Mesh:
     """The part's triangles where `triangles`, bool (T), with a material, and only the vertices they use."""
     used, indices = np.unique(part.indices[triangles], return_inverse=True)
-    vertices = (getattr(part, name)[used] for name in ("positions", "normals", "uvs", "colours"))
-    indices = indices.reshape(-1, 3).astype(np.int32)
-    return Mesh(*vertices, indices, np.full(len(indices), material, np.int32))
+    return Mesh(
+        part.positions[used],
+        part.normals[used],
+        part.uvs[used],
+        part.colours[used],
+        indices.reshape(-1, 3).astype(np.int32),
+        np.full(indices.size // 3, material, np.int32),
+    )
 
 
-def cylinder(radius: float, height: float, segments: int, material: int, tint=WHITE, rings: int = 1) -> Mesh:
+def cylinder(
+    radius: float, height: float, segments: int, material: int, tint: ArrayLike = WHITE, rings: int = 1
+) -> Mesh:
     """A closed upright cylinder standing on y = 0; `rings` divides its side."""
     side = [(radius, y) for y in np.linspace(0, height, rings + 1)]
     return lathe([(0, 0), *side, (0, height)], segments, material, tint)
 
 
-def ball(radius: float, segments: int, material: int, tint=WHITE) -> Mesh:
+def ball(radius: float, segments: int, material: int, tint: ArrayLike = WHITE) -> Mesh:
     """A sphere about the origin."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, max(3, segments // 2) + 1)
     sine, cosine = sin_cos(angle)
@@ -310,28 +365,30 @@ def ball(radius: float, segments: int, material: int, tint=WHITE) -> Mesh:
     return lathe(profile, segments, material, tint, crease=80)
 
 
-def tube(points, radius, sides: int, material: int, tint=WHITE, closed: bool = False) -> Mesh:
+def tube(
+    points: ArrayLike, radius: ArrayLike, sides: int, material: int, tint: ArrayLike = WHITE, closed: bool = False
+) -> Mesh:
     """A smooth tube along points (N, 3); radius is a number or (N,); open at its ends unless a closed loop."""
-    points = np.asarray(points, np.float64)
+    line = np.asarray(points, np.float64)
     if closed:
-        points = np.concatenate([points, points[:1]])
-    count = len(points)
-    tangents = np.gradient(points, axis=0)
+        line = np.concatenate([line, line[:1]])
+    count = len(line)
+    along: Doubles = np.gradient(line, axis=0)
     if closed:
-        tangents[[0, -1]] = points[1] - points[-2]
-    tangents /= np.linalg.norm(tangents, axis=1, keepdims=True)
-    frames = _transported(tangents)
+        along[[0, -1]] = line[1] - line[-2]
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    frames = _transported(along)
     angle = np.linspace(0, 2 * np.pi, sides + 1)
     sine, cosine = (part[:, None] for part in sin_cos(angle))
     normals = cosine * frames[:, 0, None] + sine * frames[:, 1, None]
-    radius = np.broadcast_to(np.asarray(radius, np.float64), (count,))
-    positions = points[:, None] + normals * radius[:, None, None]
-    along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    uvs = np.stack(np.broadcast_arrays(angle[None] * radius.max(), along[:, None]), axis=-1)
+    radii = np.broadcast_to(np.asarray(radius, np.float64), (count,))
+    positions = line[:, None] + normals * radii[:, None, None]
+    lengths = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    uvs = np.stack(np.broadcast_arrays(angle[None] * radii.max(), lengths[:, None]), axis=-1)
     return mesh(positions, normals, uvs, lattice_indices(count, sides + 1)[:, [0, 1, 2]], material, tint)
 
 
-def _transported(tangents: np.ndarray) -> np.ndarray:
+def _transported(tangents: Doubles) -> Doubles:
     """Frames (N, 2, 3) across unit tangents (N, 3), turning as little as possible from one to the next."""
     x, y, z = aim(tangents[:1])[0, :, 0].tolist()
     sides = []
@@ -341,11 +398,11 @@ def _transported(tangents: np.ndarray) -> np.ndarray:
         length = math.sqrt(x * x + y * y + z * z)
         x, y, z = x / length, y / length, z / length
         sides.append((x, y, z))
-    sides = np.array(sides)
-    return np.stack([sides, np.cross(tangents, sides)], axis=1)
+    across = np.array(sides)
+    return np.stack([across, np.cross(tangents, across)], axis=1)
 
 
-def sagging(start, end, drop: float, count: int) -> np.ndarray:
+def sagging(start: ArrayLike, end: ArrayLike, drop: float, count: int) -> Doubles:
     """Points (count, 3) of a cable that hangs `drop` below the straight line in its middle."""
     t = np.linspace(0, 1, count)[:, None]
     points = np.asarray(start, np.float64) * (1 - t) + np.asarray(end, np.float64) * t
@@ -353,16 +410,16 @@ def sagging(start, end, drop: float, count: int) -> np.ndarray:
     return points
 
 
-def rounded(corners, radius: float, steps: int) -> np.ndarray:
+def rounded(corners: ArrayLike, radius: float, steps: int) -> Doubles:
     """A polyline (N, 3) whose corners are bent with about `radius`, each by `steps` points."""
-    corners = np.asarray(corners, np.float64)
-    out = [corners[0]]
+    line = np.asarray(corners, np.float64)
+    out = [line[0]]
     t = np.linspace(0, 1, steps)[:, None]
-    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
+    for before, corner, after in zip(line, line[1:], line[2:], strict=False):
         a = corner + (before - corner) * min(0.45, radius / np.linalg.norm(before - corner, axis=-1))
         b = corner + (after - corner) * min(0.45, radius / np.linalg.norm(after - corner, axis=-1))
         out.extend((1 - t) * (1 - t) * a + 2 * t * (1 - t) * corner + t * t * b)
-    out.append(corners[-1])
+    out.append(line[-1])
     return np.array(out)
 
 
@@ -374,19 +431,36 @@ class Palette:
     textures: list[Texture] = field(default_factory=list)
     tiles: list[float] = field(default_factory=list)
 
-    def texture(self, name: str, texels: np.ndarray, srgb: bool = True) -> int:
+    def texture(self, name: str, texels: Bytes, srgb: bool = True) -> int:
         """Adds a texture, uint8 (H, W, 4); returns its index."""
         self.textures.append(Texture(name, texels, srgb))
         return len(self.textures) - 1
 
-    def material(self, name: str, tile: float = 1.0, **properties) -> int:
+    def material(self, material: Material, tile: float = 1.0) -> int:
         """Adds a material whose textures repeat every `tile` metres; returns its index."""
-        self.materials.append(Material(name, **properties))
+        self.materials.append(material)
         self.tiles.append(tile)
         return len(self.materials) - 1
 
-    def assemble(self, name: str, parts: Sequence[Mesh], **properties) -> Scene:
-        """The scene of all parts in order, with its tangents, features and content hash; properties are Scene's."""
+    def textured(self, material: Material, tile: float, texels: Bytes, normals: Bytes | None = None) -> int:
+        """Adds a material with a base texture, and perhaps a normal map, named after it; returns its index."""
+        base = self.texture(material.name, texels)
+        bumps = -1 if normals is None else self.texture(material.name + " normals", normals, srgb=False)
+        return self.material(replace(material, base_texture=base, normal_texture=bumps), tile)
+
+    def assemble(
+        self,
+        name: str,
+        parts: Sequence[Mesh],
+        *,
+        lights: Sequence[Light] = (),
+        sky: Sky | None = None,
+        cameras: Sequence[Camera] = (),
+        route: Doubles | None = None,
+        metres_per_unit: float = 1.0,
+        place: bool = True,
+    ) -> Scene:
+        """The scene of all parts in order, with its tangents, features and content hash; the rest is as in `Scene`."""
         whole = merge(parts)
         vertex_material = np.zeros(len(whole.positions), np.int32)
         vertex_material[whole.indices] = whole.materials[:, None]
@@ -403,7 +477,12 @@ class Palette:
             material_ids=whole.materials,
             materials=self.materials,
             textures=self.textures,
-            **properties,
+            lights=list(lights),
+            sky=sky or Sky(),
+            cameras=list(cameras),
+            route=route,
+            metres_per_unit=metres_per_unit,
+            place=place,
         )
         mapped = np.array([m.normal_texture >= 0 for m in self.materials])
         if mapped.any():
@@ -413,13 +492,12 @@ class Palette:
         return scene
 
 
-def _tangents(scene: Scene, wanted: np.ndarray) -> np.ndarray:
+def _tangents(scene: Scene, wanted: Bools) -> Floats:
     """Tangents float32 (V, 4) of the vertices of the `wanted` triangles, bool (T); (1, 0, 0, 1) for the others."""
     out = np.zeros((len(scene.positions), 4), np.float32)
     out[:, [0, 3]] = 1
     used, indices = np.unique(scene.indices[wanted], return_inverse=True)
-    arrays = (scene.positions[used], scene.normals[used], scene.uvs[used])
-    out[used] = tangents(*arrays, indices.reshape(-1, 3))
+    out[used] = tangents(scene.positions[used], scene.normals[used], scene.uvs[used], indices.reshape(-1, 3))
     return out
 
 

@@ -14,13 +14,15 @@ import os
 import shutil
 import tempfile
 import zlib
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from shading_atlas_bench import arithmetic, scenes
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes
 from shading_atlas_bench.scenes.files import is_file
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
@@ -43,10 +45,10 @@ _ALIGNMENT = 64  # bytes, of arrays within the file
 _BLOCK = 1 << 18  # bytes read at a time, so that they stay in the processor's cache
 
 
-def scene_key(options: dict, files: Iterable[Path]) -> str:
+def scene_key(options: Mapping[str, object], files: Iterable[Path]) -> str:
     """Digest of the options, of the files' names and bytes (missing ones count as such) and of the loader itself."""
     digest = hashlib.blake2b(json.dumps(options, sort_keys=True).encode(), digest_size=16)
-    sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__file__).parent.glob("*.py"))]
+    sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__path__[0]).glob("*.py"))]
     for file in [*sources, *files]:
         content = file.read_bytes() if is_file(file) else b"missing"
         digest.update(os.fsencode(f"\n{file.name} {len(content)}\n"))
@@ -66,9 +68,9 @@ def store(path: Path, scene: Scene) -> None:
         end += array.nbytes + -array.nbytes % _ALIGNMENT
     record = json.dumps({"arrays": places} | _record(scene)).encode()
     record += b" " * (-(2 * _NUMBER + len(record)) % _ALIGNMENT)
-    parts = [len(record).to_bytes(_NUMBER, "little"), record]
+    parts: list[bytes | memoryview] = [len(record).to_bytes(_NUMBER, "little"), record]
     for array in arrays.values():
-        parts += [array, bytes(-array.nbytes % _ALIGNMENT)]
+        parts += [array.data, bytes(-array.nbytes % _ALIGNMENT)]
     checksum = _start(path)
     for part in parts:
         checksum = zlib.crc32(part, checksum)
@@ -118,7 +120,7 @@ def fetch(path: Path) -> Scene | None:
     )
 
 
-def _checked(path: Path) -> np.ndarray | None:
+def _checked(path: Path) -> Bytes | None:
     """The whole file, mapped, uint8, if its checksum holds.
 
     It is read for that, not looked at through the mapping: where a disk fails, reading is an error that can be caught.
@@ -141,7 +143,7 @@ def _start(path: Path) -> int:
     return zlib.crc32(path.name.encode())
 
 
-def _arrays(scene: Scene) -> dict[str, np.ndarray]:
+def _arrays(scene: Scene) -> dict[str, Array]:
     """All arrays of a scene by their names in the file, contiguous."""
     arrays = {name: getattr(scene, name) for name in _ARRAYS if getattr(scene, name) is not None}
     arrays |= {f"texture{number}": texture.texels for number, texture in enumerate(scene.textures)}
@@ -154,7 +156,7 @@ _ANIMATED = ("times", "positions", "orientations")
 _PLAIN = ("name", "exposure", "metres_per_unit", "unit_from", "place", "because", "notes", "content_hash")
 
 
-def _record(scene: Scene) -> dict:
+def _record(scene: Scene) -> dict[str, Any]:
     """Everything but the arrays, as JSON holds it."""
     return {
         "plain": {name: getattr(scene, name) for name in _PLAIN},
@@ -168,5 +170,5 @@ def _record(scene: Scene) -> dict:
     }
 
 
-def _tupled(entry: dict) -> dict:
+def _tupled(entry: dict[str, Any]) -> dict[str, Any]:
     return {key: tuple(value) if isinstance(value, list) else value for key, value in entry.items()}

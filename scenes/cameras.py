@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
     return cameras, None if unit is None else _metres(unit, file)
 
 
-def _metres(unit: object, file: Path) -> float:
+def _metres(unit: Any, file: Path) -> float:
     """Metres per unit, from a number or the name of a unit."""
     try:
         metres = UNITS[unit.strip()] if isinstance(unit, str) and unit.strip() in UNITS else float(unit)
@@ -49,9 +50,9 @@ def _metres(unit: object, file: Path) -> float:
     return metres
 
 
-def _camera(entry: dict, number: int) -> Camera:
-    direction, up = np.float64(entry["dir"]), np.float64(entry.get("up", (0, 1, 0)))
-    eye = np.float64(entry["eye"])
+def _camera(entry: dict[str, Any], number: int) -> Camera:
+    direction, up = np.array(entry["dir"], np.float64), np.array(entry.get("up", (0, 1, 0)), np.float64)
+    eye = np.array(entry["eye"], np.float64)
     for name, vector in (("eye", eye), ("dir", direction), ("up", up)):
         if vector.shape != (3,) or not np.isfinite(vector).all() or (name != "eye" and not vector.any()):
             raise ValueError(f"camera {number} has no usable {name}")

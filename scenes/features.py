@@ -7,6 +7,7 @@ from dataclasses import astuple, fields
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.scenes.model import Features, Material, Scene
 
 _CHUNK = 1 << 18  # triangles at a time: temporaries stay in the processor's cache
@@ -64,7 +65,15 @@ def content_digest(scene: Scene) -> str:
     """16 hex digits over everything that can change a picture: arrays, materials, textures, lights, scale."""
     digest = hashlib.blake2b(digest_size=8)
     tangents = scene.tangents if scene.tangents is not None else np.zeros(0, np.float32)
-    arrays = [scene.positions, scene.indices, scene.normals, scene.uvs, scene.colours, scene.material_ids, tangents]
+    arrays: list[Array] = [
+        scene.positions,
+        scene.indices,
+        scene.normals,
+        scene.uvs,
+        scene.colours,
+        scene.material_ids,
+        tangents,
+    ]
     arrays += [] if scene.further_uvs is None else [scene.further_uvs]
     for array in [*arrays, np.asarray(scene.origin, np.float64), *(texture.texels for texture in scene.textures)]:
         digest.update(f"{array.dtype}{array.shape}".encode())
@@ -75,7 +84,7 @@ def content_digest(scene: Scene) -> str:
     return digest.hexdigest()
 
 
-def _settings(material: Material) -> tuple:
+def _settings(material: Material) -> tuple[object, ...]:
     """A material's values; from `unlit` on only those that say anything, with their names.
 
     So a scene without these keeps the digest that it had before there were any.
@@ -86,7 +95,7 @@ def _settings(material: Material) -> tuple:
     return values[:rare] + tuple((field.name, value) for field, value in said if value != field.default)
 
 
-def triangle_shapes(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def triangle_shapes(scene: Scene) -> tuple[Doubles, Doubles]:
     """Area and longest edge of every triangle, float64 (T), in scene units."""
     area, longest = np.empty(scene.triangle_count), np.empty(scene.triangle_count)
     for start in range(0, scene.triangle_count, _CHUNK):

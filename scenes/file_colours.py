@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import power
 from shading_atlas_bench.scenes.raw import RawScene
 
 
-def linear_colours(raw: RawScene, *channels: np.ndarray) -> np.ndarray:
+def linear_colours(raw: RawScene, *channels: Array) -> Floats:
     """Linear RGBA float32 (N, 4), alpha 1, from sRGB colours: red, green, blue and perhaps alpha, as columns (N, k) of
     one or more arrays, each of one type.
 
@@ -25,7 +26,7 @@ def linear_colours(raw: RawScene, *channels: np.ndarray) -> np.ndarray:
     return linear
 
 
-def _scaled(values: np.ndarray, raw: RawScene) -> np.ndarray:
+def _scaled(values: Array, raw: RawScene) -> Doubles:
     """Numbers (N, k) of one type as float64 of 0 to 1.
 
     The type tells which value means 1, or, where files are known to differ from it (noted), the largest value does.
@@ -39,14 +40,14 @@ def _scaled(values: np.ndarray, raw: RawScene) -> np.ndarray:
     return values.astype(np.float64) / full
 
 
-def whole(values: np.ndarray) -> np.ndarray:
+def whole(values: Array) -> Array:
     """Numbers of a text without types: as bytes where they are whole, from 0 to 255, and not just 0 and 1."""
     if not (np.isfinite(values).all() and values.min(initial=0) >= 0 and 1 < values.max(initial=0) <= 255):
         return values
     return values.astype(np.uint8) if (values == np.floor(values)).all() else values
 
 
-def _full(values: np.ndarray) -> tuple[int, int]:
+def _full(values: Array) -> tuple[int, int]:
     """What a type's colours usually mean by 1, and what these do."""
     largest = np.max(values, where=np.isfinite(values), initial=0)
     if values.dtype.kind == "f":

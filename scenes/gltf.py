@@ -13,15 +13,16 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, tan
 from shading_atlas_bench.arithmetic.matrices import product, turned
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
 from shading_atlas_bench.scenes.gltf_materials import GltfMaterials, UvSource
 from shading_atlas_bench.scenes.gltf_motion import camera_animations
 from shading_atlas_bench.scenes.gltf_nodes import AT_REST, GltfNodes
-from shading_atlas_bench.scenes.gltf_values import number, numbers, picked
+from shading_atlas_bench.scenes.gltf_values import JsonObject, number, numbers, picked
 from shading_atlas_bench.scenes.gltf_vertices import Vertices, attribute
-from shading_atlas_bench.scenes.model import Camera, Light
+from shading_atlas_bench.scenes.model import Camera, Indices, Light
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.transforms import compose, normal_matrices
 
@@ -51,7 +52,7 @@ def read_gltf(path: Path) -> RawScene:
 
 def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterials, raw: RawScene) -> None:
     """One part per primitive, with the transforms of all nodes that draw it; skinned and morphed ones of their own."""
-    placed: dict[int, list[np.ndarray]] = {}
+    placed: dict[int, list[Doubles]] = {}
     for node in nodes.drawn:
         entry = nodes.entries[node]
         if "mesh" not in entry:
@@ -60,9 +61,9 @@ def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterial
             joints = _joint_matrices(document, nodes, entry["skin"])
             raw.parts += _primitives(document, materials, raw, entry["mesh"], entry.get("weights"), joints)
         elif "weights" in entry:
-            transforms = _instances(document, entry, nodes.world[node])
+            instances = _instances(document, entry, nodes.world[node])
             for part in _primitives(document, materials, raw, entry["mesh"], entry["weights"], None):
-                part.transforms = transforms
+                part.transforms = instances
                 raw.parts.append(part)
         else:
             placed.setdefault(entry["mesh"], []).append(_instances(document, entry, nodes.world[node]))
@@ -73,25 +74,25 @@ def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterial
             raw.parts.append(part)
 
 
-def _instances(document: GltfDocument, node: dict, world: np.ndarray) -> np.ndarray:
+def _instances(document: GltfDocument, node: JsonObject, world: Doubles) -> Doubles:
     """World matrices (N, 4, 4) of a node's instances (EXT_mesh_gpu_instancing), or its own one."""
     extension = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if extension is None:
         return world[None]
     attributes = extension["attributes"]
     count = max((document.entry("accessors", index)["count"] for index in attributes.values()), default=0)
-    at_rest = {name: np.tile(np.float64(value), (count, 1)) for name, value in AT_REST.items()}
+    at_rest = {name: np.tile(np.array(value, np.float64), (count, 1)) for name, value in AT_REST.items()}
     placed = (attribute(document, attributes, name.upper(), count) for name in AT_REST)
     values = (rest if own is None else own for own, rest in zip(placed, at_rest.values(), strict=True))
     return product(world, compose(*values))
 
 
-def _joint_matrices(document: GltfDocument, nodes: GltfNodes, index: int) -> np.ndarray:
+def _joint_matrices(document: GltfDocument, nodes: GltfNodes, index: int) -> Doubles:
     """Joint matrices (J, 4, 4) at rest: world matrix of each joint times its inverse bind matrix (3.7.3)."""
     skin = document.entry("skins", index)
     for joint in skin["joints"]:
         document.entry("nodes", joint)
-    world = nodes.world[skin["joints"]]
+    world: Doubles = nodes.world[skin["joints"]]
     if "inverseBindMatrices" not in skin:
         return world
     inverse = document.accessor(skin["inverseBindMatrices"], "inverseBindMatrices", "MAT4")
@@ -106,12 +107,12 @@ def _primitives(
     raw: RawScene,
     mesh: int,
     weights: list[float] | None,
-    joints: np.ndarray | None,
+    joints: Doubles | None,
 ) -> list[Part]:
     """The parts of one mesh, morphed by its default weights and skinned by the joint matrices where given."""
     entry = document.entry("meshes", mesh)
-    weights = weights if weights is not None else entry.get("weights", [])
-    weights = numbers({"weights": weights}, "weights", (0.0,) * len(weights))
+    given = weights if weights is not None else entry.get("weights", [])
+    shares = numbers({"weights": given}, "weights", (0.0,) * len(given))
     parts = []
     for primitive in entry["primitives"]:
         compressed = "KHR_draco_mesh_compression" in primitive.get("extensions", {})
@@ -120,7 +121,7 @@ def _primitives(
         if primitive.get("mode", 4) not in (4, 5, 6) or "POSITION" not in primitive["attributes"]:
             raw.note("Primitives of points or lines, left out: {}.")
             continue
-        part = _part(document, materials, Vertices(document, primitive, weights, raw))
+        part = _part(document, materials, Vertices(document, primitive, shares, raw))
         if joints is not None and "JOINTS_0" in primitive["attributes"]:
             _skin(document, primitive["attributes"], joints, part)
         parts.append(part)
@@ -129,11 +130,11 @@ def _primitives(
 
 def _part(document: GltfDocument, materials: GltfMaterials, vertices: Vertices) -> Part:
     primitive = vertices.primitive
-    positions, material = vertices.get("POSITION"), materials.default
+    positions, material = vertices.moved("POSITION"), materials.default
     if "material" in primitive:
         document.entry("materials", primitive["material"])
         material = primitive["material"]
-    indices = np.arange(len(positions))
+    indices: Indices = np.arange(len(positions))
     if "indices" in primitive:
         indices = document.whole_numbers(
             primitive["indices"], "the accessor of a primitive's indices", "SCALAR"
@@ -146,13 +147,13 @@ def _part(document: GltfDocument, materials: GltfMaterials, vertices: Vertices) 
     return part
 
 
-def _uvs(vertices: Vertices, source: UvSource) -> np.ndarray | None:
+def _uvs(vertices: Vertices, source: UvSource) -> Array | None:
     """A texture's coordinates (V, 2), transformed; None where the primitive has not its set."""
     uvs = vertices.get(f"TEXCOORD_{source.channel}")
     return None if uvs is None else source.apply(uvs)
 
 
-def _triangles(indices: np.ndarray, mode: int) -> np.ndarray:
+def _triangles(indices: Indices, mode: int) -> Indices:
     """Triangle lists (T, 3) from a list, strip or fan; an odd strip triangle is turned (3.7.2.1)."""
     if mode == 4:
         return indices[: len(indices) // 3 * 3].reshape(-1, 3)
@@ -164,14 +165,14 @@ def _triangles(indices: np.ndarray, mode: int) -> np.ndarray:
     return np.stack([indices[step], indices[step + 1 + odd], indices[step + 2 - odd]], axis=1)
 
 
-def _skin(document: GltfDocument, attributes: dict, joints: np.ndarray, part: Part) -> None:
+def _skin(document: GltfDocument, attributes: JsonObject, joints: Doubles, part: Part) -> None:
     """Move a part into world space by its weighted joint matrices; its node's transform does not count (3.7.3.3)."""
     blended = np.zeros((len(part.positions), 4, 4))
     total = np.zeros(len(part.positions))
     for set_number in range(len(attributes)):
-        if f"JOINTS_{set_number}" not in attributes:
-            break
         indices = attribute(document, attributes, f"JOINTS_{set_number}", len(part.positions))
+        if indices is None:
+            break
         weights = attribute(document, attributes, f"WEIGHTS_{set_number}", len(part.positions))
         if weights is None:
             raise ValueError(f"a primitive has JOINTS_{set_number} but no WEIGHTS_{set_number}")
@@ -202,8 +203,9 @@ def _camera(document: GltfDocument, nodes: GltfNodes, node: int, raw: RawScene) 
     return Camera(tuple(matrix[:3, 3].tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, str(name))
 
 
-def _light_index(node: dict) -> int | None:
-    return node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
+def _light_index(node: JsonObject) -> int | None:
+    index: int | None = node.get("extensions", {}).get("KHR_lights_punctual", {}).get("light")
+    return index
 
 
 def _lights(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> list[Light]:
@@ -226,15 +228,16 @@ def _lights(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> list[Lig
     return lights
 
 
-def _light(entry: dict, matrix: np.ndarray) -> Light:
+def _light(entry: JsonObject, matrix: Doubles) -> Light:
     """A light by its node's world matrix; lux and candela are taken as they are, the exposure settles the scale."""
     intensity = number(entry, "intensity", 1.0)
-    colour = tuple(c * intensity for c in numbers(entry, "color", (1, 1, 1)))
+    red, green, blue = numbers(entry, "color", (1, 1, 1))
+    colour = (red * intensity, green * intensity, blue * intensity)
     cone = float(np.degrees(number(entry.get("spot", {}), "outerConeAngle", np.pi / 4)))
     direction = tuple(_unit(-matrix[:3, 2]).tolist())
     return Light(entry["type"], colour, tuple(matrix[:3, 3].tolist()), direction, cone, entry["type"] != "point")
 
 
-def _unit(vector: np.ndarray) -> np.ndarray:
+def _unit(vector: Doubles) -> Doubles:
     length = np.linalg.norm(vector, axis=-1)
     return vector / length if length > 0 else np.array([0.0, 0.0, -1.0])

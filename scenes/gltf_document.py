@@ -6,12 +6,14 @@ import base64
 import json
 import struct
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array
 from shading_atlas_bench.scenes.files import beside
-from shading_atlas_bench.scenes.gltf_values import picked, whole
+from shading_atlas_bench.scenes.gltf_values import JsonObject, picked, whole
 from shading_atlas_bench.scenes.model import SceneError
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
@@ -19,8 +21,10 @@ _WIDTHS = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MA
 _WIDTHS["MAT4"] = (4, 4)
 _ENTRIES_LIMIT = 1 << 29  # of an accessor without data of its own; more is a damaged count
 
-_LISTS = ("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes")
-_LISTS += ("samplers", "scenes", "skins", "textures")
+_LISTS = (
+    *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
+    *("samplers", "scenes", "skins", "textures"),
+)
 
 # Extensions that are read. A file that requires any other is refused; one that only uses it has a way without.
 _READ = {
@@ -54,21 +58,22 @@ class GltfDocument:
         if missing:
             raise SceneError(f"{path} needs {' and '.join(missing)}, which cannot be read; export it without.")
         self._buffers: dict[int, bytes | memoryview] = {}
-        self._accessors: dict[int, np.ndarray] = {}
+        self._accessors: dict[int, Array] = {}
 
     def ignored_extensions(self) -> list[str]:
         """Names of the extensions that the file uses and that are not read."""
         return [name for name in self.json.get("extensionsUsed", []) if name not in _READ]
 
-    def items(self, kind: str) -> list[dict]:
+    def items(self, kind: str) -> list[JsonObject]:
         """A top-level list such as "nodes"; empty where the file has none."""
-        return self.json.get(kind, [])
+        entries: list[JsonObject] = self.json.get(kind, [])
+        return entries
 
-    def entry(self, kind: str, index: int) -> dict:
+    def entry(self, kind: str, index: int) -> JsonObject:
         """The entry of a top-level list that the file refers to by its number."""
         return picked(self.items(kind), index, kind)
 
-    def accessor(self, index: int, name: str, *kinds: str) -> np.ndarray:
+    def accessor(self, index: int, name: str, *kinds: str) -> Array:
         """An accessor's entries: (N,), (N, k) or (N, k, k) for matrices by row; float32 where normalised.
 
         kinds: the types that it may have, such as "VEC3"; name: what it is for, in the sentence where it has another.
@@ -80,7 +85,7 @@ class GltfDocument:
             self._accessors[index] = self._read_accessor(entry)
         return self._accessors[index]
 
-    def whole_numbers(self, index: int, name: str, *kinds: str) -> np.ndarray:
+    def whole_numbers(self, index: int, name: str, *kinds: str) -> Array:
         """As `accessor`, of unsigned integers only."""
         values = self.accessor(index, name, *kinds)
         if values.dtype.kind != "u":
@@ -124,7 +129,7 @@ class GltfDocument:
             raise ValueError(f"buffer view {index} reaches past the end of its buffer; the file is cut off or damaged")
         return memoryview(self._buffers[buffer])[offset : offset + length]
 
-    def _read_accessor(self, accessor: dict) -> np.ndarray:
+    def _read_accessor(self, accessor: JsonObject) -> Array:
         component = np.dtype("<" + _COMPONENTS[accessor["componentType"]])
         columns, rows = _WIDTHS[accessor["type"]]
         count = whole(accessor, "count", 0)
@@ -144,7 +149,7 @@ class GltfDocument:
             return values.transpose(0, 2, 1)  # stored column by column
         return values[:, 0, 0] if rows == 1 else values[:, 0]
 
-    def _with_sparse(self, values: np.ndarray, sparse: dict, component: np.dtype) -> np.ndarray:
+    def _with_sparse(self, values: Array, sparse: JsonObject, component: np.dtype[Any]) -> Array:
         where, what = sparse["indices"], sparse["values"]
         kind = np.dtype("<" + _COMPONENTS[where["componentType"]])
         if kind.kind != "u":
@@ -152,13 +157,14 @@ class GltfDocument:
         count = whole(sparse, "count", 0)
         rows = _strided(self._view(where["bufferView"])[whole(where, "byteOffset", 0) :], kind, 1, 1, count)
         data = self._view(what["bufferView"])[whole(what, "byteOffset", 0) :]
-        values[rows[:, 0, 0]] = _strided(data, component, *values.shape[1:], count)
+        columns, height = values.shape[1:]
+        values[rows[:, 0, 0]] = _strided(data, component, columns, height, count)
         return values
 
 
 def _strided(
-    view: memoryview, component: np.dtype, columns: int, rows: int, count: int, stride: int | None = None
-) -> np.ndarray:
+    view: memoryview, component: np.dtype[Any], columns: int, rows: int, count: int, stride: int | None = None
+) -> Array:
     """(count, columns, rows) entries; matrix columns start at multiples of 4 bytes."""
     column_bytes = component.itemsize * rows
     if columns > 1:
@@ -183,7 +189,7 @@ def named_files(path: Path) -> list[Path]:
     return [beside(path, unquote(name)) for name in names if not name.startswith("data:")]
 
 
-def _parsed(data: bytes) -> tuple[dict, memoryview | None]:
+def _parsed(data: bytes) -> tuple[JsonObject, memoryview | None]:
     """The JSON and the binary chunk of a file's bytes; its first ones say whether it is a GLB container."""
     text, chunk = _split_glb(memoryview(data)) if data[:4] == b"glTF" else (data, None)
     try:

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes
 from shading_atlas_bench.arithmetic.functions import sin_cos
 from shading_atlas_bench.arithmetic.matrices import transform
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
-from shading_atlas_bench.scenes.gltf_values import number, numbers, whole
+from shading_atlas_bench.scenes.gltf_values import JsonObject, number, numbers, whole
 from shading_atlas_bench.scenes.images import decode_image
 from shading_atlas_bench.scenes.model import Material, Texture
 from shading_atlas_bench.scenes.raw import RawScene
@@ -26,7 +29,7 @@ class UvSource:
     channel: int = 0
     transform: tuple[tuple[float, float, float], ...] | None = None
 
-    def apply(self, uvs: np.ndarray) -> np.ndarray:
+    def apply(self, uvs: Array) -> Array:
         """The UVs (V, 2) after the transform."""
         if self.transform is None:
             return uvs
@@ -44,8 +47,8 @@ class GltfMaterials:
 
     def __init__(self, document: GltfDocument, raw: RawScene) -> None:
         self._document, self._raw = document, raw
-        self._images: dict[int, np.ndarray | None] = {}
-        self._textures: dict[tuple, int] = {}
+        self._images: dict[int, Bytes | None] = {}
+        self._textures: dict[tuple[int, str, str, bool], int] = {}
         self.sources: list[list[UvSource]] = []
         for entry in document.items("materials"):
             raw.materials.append(self._read(entry))
@@ -54,9 +57,10 @@ class GltfMaterials:
         raw.materials.append(Material(name="default", base_colour=(0.8, 0.8, 0.8, 1.0)))
         self.sources.append([UvSource()])
 
-    def _read(self, entry: dict) -> Material:
+    def _read(self, entry: JsonObject) -> Material:
         extensions = entry.get("extensions", {})
-        pbr, sources = self._metallic_roughness(entry, extensions), []
+        pbr = self._metallic_roughness(entry, extensions)
+        sources: list[UvSource] = []
         self.sources.append(sources)
         base_texture, _ = self._texture(pbr.get("baseColorTexture"), sources, True)
         material = Material(
@@ -70,11 +74,11 @@ class GltfMaterials:
             unlit="KHR_materials_unlit" in extensions,
         )
         if not material.unlit:  # of which the extension ignores everything but the base colour
-            material = self._shaped(replace(material, **self._glow(entry, sources)), entry, pbr, sources)
+            material = self._shaped(self._glowing(material, entry, sources), entry, pbr, sources)
         sources.extend([UvSource()] * (not sources))
         return material
 
-    def _shaped(self, material: Material, entry: dict, pbr: dict, sources: list[UvSource]) -> Material:
+    def _shaped(self, material: Material, entry: JsonObject, pbr: JsonObject, sources: list[UvSource]) -> Material:
         """The material with what it needs to be lit."""
         normal, occlusion = entry.get("normalTexture"), entry.get("occlusionTexture")
         normal_texture, normal_uv = self._texture(normal, sources, False)
@@ -94,32 +98,34 @@ class GltfMaterials:
             occlusion_strength=number(occlusion or {}, "strength", 1.0),
         )
 
-    def _glow(self, entry: dict, sources: list[UvSource]) -> dict[str, object]:
-        """The fields of a material's emission."""
+    def _glowing(self, material: Material, entry: JsonObject, sources: list[UvSource]) -> Material:
+        """The material with what it emits."""
         glow = entry.get("extensions", {}).get("KHR_materials_emissive_strength", {})
         strength, factor = number(glow, "emissiveStrength", 1.0), numbers(entry, "emissiveFactor", (0, 0, 0))
         info = entry.get("emissiveTexture") if any(factor) else None
         texture, uv = self._texture(info, sources, True)
+        red, green, blue = factor
         if info and texture < 0:
-            factor = (0.0, 0.0, 0.0)  # its texture says where it glows, so without it nothing does
-        emissive = tuple(c * strength for c in factor)
-        return {"emissive": emissive, "emissive_texture": texture, "emissive_uv": uv}
+            red = green = blue = 0.0  # its texture says where it glows, so without it nothing does
+        emissive = (red * strength, green * strength, blue * strength)
+        return replace(material, emissive=emissive, emissive_texture=texture, emissive_uv=uv)
 
-    def _metallic_roughness(self, entry: dict, extensions: dict) -> dict:
+    def _metallic_roughness(self, entry: JsonObject, extensions: JsonObject) -> JsonObject:
         """The core material's parameters; of the older specular-glossiness ones diffuse and gloss are translated."""
         gloss = extensions.get("KHR_materials_pbrSpecularGlossiness")
         if gloss is None:
-            return entry.get("pbrMetallicRoughness", {})
+            core: JsonObject = entry.get("pbrMetallicRoughness", {})
+            return core
         ignored = [name for name in ("specularFactor", "specularGlossinessTexture") if name in gloss]
         for name in ignored:
             self._raw.note(f"Materials of KHR_materials_pbrSpecularGlossiness whose {name} is not used: {{}}.")
-        pbr = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - number(gloss, "glossinessFactor", 1.0)}
+        pbr: JsonObject = {"metallicFactor": 0.0, "roughnessFactor": 1.0 - number(gloss, "glossinessFactor", 1.0)}
         pbr["baseColorFactor"] = numbers(gloss, "diffuseFactor", (1, 1, 1, 1))
         if "diffuseTexture" in gloss:
             pbr["baseColorTexture"] = gloss["diffuseTexture"]
         return pbr
 
-    def _transmission(self, glass: dict) -> float:
+    def _transmission(self, glass: JsonObject) -> float:
         """The share of light let through; a texture of it is replaced by its mean."""
         factor, info = number(glass, "transmissionFactor", 0.0), glass.get("transmissionTexture")
         texels = self._image_of(info) if info and factor else None
@@ -128,10 +134,12 @@ class GltfMaterials:
             factor *= float(texels[..., 0].mean()) / 255
         return factor
 
-    def _texture(self, info: dict | None, sources: list[UvSource], srgb: bool) -> tuple[int, int]:
+    def _texture(self, info: JsonObject | None, sources: list[UvSource], srgb: bool) -> tuple[int, int]:
         """Index of the texture that a material's slot refers to, or -1, and which of the sources its UVs have; one that
         is not among them is added."""
-        texture = self._index(info, srgb) if info else -1
+        if not info:
+            return -1, 0
+        texture = self._index(info, srgb)
         if texture < 0:
             return -1, 0
         source = _uv_source(info)
@@ -139,39 +147,40 @@ class GltfMaterials:
             sources.append(source)
         return texture, sources.index(source)
 
-    def _index(self, info: dict, srgb: bool) -> int:
+    def _index(self, info: JsonObject, srgb: bool) -> int:
         """Index of a texture, read where it is new; -1 where its image cannot be read (noted)."""
         entry, texels = self._document.entry("textures", info["index"]), self._image_of(info)
-        if texels is None:
+        image = _image_index(entry)
+        if texels is None or image is None:
             return -1
         sampler = self._document.entry("samplers", entry["sampler"]) if "sampler" in entry else {}
-        wraps = tuple(self._known(_WRAPS, sampler, key, "repeat") for key in ("wrapS", "wrapT"))
-        image = _image_index(entry)
-        key = (image, *wraps, srgb)
+        wrap_s, wrap_t = (self._known(_WRAPS, sampler, side, "repeat") for side in ("wrapS", "wrapT"))
+        key = (image, wrap_s, wrap_t, srgb)
         if key not in self._textures:
             nearest = any(sampler.get(name) in values for name, values in _NEAREST.items())
             self._raw.note("Textures whose sampler asks for the nearest texel, interpolated all the same: {}.", nearest)
             self._textures[key] = len(self._raw.textures)
             name = self._document.entry("images", image).get("name") or f"image {image}"
-            self._raw.textures.append(Texture(str(name), texels, srgb, *wraps))
+            self._raw.textures.append(Texture(str(name), texels, srgb, wrap_s, wrap_t))
         return self._textures[key]
 
-    def _known(self, values: dict[object, str], entry: dict, key: str, default: str) -> str:
+    def _known(self, values: Mapping[Any, str], entry: JsonObject, key: str, default: str) -> str:
         """What a property's value stands for; the default where it is not there, or unknown (noted)."""
         if key in entry and entry[key] not in values:
             self._raw.note(f"An unknown {key} of {entry[key]} is taken for {default}.")
         return values.get(entry.get(key), default)
 
-    def _image_of(self, info: dict) -> np.ndarray | None:
+    def _image_of(self, info: JsonObject) -> Bytes | None:
         """The texels of a texture's image, decoded once; None where it is missing or unreadable (noted)."""
         index = _image_index(self._document.entry("textures", info["index"]))
         if index is None:
             self._raw.note(f"Texture {info['index']} names no image and is left out.")
-        elif index not in self._images:
+            return None
+        if index not in self._images:
             self._images[index] = self._decoded(index)
-        return self._images.get(index)
+        return self._images[index]
 
-    def _decoded(self, index: int) -> np.ndarray | None:
+    def _decoded(self, index: int) -> Bytes | None:
         try:
             return decode_image(self._document.image_bytes(index))
         except (OSError, KeyError, ValueError) as error:
@@ -180,14 +189,16 @@ class GltfMaterials:
             return None
 
 
-def _image_index(texture: dict) -> int | None:
+def _image_index(texture: JsonObject) -> int | None:
     for extension in texture.get("extensions", {}).values():
         if "source" in extension and "source" not in texture:
-            return extension["source"]
-    return texture.get("source")
+            texture = extension
+            break
+    index: int | None = texture.get("source")
+    return index
 
 
-def _uv_source(info: dict) -> UvSource:
+def _uv_source(info: JsonObject) -> UvSource:
     """UV set and transform of a texture reference (KHR_texture_transform: translation, rotation, then scale)."""
     change = info.get("extensions", {}).get("KHR_texture_transform")
     if change is None:

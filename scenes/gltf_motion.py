@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan2, sin
 from shading_atlas_bench.arithmetic.matrices import dot, product
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
 from shading_atlas_bench.scenes.gltf_nodes import AT_REST, GltfNodes
-from shading_atlas_bench.scenes.gltf_values import numbers, picked
+from shading_atlas_bench.scenes.gltf_values import JsonObject, numbers, picked
 from shading_atlas_bench.scenes.model import CameraAnimation
 from shading_atlas_bench.scenes.quaternions import from_matrix
 from shading_atlas_bench.scenes.transforms import compose
@@ -21,7 +22,7 @@ def camera_animations(document: GltfDocument, nodes: GltfNodes) -> list[CameraAn
     """Every camera that an animation moves, itself or through an ancestor, in world coordinates; upright ones first."""
     found = []
     for number, animation in enumerate(document.items("animations")):
-        channels: dict[int, list[tuple[str, dict]]] = {}
+        channels: dict[int, list[tuple[str, JsonObject]]] = {}
         for channel in animation["channels"]:
             target = channel["target"]
             if "node" in target and target.get("path") in AT_REST:
@@ -48,7 +49,7 @@ def _sample(
     document: GltfDocument,
     nodes: GltfNodes,
     lineage: list[int],
-    channels: dict[int, list[tuple[str, dict]]],
+    channels: dict[int, list[tuple[str, JsonObject]]],
     name: str,
 ) -> CameraAnimation:
     """Poses of the last node of a lineage from the first to the last key of whatever moves it."""
@@ -64,8 +65,8 @@ def _sample(
 
 
 def _local_over_time(
-    document: GltfDocument, entry: dict, channels: list[tuple[str, dict]], times: np.ndarray
-) -> np.ndarray | None:
+    document: GltfDocument, entry: JsonObject, channels: list[tuple[str, JsonObject]], times: Doubles
+) -> Doubles | None:
     """A node's local matrices (N, 4, 4) at the times, or None where nothing moves it."""
     if not channels:
         return None
@@ -76,12 +77,12 @@ def _local_over_time(
     return compose(values["translation"], values["rotation"], values["scale"])
 
 
-def _keys(document: GltfDocument, sampler: dict) -> np.ndarray:
+def _keys(document: GltfDocument, sampler: JsonObject) -> Doubles:
     """The times of a sampler's values, float64 seconds."""
     return document.accessor(sampler["input"], "an animation's input", "SCALAR").astype(np.float64)
 
 
-def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, path: str) -> np.ndarray:
+def _interpolate(document: GltfDocument, sampler: JsonObject, times: Doubles, path: str) -> Doubles:
     """A sampler's values at the times (3.11 and appendix C: step, linear, spherical linear, cubic spline)."""
     keys, kind = _keys(document, sampler), f"VEC{len(AT_REST[path])}"
     values = document.accessor(sampler["output"], f"an animation's {path}", kind).astype(np.float64)
@@ -108,7 +109,7 @@ def _interpolate(document: GltfDocument, sampler: dict, times: np.ndarray, path:
     )
 
 
-def _slerp(p: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
+def _slerp(p: Doubles, q: Doubles, t: Doubles) -> Doubles:
     """Spherical interpolation of quaternions (N, 4) along the shorter way."""
     cosine = dot(p, q)[:, None]
     q, cosine = np.where(cosine < 0, -q, q), np.abs(cosine)
@@ -119,7 +120,7 @@ def _slerp(p: np.ndarray, q: np.ndarray, t: np.ndarray) -> np.ndarray:
     return np.where(near, 1 - t, sin((1 - t) * angle) / safe) * p + np.where(near, t, sin(t * angle) / safe) * q
 
 
-def _quaternions(linear: np.ndarray) -> np.ndarray:
+def _quaternions(linear: Doubles) -> Doubles:
     """Unit quaternions (N, 4) x, y, z, w of camera frames (N, 3, 3), scale taken out."""
     z = linear[:, :, 2] / np.linalg.norm(linear[:, :, 2], axis=1, keepdims=True)
     x = np.cross(linear[:, :, 1], z)

@@ -4,12 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.matrices import product
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
-from shading_atlas_bench.scenes.gltf_values import numbers
+from shading_atlas_bench.scenes.gltf_values import JsonObject, numbers
 from shading_atlas_bench.scenes.transforms import compose
 
-AT_REST = {"translation": (0, 0, 0), "rotation": (0, 0, 0, 1), "scale": (1, 1, 1)}  # of nodes that say nothing
+AT_REST: dict[str, tuple[float, ...]] = {  # of nodes that say nothing
+    "translation": (0, 0, 0),
+    "rotation": (0, 0, 0, 1),
+    "scale": (1, 1, 1),
+}
 _IDENTITY = tuple(np.eye(4).ravel().tolist())
 
 
@@ -29,7 +34,7 @@ class GltfNodes:
                 if self.parents[child] >= 0:
                     raise ValueError(f"node {child} has two parents")
                 self.parents[child] = index
-        self.local = np.array([local_matrix(entry) for entry in self.entries]).reshape(-1, 4, 4)
+        self.local: Doubles = np.array([local_matrix(entry) for entry in self.entries]).reshape(-1, 4, 4)
         roots = [index for index, parent in enumerate(self.parents) if parent < 0]
         order = self._descend(roots)  # which never reaches a cycle: its nodes have one parent each, within it
         if len(order) != len(self.entries):
@@ -37,7 +42,7 @@ class GltfNodes:
         self.world = self.world_matrices(self.local, order)
         self.drawn = self._descend(_scene_roots(document, roots))
 
-    def world_matrices(self, local: np.ndarray, order: list[int]) -> np.ndarray:
+    def world_matrices(self, local: Doubles, order: list[int]) -> Doubles:
         """World matrices for local ones; `order` has parents before children and every ancestor of its nodes."""
         world = local.copy()
         for index in order:
@@ -67,16 +72,16 @@ class GltfNodes:
 def _scene_roots(document: GltfDocument, roots: list[int]) -> list[int]:
     if not document.items("scenes"):
         return roots
-    shown = document.entry("scenes", document.json.get("scene", 0)).get("nodes", [])
+    shown: list[int] = document.entry("scenes", document.json.get("scene", 0)).get("nodes", [])
     for node in shown:
         document.entry("nodes", node)
     return shown
 
 
-def local_matrix(node: dict) -> np.ndarray:
+def local_matrix(node: JsonObject) -> Doubles:
     """A node's local transform, from its matrix or its translation, rotation and scale."""
     if "matrix" in node:
         return np.array(numbers(node, "matrix", _IDENTITY)).reshape(4, 4).T
     if not node.keys() & {"translation", "rotation", "scale"}:
         return np.eye(4)
-    return compose(*(np.array([numbers(node, name, default)]) for name, default in AT_REST.items()))[0]
+    return compose(*(np.array([numbers(node, name, default)]) for name, default in AT_REST.items())).reshape(4, 4)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from typing import Any, TypeAlias, overload
+
+JsonObject: TypeAlias = dict[str, Any]  # of a file, its values not yet checked
 
 _SHOWN = 60  # characters of a wrong value
 
 
-def number(entry: dict, key: str, default: float) -> float:
+def number(entry: JsonObject, key: str, default: float) -> float:
     """A number of a JSON object, as a float."""
     value = entry.get(key, default)
     if not _is_number(value):
@@ -15,7 +17,17 @@ def number(entry: dict, key: str, default: float) -> float:
     return float(value)
 
 
-def numbers(entry: dict, key: str, default: Sequence[float]) -> tuple[float, ...]:
+@overload
+def numbers(entry: JsonObject, key: str, default: tuple[float, float]) -> tuple[float, float]: ...
+@overload
+def numbers(entry: JsonObject, key: str, default: tuple[float, float, float]) -> tuple[float, float, float]: ...
+@overload
+def numbers(
+    entry: JsonObject, key: str, default: tuple[float, float, float, float]
+) -> tuple[float, float, float, float]: ...
+@overload
+def numbers(entry: JsonObject, key: str, default: tuple[float, ...]) -> tuple[float, ...]: ...
+def numbers(entry: JsonObject, key: str, default: tuple[float, ...]) -> tuple[float, ...]:
     """A list of numbers of a JSON object, as long as its default."""
     values = entry.get(key, default)
     if not isinstance(values, list | tuple) or len(values) != len(default) or not all(map(_is_number, values)):
@@ -23,7 +35,7 @@ def numbers(entry: dict, key: str, default: Sequence[float]) -> tuple[float, ...
     return tuple(map(float, values))
 
 
-def whole(entry: dict, key: str, default: int) -> int:
+def whole(entry: JsonObject, key: str, default: int) -> int:
     """A whole number of a JSON object that is not negative."""
     value = entry.get(key, default)
     if type(value) is not int or value < 0:
@@ -31,7 +43,7 @@ def whole(entry: dict, key: str, default: int) -> int:
     return value
 
 
-def picked(entries: list[dict], index: int, name: str) -> dict:
+def picked(entries: list[JsonObject], index: int, name: str) -> JsonObject:
     """The entry that a file refers to by its number in a list; the list's name is for the sentence."""
     if type(index) is not int or not 0 <= index < len(entries):
         raise ValueError(f"the file has no {name}[{_shown(index)}], to which it refers")

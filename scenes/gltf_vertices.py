@@ -3,26 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Floats
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
+from shading_atlas_bench.scenes.gltf_values import JsonObject
 from shading_atlas_bench.scenes.raw import RawScene
 
-_KINDS = {"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "TANGENT": ("VEC4",), "TEXCOORD": ("VEC2",)}
-_KINDS |= {"COLOR": ("VEC3", "VEC4"), "JOINTS": ("VEC4",), "WEIGHTS": ("VEC4",)}
-_KINDS |= {"TRANSLATION": ("VEC3",), "ROTATION": ("VEC4",), "SCALE": ("VEC3",)}  # of instances
-_MOVED = _KINDS | {"TANGENT": ("VEC3",)}  # morph targets leave a tangent's side as it is
+_Kinds: TypeAlias = dict[str, tuple[str, ...]]  # types of accessors by the first words of attributes' names
+
+_KINDS: _Kinds = {
+    **{"POSITION": ("VEC3",), "NORMAL": ("VEC3",), "TANGENT": ("VEC4",), "TEXCOORD": ("VEC2",)},
+    **{"COLOR": ("VEC3", "VEC4"), "JOINTS": ("VEC4",), "WEIGHTS": ("VEC4",)},
+    **{"TRANSLATION": ("VEC3",), "ROTATION": ("VEC4",), "SCALE": ("VEC3",)},  # of instances
+}
+_MOVED: _Kinds = _KINDS | {"TANGENT": ("VEC3",)}  # morph targets leave a tangent's side as it is
 _FRACTIONS = ("COLOR", "TANGENT")  # whole numbers of these are always meant as fractions of the largest
 _FOUND_ANEW = ("NORMAL", "TANGENT")  # from the morphed positions where a primitive has none
 
 
-def attribute(
-    document: GltfDocument, attributes: dict, name: str, count: int, kinds: dict[str, tuple[str, ...]] = _KINDS
-) -> np.ndarray | None:
+def attribute(document: GltfDocument, attributes: JsonObject, name: str, count: int) -> Array | None:
     """An attribute's values (count, k), or None where it is not there; raises ValueError where it has other ones."""
-    if name not in attributes:
-        return None
+    return _values(document, attributes, name, count, _KINDS) if name in attributes else None
+
+
+def _values(document: GltfDocument, attributes: JsonObject, name: str, count: int, kinds: _Kinds) -> Array:
     stem = name.partition("_")[0]
     read = document.whole_numbers if stem == "JOINTS" else document.accessor
     values = read(attributes[name], name, *kinds[stem])
@@ -36,28 +43,34 @@ class Vertices:
     """The vertices of a primitive. weights: of its morph targets."""
 
     document: GltfDocument
-    primitive: dict
+    primitive: JsonObject
     weights: tuple[float, ...]
     raw: RawScene
 
     @property
     def count(self) -> int:
         """How many there are."""
-        return self.document.entry("accessors", self.primitive["attributes"]["POSITION"])["count"]
+        count: int = self.document.entry("accessors", self.primitive["attributes"]["POSITION"])["count"]
+        return count
 
-    def get(self, name: str) -> np.ndarray | None:
+    def get(self, name: str) -> Array | None:
         """An attribute (count, k), morphed; None where the primitive has not got it."""
-        values = self._fractions(name, attribute(self.document, self.primitive["attributes"], name, self.count))
+        return self.moved(name) if name in self.primitive["attributes"] else None
+
+    def moved(self, name: str) -> Array:
+        """An attribute (count, k) that the primitive has, morphed."""
+        own = _values(self.document, self.primitive["attributes"], name, self.count, _KINDS)
+        values = self._fractions(name, own)
         targets = [(weight, target) for weight, target in self._targets() if name in target]
-        if values is None or not targets:
+        if not targets:
             return values
         values = values.astype(np.result_type(values, np.float32))
         for weight, target in targets:
-            change = self._fractions(name, attribute(self.document, target, name, self.count, _MOVED))
+            change = self._fractions(name, _values(self.document, target, name, self.count, _MOVED))
             values[:, : change.shape[1]] += weight * change
         return np.clip(values, 0, 1) if name.startswith("COLOR") else values
 
-    def colours(self) -> np.ndarray | None:
+    def colours(self) -> Floats | None:
         """Linear RGBA (count, 4), float32; None where the primitive has none."""
         values = self.get("COLOR_0")
         if values is None:
@@ -76,13 +89,13 @@ class Vertices:
             for name in sorted(target.keys() - attributes.keys() - set(_FOUND_ANEW)):
                 self.raw.note(f"Morph targets of {name} where there is no {name} to move, not used: {{}}.")
 
-    def _targets(self) -> list[tuple[float, dict]]:
+    def _targets(self) -> list[tuple[float, JsonObject]]:
         """The morph targets that count, by their weights."""
         pairs = zip(self.weights, self.primitive.get("targets", []), strict=False)
         return [(weight, target) for weight, target in pairs if weight]
 
-    def _fractions(self, name: str, values: np.ndarray | None) -> np.ndarray | None:
-        if values is None or values.dtype.kind == "f" or not name.startswith(_FRACTIONS):
+    def _fractions(self, name: str, values: Array) -> Array:
+        if values.dtype.kind == "f" or not name.startswith(_FRACTIONS):
             return values
         self.raw.note(f"Whole numbers of {name} that are not marked as normalised, read as if they were: {{}}.")
         return (values / np.float32(np.iinfo(values.dtype).max)).astype(np.float32)

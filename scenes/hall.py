@@ -10,7 +10,10 @@ import itertools
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import cos, sin
 from shading_atlas_bench.scenes import surfaces
 from shading_atlas_bench.scenes.builder import (
@@ -36,7 +39,7 @@ from shading_atlas_bench.scenes.builder import (
     struts,
     tube,
 )
-from shading_atlas_bench.scenes.model import Camera, Light, Scene, SceneError, Sky
+from shading_atlas_bench.scenes.model import Camera, Indices, Light, Material, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 60_000
 LEAST_DETAIL, MOST_DETAIL = 40_000, 2_000_000
@@ -85,46 +88,39 @@ def _materials(palette: Palette, seed: int) -> _Materials:
     plates, plate_normals = surfaces.rivets(seed)
     white = (1.0, 1.0, 1.0, 1.0)
 
-    def add(name: str, tile: float, texels: np.ndarray, normals: np.ndarray | None = None, **properties) -> int:
-        base = palette.texture(name, texels)
-        bumps = -1 if normals is None else palette.texture(name + " normals", normals, srgb=False)
-        return palette.material(
-            name, tile, **{"base_colour": white, "base_texture": base, "normal_texture": bumps} | properties
-        )
-
-    def worn(name: str, texels: np.ndarray) -> dict:
-        return {"surface_texture": palette.texture(name + " wear", texels, srgb=False), "roughness": 1.0}
-
-    screen = surfaces.screen(seed)
-    # Sealed: the coat fills the joints.
-    floor = {"base_colour": (0.42, 0.44, 0.45, 1.0)} | worn("floor", surfaces.tile_wear(seed))
-    paint = add("paint", 1.0, surfaces.paint(seed), **worn("paint", surfaces.paint_wear(seed)))
-    metal = worn("metal", surfaces.metal_wear(seed))
+    add, textured = palette.material, palette.textured
+    floor_wear = palette.texture("floor wear", surfaces.tile_wear(seed), srgb=False)
+    paint_wear = palette.texture("paint wear", surfaces.paint_wear(seed), srgb=False)
+    paint = textured(Material("paint", white, surface_texture=paint_wear), 1.0, surfaces.paint(seed))
+    sprayed = palette.materials[paint].base_texture
+    worn = palette.texture("metal wear", surfaces.metal_wear(seed), srgb=False)
+    sealed = (0.42, 0.44, 0.45, 1.0)  # the coat fills the joints
+    shining = (0.8, 0.8, 0.8)
     return _Materials(
-        brick=add("brick", 2.0, brick, brick_normals, roughness=0.9),
-        floor=add("floor", 1.2, surfaces.tiles(seed), **floor),
-        tiles=add("wall panels", 2.0, surfaces.paint(seed + 1), roughness=0.7),
-        concrete=add("concrete", 2.0, surfaces.concrete(seed), roughness=0.9),
+        brick=textured(Material("brick", white, roughness=0.9), 2.0, brick, brick_normals),
+        floor=textured(Material("floor", sealed, surface_texture=floor_wear), 1.2, surfaces.tiles(seed)),
+        tiles=textured(Material("wall panels", white, roughness=0.7), 2.0, surfaces.paint(seed + 1)),
+        concrete=textured(Material("concrete", white, roughness=0.9), 2.0, surfaces.concrete(seed)),
         paint=paint,
-        coat=palette.material(
-            "coat", base_colour=white, base_texture=palette.materials[paint].base_texture, roughness=0.4
+        coat=add(Material("coat", white, sprayed, roughness=0.4)),
+        plates=textured(Material("plates", white, metallic=0.5, surface_texture=worn), 2.0, plates, plate_normals),
+        tread=textured(Material("tread", white, metallic=0.7, surface_texture=worn), 1.0, surfaces.tread(seed)),
+        stripes=textured(Material("stripes", white, roughness=0.45), 0.5, surfaces.stripes(seed)),
+        signs=textured(Material("signs", white, roughness=0.3), 1.0, surfaces.signs()),
+        screen=textured(
+            Material("screen", white, emissive=shining, emissive_texture=len(palette.textures), roughness=0.12),
+            1.0,
+            surfaces.screen(seed),
         ),
-        plates=add("plates", 2.0, plates, plate_normals, metallic=0.5, **metal),
-        tread=add("tread", 1.0, surfaces.tread(seed), metallic=0.7, **metal),
-        stripes=add("stripes", 0.5, surfaces.stripes(seed), roughness=0.45),
-        signs=add("signs", 1.0, surfaces.signs(), roughness=0.3),
-        screen=add(
-            "screen", 1.0, screen, roughness=0.12, emissive=(0.8, 0.8, 0.8), emissive_texture=len(palette.textures)
-        ),
-        board=add("board", 1.0, surfaces.ruler(), roughness=0.4),
-        wood=add("wood", 1.0, surfaces.planks(seed), roughness=0.8),
-        cardboard=add("cardboard", 0.5, surfaces.cardboard(seed), roughness=0.95),
-        rubber=palette.material("rubber", base_colour=(0.02, 0.02, 0.022, 1), roughness=0.65),
-        steel=palette.material("steel", base_colour=(0.55, 0.56, 0.58, 1), roughness=0.3, metallic=1.0),
-        lamp=palette.material("lamp", base_colour=white, emissive=(12.0, 11.2, 9.6)),
-        window=palette.material("window", base_colour=(0.3, 0.4, 0.5, 1), emissive=(2.2, 2.6, 3.0), roughness=0.1),
-        glass=palette.material("glass", base_colour=(0.02, 0.025, 0.03, 1), roughness=0.06),
-        plastic=palette.material("plastic", base_colour=white, roughness=0.25),
+        board=textured(Material("board", white, roughness=0.4), 1.0, surfaces.ruler()),
+        wood=textured(Material("wood", white, roughness=0.8), 1.0, surfaces.planks(seed)),
+        cardboard=textured(Material("cardboard", white, roughness=0.95), 0.5, surfaces.cardboard(seed)),
+        rubber=add(Material("rubber", (0.02, 0.02, 0.022, 1), roughness=0.65)),
+        steel=add(Material("steel", (0.55, 0.56, 0.58, 1), roughness=0.3, metallic=1.0)),
+        lamp=add(Material("lamp", white, emissive=(12.0, 11.2, 9.6))),
+        window=add(Material("window", (0.3, 0.4, 0.5, 1), emissive=(2.2, 2.6, 3.0), roughness=0.1)),
+        glass=add(Material("glass", (0.02, 0.025, 0.03, 1), roughness=0.06)),
+        plastic=add(Material("plastic", white, roughness=0.25)),
     )
 
 
@@ -138,7 +134,7 @@ class _Hall:
         """A number of divisions; `full` at finer = 1."""
         return max(least, round(full * self.finer))
 
-    def sign(self, index: int, centre, size: float, yaw: float) -> Mesh:
+    def sign(self, index: int, centre: ArrayLike, size: float, yaw: float) -> Mesh:
         """A sign on a plate whose front faces +z before turning by `yaw`."""
         s = size / 2
         corners = [(-s, -s, 0.021), (s, -s, 0.021), (s, s, 0.021), (-s, s, 0.021)]
@@ -220,15 +216,15 @@ class _Hall:
         """Bright window bands high in the long walls, with frames."""
         m = self.m
         pane = sheet((-2.1, 4.9, 0.03), (4.2, 0, 0), (0, 1.6, 0), m.window)
-        xs, ys = np.linspace(-2.1, 2.1, 6), np.linspace(4.9, 6.5, 3)
+        across, up = np.linspace(-2.1, 2.1, 6), np.linspace(4.9, 6.5, 3)
         frame = merge(
             [
-                boxes([(x, 5.7, 0.05) for x in xs], (0.05, 1.65, 0.07), m.coat, tints=DARK, faces="-x+x+z"),
-                boxes([(0, y, 0.05) for y in ys], (4.25, 0.05, 0.07), m.coat, tints=DARK, faces="-y+y+z"),
+                boxes([(x, 5.7, 0.05) for x in across], (0.05, 1.65, 0.07), m.coat, tints=DARK, faces="-x+x+z"),
+                boxes([(0, y, 0.05) for y in up], (4.25, 0.05, 0.07), m.coat, tints=DARK, faces="-y+y+z"),
             ]
         )
         window = merge([pane, frame])
-        xs = np.arange(-15, 16, 5)
+        xs = np.arange(-15.0, 16, 5)
         north = placement([(x, 0, -HALF_WIDTH) for x in xs])
         south = placement([(x, 0, HALF_WIDTH) for x in xs], 180)
         return repeat(window, np.concatenate([north, south]))
@@ -280,7 +276,7 @@ class _Hall:
         deck.append(self._railing(np.array([(right, y, -10.9), (right, y, -12.4)])))
         return merge([*deck, self._stairs(right, y, front - 0.7)])
 
-    def _railing(self, ends: np.ndarray) -> Mesh:
+    def _railing(self, ends: Doubles) -> Mesh:
         """A railing between two floor points: posts, handrail, two rails, a kick plate and a lattice of thin bars."""
         m = self.m
         along = ends[1] - ends[0]
@@ -369,15 +365,15 @@ class _Hall:
             parts.append(repeat(self._valve(radius), placement(flanges[1::4])))
         return merge(parts)
 
-    def _pipe(self, line: np.ndarray, radius: float, tint) -> Mesh:
+    def _pipe(self, line: Doubles, radius: float, tint: ArrayLike) -> Mesh:
         """A pipe along a polyline whose long stretches are divided every metre."""
         points = [line[:1]]
         for a, b in itertools.pairwise(line):
             steps = max(1, round(np.linalg.norm(b - a, axis=-1) * 0.4))
             points.append(a + (b - a) * (np.arange(1, steps + 1) / steps)[:, None])
-        points = np.concatenate(points)
-        keep = np.concatenate([[True], np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6])
-        return tube(points[keep], radius, self.count(7), self.m.paint, tint)
+        whole = np.concatenate(points)
+        keep = np.concatenate([[True], np.linalg.norm(np.diff(whole, axis=0), axis=1) > 1e-6])
+        return tube(whole[keep], radius, self.count(7), self.m.paint, tint)
 
     def _valve(self, radius: float) -> Mesh:
         """A valve's body and hand wheel, on a pipe along x through the origin."""
@@ -434,13 +430,13 @@ class _Hall:
         rng = surfaces.generator(self.seed, "robots")
         parts = []
         for k, x in enumerate((-13.5, -5.5, 2.5, 12.5)):
-            pose = rng.uniform((-60, 15, -75, -60), (60, 40, -45, 20))
+            pose = rng.uniform((-60, 15, -75, -60), (60, 40, -45, 20), 4)
             arm = self._arm(pose, ORANGE if k % 2 == 0 else YELLOW)
             parts.append(moved(arm, (x, 0, -5.2), 180 * rng.random() - 90))
             parts.append(moved(self._fence(k), (x, 0, -5.2)))
         return merge(parts)
 
-    def _arm(self, pose: np.ndarray, tint) -> Mesh:
+    def _arm(self, pose: Doubles, tint: ArrayLike) -> Mesh:
         """A six-axis arm standing at the origin; pose: turn, shoulder, elbow and wrist angles in degrees."""
         m, n = self.m, self.count(13)
         turn, shoulder, elbow, wrist = pose
@@ -480,7 +476,7 @@ class _Hall:
         parts += [moved(hand, wrist_at, tilt=shoulder - elbow - wrist), self._hoses(shoulder_at, elbow_at, wrist_at)]
         return merge([base, bolts, moved(merge(parts), (0, 0, 0), turn)])
 
-    def _hoses(self, shoulder: np.ndarray, elbow: np.ndarray, wrist: np.ndarray) -> Mesh:
+    def _hoses(self, shoulder: Doubles, elbow: Doubles, wrist: Doubles) -> Mesh:
         """Hoses along both sides of an arm."""
         hoses = []
         for side in (-0.2, 0.2):
@@ -770,18 +766,18 @@ class _Hall:
         label = self.sign(12, (-1.4, 2.0, 0.5), 0.22, 0)
         return merge([posts, *bracing, beams, decks, label])
 
-    def _load(self, rng: np.random.Generator) -> Mesh:
+    def _load(self, rng: draws.Generator) -> Mesh:
         """What stands in the upper levels of a rack; the lowest level is kept for small parts."""
         m, n = self.m, self.count(11)
         drum = lathe(
             [(0.28, 0), (0.28, 0.25), (0.305, 0.36), (0.28, 0.47), (0.305, 0.58), (0.28, 0.88), (0, 0.87)], n, m.plastic
         )
-        drums, cartons, crates = [], [], []
+        stacks: list[list[tuple[float, float, float]]] = [[], [], []]
         for level, y in enumerate(SHELVES[1:], 1):
             kind = rng.integers(3) if level < 3 else 1
             for x in np.arange(-1.05, 1.1, 0.7):
-                target = (drums, cartons, crates)[kind]
-                target.append((x + rng.uniform(-0.04, 0.04), y + 0.06, rng.uniform(-0.05, 0.05)))
+                stacks[kind].append((x + rng.uniform(-0.04, 0.04), y + 0.06, rng.uniform(-0.05, 0.05)))
+        drums, cartons, crates = stacks
         parts = []
         if drums:
             tints = np.array([BLUE, RED, GREEN, YELLOW])[rng.integers(0, 4, len(drums))]
@@ -939,7 +935,7 @@ RACKS = tuple((x, 11.0, 180) for x in np.arange(-14.5, 7, 3.0)) + tuple(
 )
 
 
-def _filled(kinds: list[Mesh], budget: int, rng: np.random.Generator) -> np.ndarray:
+def _filled(kinds: list[Mesh], budget: int, rng: draws.Generator) -> Indices:
     """Indices of random kinds that together have at most `budget` triangles, up to the smallest kind's count."""
     counts = np.array([kind.triangle_count for kind in kinds])
     least = counts.min()
@@ -950,7 +946,9 @@ def _filled(kinds: list[Mesh], budget: int, rng: np.random.Generator) -> np.ndar
     return np.concatenate([order, np.full(left // least, counts.argmin())])
 
 
-def cylinder_at(point, radius: float, height: float, segments: int, material: int, tint=WHITE) -> Mesh:
+def cylinder_at(
+    point: ArrayLike, radius: float, height: float, segments: int, material: int, tint: ArrayLike = WHITE
+) -> Mesh:
     """An upright cylinder standing on a point."""
     return moved(cylinder(radius, height, segments, material, tint), point)
 
@@ -970,12 +968,12 @@ def _sideways(part: Mesh) -> Mesh:
     return repeat(part, placement([(0, 0, 0)], yaw=90, tilt=90))
 
 
-def _lean(degrees: float) -> np.ndarray:
+def _lean(degrees: float) -> Doubles:
     """Up, tilted about x as `placement` does."""
     return np.array([0, cos(np.radians(degrees)), sin(np.radians(degrees))])
 
 
-def _shelf_places(count: int, rng: np.random.Generator) -> tuple[np.ndarray, float]:
+def _shelf_places(count: int, rng: draws.Generator) -> tuple[Doubles, float]:
     """Floor points (count, 3) in a grid on the racks' lowest decks, rack after rack, and the grid's step in metres."""
     width, depth = 2.5, 0.8
     per_rack = -(-count // len(RACKS)) if count else 1

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import exp, log, sin
 from shading_atlas_bench.scenes.paths import CameraPath, Poses, read_numbers
 from shading_atlas_bench.scenes.quaternions import about, conjugate, multiply, rotate
@@ -32,11 +33,11 @@ class _Waves:
     amplitudes, frequencies (radians per second) and phases: float64 (6, WAVES).
     """
 
-    amplitudes: np.ndarray
-    frequencies: np.ndarray
-    phases: np.ndarray
+    amplitudes: Doubles
+    frequencies: Doubles
+    phases: Doubles
 
-    def pose_at(self, t_ms: float) -> tuple[np.ndarray, np.ndarray]:
+    def pose_at(self, t_ms: float) -> tuple[Doubles, Doubles]:
         """Position (3) in metres and orientation (4) of the head about its place of rest."""
         values = (self.amplitudes * sin(self.frequencies * (t_ms / 1000) + self.phases)).sum(axis=1)
         pitch, yaw, roll = values[3:]
@@ -49,7 +50,7 @@ class _Recording:
 
     poses: CameraPath
 
-    def pose_at(self, t_ms: float) -> tuple[np.ndarray, np.ndarray]:
+    def pose_at(self, t_ms: float) -> tuple[Doubles, Doubles]:
         return self.poses.pose_at(self.poses.times_ms[0] + t_ms)
 
     @property
@@ -67,7 +68,8 @@ class HeadMotion:
     def synthetic(cls, seed: int = 0) -> HeadMotion:
         """Smooth motion of a standing person: about 0.1 m/s and 30 degrees per second, slower than 1.6 Hz."""
         rng = draws.generator([seed, 72])
-        frequencies = 2 * np.pi * exp(rng.uniform(*log(BAND), (6, WAVES)))
+        low, high = log(np.array(BAND))
+        frequencies = 2 * np.pi * exp(rng.uniform(low, high, (6, WAVES)))
         speeds = np.array([*SPEEDS, *SPINS])[:, None]
         amplitudes = speeds * np.sqrt(2 / WAVES) / frequencies
         return cls(_Waves(amplitudes, frequencies, rng.uniform(0, 2 * np.pi, (6, WAVES))))
@@ -82,7 +84,7 @@ class HeadMotion:
         poses = Poses(table[:, 0] * 1000, table[:, 1:4] * np.array([1.0, 1.0, -1.0]), orientations)
         return cls(_Recording(CameraPath("head", poses.times_ms, poses.positions, poses.orientations)))
 
-    def offset(self, t_ms: float, latency_ms: float) -> tuple[np.ndarray, np.ndarray]:
+    def offset(self, t_ms: float, latency_ms: float) -> tuple[Doubles, Doubles]:
         """What the head does from t_ms to t_ms + latency_ms, seen from where it was.
 
         Returns the translation, float64 (3) in metres, and the rotation, a unit quaternion x, y, z, w, both in the

@@ -8,12 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.scenes.files import is_utf8
 
 _LARGEST = 1 << 28  # texels; anything above is a damaged header, not a texture
 
 
-def read_image(path: Path) -> np.ndarray:
+def read_image(path: Path) -> Bytes:
     """The texels of an image file: uint8 (H, W, 4), row 0 on top, alpha not premultiplied.
 
     Greyscale becomes RGB; a missing alpha is 255. Raises ValueError with one sentence where it cannot be read.
@@ -40,7 +41,7 @@ def read_image(path: Path) -> np.ndarray:
         source.close()
 
 
-def decode_image(data: bytes) -> np.ndarray:
+def decode_image(data: bytes) -> Bytes:
     """As `read_image`, from an image file's bytes (OpenImageIO reads files only, so through a temporary one)."""
     handle, name = tempfile.mkstemp(suffix=_suffix(data))
     try:
@@ -51,7 +52,7 @@ def decode_image(data: bytes) -> np.ndarray:
         Path(name).unlink()
 
 
-def _to_rgba(texels: np.ndarray) -> np.ndarray:
+def _to_rgba(texels: Bytes) -> Bytes:
     channels = texels.shape[2]
     rgba = np.full((*texels.shape[:2], 4), 255, np.uint8)
     rgba[..., :3] = texels[..., :3] if channels >= 3 else texels[..., :1]

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan2, cos, power, sin, sin_cos
 from shading_atlas_bench.arithmetic.matrices import dot, eigenvectors, product
 from shading_atlas_bench.scenes.features import triangle_shapes
@@ -58,7 +59,7 @@ def mean_albedo(scene: Scene) -> float:
     return max(0.02, float(dot(mean, (0.2126, 0.7152, 0.0722))))
 
 
-def _mean_colour(scene: Scene, index: int) -> np.ndarray:
+def _mean_colour(scene: Scene, index: int) -> Doubles:
     material = scene.materials[index]
     colour = np.array(material.base_colour[:3])
     if material.base_texture < 0:
@@ -68,7 +69,7 @@ def _mean_colour(scene: Scene, index: int) -> np.ndarray:
     return colour * power(opaque[:, :3] / 255, 2.2).mean(axis=0) if len(opaque) else colour
 
 
-def _viewpoint(scene: Scene) -> np.ndarray | None:
+def _viewpoint(scene: Scene) -> Doubles | None:
     """Where a viewer stands in a place, or None for objects."""
     if not scene.place:
         return None
@@ -77,17 +78,17 @@ def _viewpoint(scene: Scene) -> np.ndarray | None:
     return next((eye for eye in eyes if ((low < eye) & (eye < high)).all()), (low + high) / 2)
 
 
-def _covered(rays: Rays, eye: np.ndarray, height: float) -> bool:
+def _covered(rays: Rays, eye: Doubles, height: float) -> bool:
     """Whether something covers most of the sky straight above and 35 degrees around it, within a height in units."""
     angles = np.arange(8) * np.pi / 4
     aside, upwards = sin_cos(np.radians(35))
     sine, cosine = sin_cos(angles)
     around = np.stack([aside * cosine, np.full(len(angles), upwards), aside * sine], axis=1)
     directions = [np.array([0.0, 1.0, 0.0]), *around]
-    return sum(rays.distance(eye, direction) * direction[1] < height for direction in directions) >= 6
+    return sum(bool(rays.distance(eye, direction) * direction[1] < height) for direction in directions) >= 6
 
 
-def _sun(scene: Scene, rays: Rays, eye: np.ndarray | None, shadows: bool) -> Light:
+def _sun(scene: Scene, rays: Rays, eye: Doubles | None, shadows: bool) -> Light:
     """The sun over one of the viewer's shoulders, or from ahead where more of what the viewer sees would be lit."""
     camera = next(iter(scene.cameras), Camera((0.0, 0.0, 0.0), (-0.35, 0.0, -0.94)))
     heading = arctan2(camera.direction[2], camera.direction[0])
@@ -100,12 +101,12 @@ def _sun(scene: Scene, rays: Rays, eye: np.ndarray | None, shadows: bool) -> Lig
     return Light("directional", _SUN, direction=tuple(directions[best].tolist()), shadows=shadows)
 
 
-def _sun_direction(azimuth: float) -> np.ndarray:
+def _sun_direction(azimuth: float) -> Doubles:
     (along, above), (aside, level) = sin_cos(np.array([azimuth, np.radians(_SUN_HEIGHT)]))
     return np.array([aside * level, -above, along * level])
 
 
-def _seen_points(rays: Rays, eye: np.ndarray, heading: float) -> list[np.ndarray]:
+def _seen_points(rays: Rays, eye: Doubles, heading: float) -> list[Doubles]:
     """A few surface points around the middle of what a viewer sees, somewhat in front of their surfaces."""
     points = []
     for turn in np.radians([-24, -12, 0, 12, 24]):
@@ -117,7 +118,7 @@ def _seen_points(rays: Rays, eye: np.ndarray, heading: float) -> list[np.ndarray
     return points
 
 
-def _lamps(scene: Scene, rays: Rays, eye: np.ndarray) -> list[Light]:
+def _lamps(scene: Scene, rays: Rays, eye: Doubles) -> list[Light]:
     """Three spot lights below the ceiling along the longer way through the room that the viewer stands in."""
     reach = _FARTHEST / scene.metres_per_unit
     angles = np.arange(24) * 2 * np.pi / 24
@@ -138,7 +139,7 @@ def _lamps(scene: Scene, rays: Rays, eye: np.ndarray) -> list[Light]:
     return lights
 
 
-def _lamp(scene: Scene, rays: Rays, place: np.ndarray, lean: np.ndarray) -> Light:
+def _lamp(scene: Scene, rays: Rays, place: Doubles, lean: Doubles) -> Light:
     """A spot light under the ceiling above a place, shining down and slightly along `lean`."""
     up, down = np.array([0.0, 1.0, 0.0]), np.array([0.0, -1.0, 0.0])
     unit = scene.metres_per_unit
@@ -148,8 +149,13 @@ def _lamp(scene: Scene, rays: Rays, place: np.ndarray, lean: np.ndarray) -> Ligh
     height = float(np.clip(drop, 1.5, 2 * _LAMP_RISE)) if np.isfinite(drop) else _LAMP_RISE
     direction = down + 0.5 * lean
     direction /= np.linalg.norm(direction, axis=-1)
-    colour = tuple(c * height * height for c in _LAMP)
+    colour = _times(_times(_LAMP, height), height)
     return Light("spot", colour, tuple(position.tolist()), tuple(direction.tolist()), _LAMP_CONE)
+
+
+def _times(colour: tuple[float, float, float], factor: float) -> tuple[float, float, float]:
+    red, green, blue = colour
+    return red * factor, green * factor, blue * factor
 
 
 def _expose_own_lights(scene: Scene) -> None:
@@ -160,6 +166,5 @@ def _expose_own_lights(scene: Scene) -> None:
         max(light.colour) / (1 if light.kind == "directional" else distance * distance) for light in scene.lights
     ]
     strength = max(sum(arriving), 1e-6) / max(_SUN)
-    sky = (tuple(c * strength for c in colour) for colour in (_SKY.zenith, _SKY.horizon, _SKY.ground))
-    scene.sky = Sky(*sky)
+    scene.sky = Sky(_times(_SKY.zenith, strength), _times(_SKY.horizon, strength), _times(_SKY.ground, strength))
     scene.exposure = _MIDDLE_GREY / (_RECEIVED_OUTSIDE * mean_albedo(scene) * strength)

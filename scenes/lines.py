@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import exp
 
 
-def smoothed(values: np.ndarray, deviation: float) -> np.ndarray:
+def smoothed(values: Array, deviation: float) -> Doubles:
     """Values weighted by a Gaussian of a deviation in steps, cut at four; the ends go on as they are."""
     reach = int(4 * deviation + 0.5)
-    steps = np.arange(1, reach + 1) / deviation
+    steps: Doubles = np.arange(1, reach + 1) / deviation
     weights = exp(-0.5 * steps * steps)
     count = len(values)
     ends = np.pad(values, ((reach, reach), *((0, 0),) * (values.ndim - 1)), mode="edge")
     total = np.array(values, np.float64)
     for step, weight in enumerate(weights, 1):
         total += weight * (ends[reach - step : reach - step + count] + ends[reach + step : reach + step + count])
-    return total / (1 + 2 * weights.sum())
+    mean: Doubles = total / (1 + 2 * weights.sum())
+    return mean
 
 
-def curve(at: np.ndarray, points: np.ndarray, where: np.ndarray) -> np.ndarray:
+def curve(at: Doubles, points: Doubles, where: Doubles) -> Doubles:
     """Values (M, K) at `where` (M) of a curve through points (N, K) at growing places (N), which never overshoots.
 
     Cubic between the points (Fritsch and Butland 1984), its slope a weighted harmonic mean of the legs' slopes.
@@ -39,10 +41,11 @@ def curve(at: np.ndarray, points: np.ndarray, where: np.ndarray) -> np.ndarray:
     square = (3 * slopes - 2 * turns[:-1] - turns[1:]) / gaps
     cube = (turns[:-1] + turns[1:] - 2 * slopes) / (gaps * gaps)
     step = (where - at[leg])[:, None]
-    return points[leg] + step * (turns[leg] + step * (square[leg] + step * cube[leg]))
+    values: Doubles = points[leg] + step * (turns[leg] + step * (square[leg] + step * cube[leg]))
+    return values
 
 
-def _end(gap: np.ndarray, next_gap: np.ndarray, slope: np.ndarray, next_slope: np.ndarray) -> np.ndarray:
+def _end(gap: Doubles, next_gap: Doubles, slope: Doubles, next_slope: Doubles) -> Doubles:
     """The curve's slope at an end, from its first two legs: of a parabola, but neither turned back nor too steep."""
     found = ((2 * gap + next_gap) * slope - gap * next_slope) / (gap + next_gap)
     steep = (np.sign(slope) != np.sign(next_slope)) & (np.abs(found) > 3 * np.abs(slope))

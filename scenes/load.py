@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -65,7 +65,7 @@ def load_scene(
     Raises SceneError, one sentence, for everything that cannot be loaded.
     """
     _check_options(unit, detail, decimate)
-    options = {"name": name_or_path, "unit": unit, "repair": repair, "decimate": decimate}
+    options: dict[str, object] = {"name": name_or_path, "unit": unit, "repair": repair, "decimate": decimate}
     if name_or_path in _PROCEDURAL:
         if repair or decimate is not None:
             raise SceneError(f"{name_or_path} is made to size: use --detail instead of --repair and --decimate.")
@@ -85,7 +85,9 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
         raise SceneError(f"The ratio of triangles to keep must be above 0 and at most 1, not {decimate}.")
 
 
-def _through_cache(cache: Path | None, options: dict, files: list[Path], load: Callable[[], Scene]) -> Scene:
+def _through_cache(
+    cache: Path | None, options: Mapping[str, object], files: list[Path], load: Callable[[], Scene]
+) -> Scene:
     """The scene from the cache, or loaded and stored there."""
     if cache is None:
         return load()
@@ -162,11 +164,14 @@ def _scaled(scene: Scene, path: Path, unit: float | None, stated: float | None) 
     """Set what a file's unit is; whether it is a place at that scale. Raises SceneError where nothing can be drawn."""
     source = "cameras.json" if stated else "glTF, which is in metres"
     stated = stated or (1.0 if path.suffix.lower() in _STATES_METRES else None)
-    if unit is None and stated is None:
+    if unit is not None:
+        if stated not in (None, unit):
+            scene.notes.append(f"The unit is {unit:g} m as asked for, not {stated:g} m as stated ({source}).")
+        scene.metres_per_unit, scene.unit_from = unit, "--unit"
+    elif stated is not None:
+        scene.metres_per_unit, scene.unit_from = stated, source
+    else:
         return _guessed(scene)
-    if unit is not None and stated not in (None, unit):
-        scene.notes.append(f"The unit is {unit:g} m as asked for, not {stated:g} m as stated ({source}).")
-    scene.metres_per_unit, scene.unit_from = (stated, source) if unit is None else (unit, "--unit")
     size = float(max(scene.bounds[1] - scene.bounds[0])) * scene.metres_per_unit
     if not _DRAWN[0] <= size <= _DRAWN[1]:
         sentence = f"is {size:.3g} m large by its unit ({scene.unit_from}), which single precision cannot draw"

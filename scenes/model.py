@@ -4,8 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
+
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints
+
+Indices: TypeAlias = NDArray[np.integer[Any]]  # of any width: NumPy's own are as wide as an address
 
 
 class SceneError(ValueError):
@@ -22,7 +28,7 @@ class Texture:
     """
 
     name: str
-    texels: np.ndarray
+    texels: Bytes
     srgb: bool = True
     wrap_s: str = "repeat"
     wrap_t: str = "repeat"
@@ -79,7 +85,8 @@ class Material:
 
     def without(self, slots: Iterable[str]) -> Material:
         """The material without the textures in some slots; a glow that a texture shaped goes with it."""
-        bare = replace(self, **{f"{slot}_texture": -1 for slot in slots})
+        none: dict[str, Any] = {f"{slot}_texture": -1 for slot in slots}
+        bare = replace(self, **none)
         return replace(bare, emissive=(0.0, 0.0, 0.0)) if "emissive" in slots else bare
 
 
@@ -126,9 +133,9 @@ class CameraAnimation:
     """An animated camera of the file: times in milliseconds, positions (N, 3), quaternions x, y, z, w (N, 4)."""
 
     name: str
-    times: np.ndarray
-    positions: np.ndarray
-    orientations: np.ndarray
+    times: Doubles
+    positions: Doubles
+    orientations: Doubles
 
 
 @dataclass
@@ -178,27 +185,27 @@ class Scene:
     """
 
     name: str
-    positions: np.ndarray
-    indices: np.ndarray
-    normals: np.ndarray
-    uvs: np.ndarray
-    colours: np.ndarray
-    material_ids: np.ndarray
+    positions: Floats
+    indices: Ints
+    normals: Floats
+    uvs: Floats
+    colours: Floats
+    material_ids: Ints
     materials: list[Material]
     textures: list[Texture] = field(default_factory=list)
-    tangents: np.ndarray | None = None
-    further_uvs: np.ndarray | None = None
+    tangents: Floats | None = None
+    further_uvs: Floats | None = None
     lights: list[Light] = field(default_factory=list)
     sky: Sky = field(default_factory=Sky)
     exposure: float = 1.0
-    origin: np.ndarray = field(default_factory=lambda: np.zeros(3))
+    origin: Doubles = field(default_factory=lambda: np.zeros(3))
     metres_per_unit: float = 1.0
     unit_from: str = "made in metres"
     cameras: list[Camera] = field(default_factory=list)
     animations: list[CameraAnimation] = field(default_factory=list)
     place: bool = True
     because: str = ""
-    route: np.ndarray | None = None
+    route: Doubles | None = None
     features: Features = field(default_factory=Features)
     notes: list[str] = field(default_factory=list)
     content_hash: str = ""
@@ -208,7 +215,7 @@ class Scene:
         return len(self.indices)
 
     @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
+    def bounds(self) -> tuple[Doubles, Doubles]:
         """Lowest and highest corner of all positions, float64 (3) each, origin-relative."""
         columns = self.positions.T  # each by itself: over the first axis NumPy takes ten times as long
         low, high = ([float(pick(column)) for column in columns] for pick in (np.min, np.max))

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Doubles
 from shading_atlas_bench.scenes.files import file_text, find_beside, is_file, named_file, shown, written_differently
 from shading_atlas_bench.scenes.images import read_image
 from shading_atlas_bench.scenes.model import Material, Texture
@@ -21,10 +22,10 @@ _CHANNEL = re.compile(rb"[rgbmlz]$", re.IGNORECASE)
 _SHAPE = re.compile(rb"(sphere|cube_\w+)$", re.IGNORECASE)
 # Options of a map statement (Wavefront MTL specification, texture map options): what their values look like, how many
 # there are at most, and which ones change nothing.
-_OPTIONS = {
-    "-o": (_NUMBER, 3, None),
-    "-s": (_NUMBER, 3, None),
-    "-clamp": (_SWITCH, 1, None),
+_OPTIONS: dict[str, tuple[re.Pattern[bytes], int, list[float | bytes]]] = {
+    "-o": (_NUMBER, 3, [0.0, 0.0, 0.0]),
+    "-s": (_NUMBER, 3, [1.0, 1.0, 1.0]),
+    "-clamp": (_SWITCH, 1, [b"off"]),
     "-t": (_NUMBER, 3, [0.0, 0.0, 0.0]),
     "-mm": (_NUMBER, 2, [0.0, 1.0]),
     "-bm": (_NUMBER, 1, [1.0]),
@@ -48,11 +49,9 @@ class MapStatement:
 
     scale, offset: texture coordinates times the one plus the other are the picture's, v counted from its lower edge.
     clamped: whether outside the picture its edge goes on, not the picture again. ignored: options that are not applied.
-    file: the picture, once it is found.
     """
 
     name: bytes
-    file: Path | None = None
     scale: tuple[float, float] = (1.0, 1.0)
     offset: tuple[float, float] = (0.0, 0.0)
     clamped: bool = False
@@ -60,6 +59,14 @@ class MapStatement:
 
     def lies_as(self, other: MapStatement) -> bool:
         return (self.scale, self.offset, self.clamped) == (other.scale, other.offset, other.clamped)
+
+
+@dataclass(frozen=True)
+class FoundMap:
+    """A texture of a material, and the picture's file."""
+
+    statement: MapStatement
+    file: Path
 
 
 @dataclass
@@ -73,7 +80,7 @@ class LibraryMaterial:
     def textured(self) -> bool:
         return max(self.material.base_texture, self.material.emissive_texture) >= 0
 
-    def placed(self, uvs: np.ndarray) -> np.ndarray:
+    def placed(self, uvs: Array) -> Doubles:
         """The scene's texture coordinates (N, 2), v counted from a picture's upper edge, from those of the file."""
         moved = uvs * np.array(self.lies.scale) + np.array(self.lies.offset)
         return np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)
@@ -116,20 +123,26 @@ def map_statement(value: bytes) -> MapStatement:
     while (option := rest.split(None, 1)[0].lower().decode("latin-1") if rest else "") in _OPTIONS:
         pattern, most, neutral = _OPTIONS[option]
         rest = rest[len(option) :].strip()
-        values: list = []
+        values: list[float | bytes] = []
         while len(values) < most and len(words := rest.split(None, 1)) == 2 and pattern.match(words[0]):
             values.append(float(words[0]) if pattern is _NUMBER else words[0].lower())
             rest = words[1]
         if option == "-s":
-            found.scale = (*values[:2], 1.0, 1.0)[:2]
+            found.scale = _pair(values, 1.0)
         elif option == "-o":
-            found.offset = (*values[:2], 0.0, 0.0)[:2]
+            found.offset = _pair(values, 0.0)
         elif option == "-clamp":
             found.clamped = values == [b"on"]
         elif values != neutral[: len(values)] or not neutral:
             found.ignored.append(option)
     found.name = rest
     return found
+
+
+def _pair(values: list[float | bytes], default: float) -> tuple[float, float]:
+    """The first two numbers, the default where there are fewer."""
+    first, second, *_ = [*(value for value in values if isinstance(value, float)), default, default]
+    return first, second
 
 
 class _Reader:
@@ -145,32 +158,33 @@ class _Reader:
         alpha = self._opacity(name, statements)
         diffuse = self._colour(name, "kd", statements, 0.8)
         if base and base_texture >= 0 and not any(diffuse):
-            diffuse = [1.0] * 3  # exporters write black where a texture stands for the colour
+            diffuse = (1.0, 1.0, 1.0)  # exporters write black where a texture stands for the colour
         shininess = (_numbers(statements.get("ns", b""), 1) or [0.0])[0]
         masked = mask is not None and base_texture >= 0
         material = Material(
             name=name,
             base_colour=(*diffuse, alpha),
             base_texture=base_texture,
-            emissive=tuple(self._colour(name, "ke", statements, 0.0)),
+            emissive=self._colour(name, "ke", statements, 0.0),
             emissive_texture=emissive_texture,
             # Blinn-Phong exponent to GGX roughness
             roughness=min(1.0, math.sqrt(math.sqrt(2.0 / (max(shininess, 0.0) + 2.0)))),
             alpha_mode="blend" if alpha < 1 else "mask" if masked else "opaque",
             double_sided=True,
         )
-        return LibraryMaterial(material, base or mask or glow or MapStatement(b""))
+        lies = next((used.statement for used in (base, mask, glow) if used), MapStatement(b""))
+        return LibraryMaterial(material, lies)
 
-    def _maps(self, name: str, statements: dict[str, bytes]) -> list[MapStatement | None]:
+    def _maps(self, name: str, statements: dict[str, bytes]) -> list[FoundMap | None]:
         """The statements of `_MAPS` that are used, in the order base, mask, glow; what is left out of them is noted."""
-        found: list[MapStatement | None] = []
+        found: list[FoundMap | None] = []
         for key in ("map_kd", "map_d", "map_ke"):
             statement = map_statement(statements[key]) if key in statements else None
-            first = next((other for other in found if other), statement)
+            first = next((other.statement for other in found if other), statement)
             if statement and not statement.name:
                 self.raw.note(f"{_as_written(key)} of the material {name} names no file.")
                 statement = None
-            elif statement and not statement.lies_as(first):
+            elif statement and first and not statement.lies_as(first):
                 self.raw.note(
                     f"{_as_written(key)} of the material {name} is left out: its -s, -o or -clamp differ from those of "
                     "its other map."
@@ -181,11 +195,12 @@ class _Reader:
             found.append(self._found(statement) if statement else None)
         return found
 
-    def _colour(self, name: str, key: str, statements: dict[str, bytes], default: float) -> list[float]:
+    def _colour(self, name: str, key: str, statements: dict[str, bytes], default: float) -> tuple[float, float, float]:
         numbers = _numbers(statements.get(key, b""), 3)
         if key in statements and not numbers:
             self.raw.note(f"{_as_written(key)} of the material {name} is not three numbers and left out.")
-        return numbers or [default] * 3
+        red, green, blue = numbers or [default] * 3
+        return red, green, blue
 
     def _opacity(self, name: str, statements: dict[str, bytes]) -> float:
         value = statements.get("d", b"")
@@ -196,35 +211,35 @@ class _Reader:
         self.raw.note(f"The opacity of the material {name} is no number and left out.", not found and "d" in statements)
         return found[0] if found else 1.0
 
-    def _found(self, statement: MapStatement) -> MapStatement | None:
+    def _found(self, statement: MapStatement) -> FoundMap | None:
         """The statement with its file; None where that is missing."""
-        statement.file = find_beside(self.library, statement.name)
-        if statement.file is None:
+        file = find_beside(self.library, statement.name)
+        if file is None:
             self.raw.note(f"The texture {shown(statement.name)} is left out: the file is missing.")
             return None
-        if written_differently(statement.name, statement.file):
-            self.raw.note(f"The texture {shown(statement.name)} is read from {shown(statement.file.name)}.")
-        return statement
+        if written_differently(statement.name, file):
+            self.raw.note(f"The texture {shown(statement.name)} is read from {shown(file.name)}.")
+        return FoundMap(statement, file)
 
-    def _texture(self, picture: MapStatement | None, mask: MapStatement | None) -> int:
+    def _texture(self, picture: FoundMap | None, mask: FoundMap | None) -> int:
         """Index in the raw scene of a picture whose alpha is the mask's first channel; -1 where neither can be used."""
         first = picture or mask
         if first is None:
             return -1
         if picture and mask and picture.file == mask.file:
             mask = None  # the picture's own alpha
-        files = [statement and statement.file for statement in (picture, mask)]
-        key = (*files, first.clamped)
+        key = (picture.file if picture else None, mask.file if mask else None, first.statement.clamped)
         if key not in self.textures:
-            texels = [file and self._texels(file) for file in files]
+            colours, alpha = (self._texels(used.file) if used else None for used in (picture, mask))
+            texels = None if picture and colours is None else _masked(colours, alpha)
             self.textures[key] = -1
-            if texels[0] is not None or (picture is None and texels[1] is not None):
+            if texels is not None:
                 self.textures[key] = len(self.raw.textures)
-                wrap = "clamp" if first.clamped else "repeat"
-                self.raw.textures.append(Texture(shown(first.file.name), _masked(*texels), True, wrap, wrap))
+                wrap = "clamp" if first.statement.clamped else "repeat"
+                self.raw.textures.append(Texture(shown(first.file.name), texels, True, wrap, wrap))
         return self.textures[key]
 
-    def _texels(self, file: Path) -> np.ndarray | None:
+    def _texels(self, file: Path) -> Bytes | None:
         try:
             return read_image(file)
         except ValueError as error:
@@ -232,8 +247,8 @@ class _Reader:
         return None
 
 
-def _masked(picture: np.ndarray | None, mask: np.ndarray | None) -> np.ndarray:
-    """A picture with the mask in its alpha, white where it is missing."""
+def _masked(picture: Bytes | None, mask: Bytes | None) -> Bytes | None:
+    """A picture with the mask in its alpha, white where it is missing; None where both are."""
     if mask is None:
         return picture
     if picture is None:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import arctan2, cos
 from shading_atlas_bench.arithmetic.matrices import dot
+from shading_atlas_bench.scenes.model import Indices
 from shading_atlas_bench.scenes.raw import Part
 
 CREASE_DEGREES = 50.0  # faces that meet at more keep a sharp edge; a cylinder of 8 sides is still smooth
@@ -30,7 +32,7 @@ def with_normals(part: Part) -> Part:
     return split
 
 
-def crease_normals(positions: np.ndarray, indices: np.ndarray, welded: np.ndarray) -> np.ndarray:
+def crease_normals(positions: Array, indices: Indices, welded: Indices) -> Doubles:
     """Unit normals of the triangles' corners, float64 (T, 3, 3), for positions (V, 3) and indices (T, 3).
 
     welded: int (V), equal for vertices at the same position.
@@ -63,7 +65,7 @@ def crease_normals(positions: np.ndarray, indices: np.ndarray, welded: np.ndarra
     return corners.reshape(-1, 3, 3)
 
 
-def tangents(positions: np.ndarray, normals: np.ndarray, uvs: np.ndarray, indices: np.ndarray) -> np.ndarray:
+def tangents(positions: Array, normals: Array, uvs: Array, indices: Indices) -> Doubles:
     """Tangents (V, 4) along growing u, perpendicular to the normals; w is the sign of the bitangent.
 
     The bitangent w * cross(normal, tangent) points up in the image, to falling v, as the glTF specification's tangents
@@ -87,13 +89,13 @@ def tangents(positions: np.ndarray, normals: np.ndarray, uvs: np.ndarray, indice
     return np.concatenate([tangent, np.where(side > 0, -1.0, 1.0)[:, None]], axis=1)
 
 
-def perpendicular(normals: np.ndarray) -> np.ndarray:
+def perpendicular(normals: Array) -> Doubles:
     """Some unit vector perpendicular to each normal (V, 3)."""
     helper = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     return _unit(np.cross(normals, helper), helper)
 
 
-def _faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _faces(corners: Doubles) -> tuple[Doubles, Doubles]:
     """Unit face normals (T, 3), zero where a face has no area, and the corners' angles (T, 3)."""
     edges = corners[:, [1, 2, 0]] - corners
     normal = np.cross(edges[:, 0], edges[:, 1])
@@ -103,7 +105,7 @@ def _faces(corners: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return _unit(normal, np.zeros_like(normal)), angle
 
 
-def _unit(vectors: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+def _unit(vectors: Doubles, otherwise: Doubles) -> Doubles:
     """Vectors (N, 3) at length 1; `otherwise` where they have none."""
     largest = np.abs(vectors).max(axis=1, initial=0)[:, None]  # first, so that squares neither over- nor underflow
     usable = (largest > 0) & np.isfinite(largest)

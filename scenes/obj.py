@@ -11,16 +11,20 @@ from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Longs
 from shading_atlas_bench.scenes.file_colours import linear_colours, whole
 from shading_atlas_bench.scenes.files import file_text, find_beside, shown, written_differently
-from shading_atlas_bench.scenes.model import Material
+from shading_atlas_bench.scenes.model import Indices, Material
 from shading_atlas_bench.scenes.mtl import LibraryMaterial, read_mtl
 from shading_atlas_bench.scenes.polygons import distinct, triangulated
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.text_lines import TextLines, numbers
+
+_Values = TypeVar("_Values", Doubles, Longs)
 
 _NUMERIC = (b"v", b"vt", b"vn", b"f")
 # Statements without a say in how the surface looks.
@@ -43,12 +47,10 @@ def read_obj(path: Path, raw: RawScene) -> None:
     except _LineError as error:
         raise ValueError(f"{_place(original, error.line)}: {error}") from error
     used, smoothing = _statements(lines, np.flatnonzero(kinds == len(_NUMERIC)), raw)
-    materials = _Materials(path, text, [name for _, name in used], raw)
+    materials = _Materials(path, text, used, raw)
     faces = _faces(lines, kinds, fields, [len(counts) for _, counts in tables], raw)
     if not len(faces.lines):
         return
-    current = np.searchsorted([line for line, _ in used], faces.lines)
-    faces.materials = np.array([0, *(materials.index[name] for _, name in used)])[current]
     positions, colours = _positions(*tables[0], raw)
     _add_parts(faces, positions, colours, _columns(*tables[1], 2), _columns(*tables[2], 3), materials, raw)
     rough = sum(len(part.indices) for part in raw.parts if part.normals is None)
@@ -76,7 +78,7 @@ def library_files(path: Path, text: bytes) -> list[tuple[bytes, Path | None]]:
     return list(found.items())
 
 
-def _without_comments(lines: TextLines) -> tuple[TextLines, np.ndarray]:
+def _without_comments(lines: TextLines) -> tuple[TextLines, Indices]:
     """Lines whose numbers are followed by no comments, and their kinds: places in `_NUMERIC`, 4 others, 5 comments.
 
     Only numbers are searched for comments: names may hold a #.
@@ -90,7 +92,7 @@ def _without_comments(lines: TextLines) -> tuple[TextLines, np.ndarray]:
     return lines, kinds
 
 
-def _kinds(lines: TextLines) -> np.ndarray:
+def _kinds(lines: TextLines) -> Indices:
     one, two, three = (lines.bytes[lines.starts + step] for step in range(3))
     short, longer = two <= ord(" "), three <= ord(" ")
     vertex = one == ord("v")
@@ -103,18 +105,22 @@ def _kinds(lines: TextLines) -> np.ndarray:
     return kinds
 
 
-def _table(lines: TextLines, rows: np.ndarray, keyword: bytes) -> tuple[np.ndarray, np.ndarray]:
+def _table(lines: TextLines, rows: Indices, keyword: bytes) -> tuple[Doubles, Indices]:
     """All numbers of the lines of a kind, float64, and how many each line has, int64."""
     counts = lines.counts[rows] - 1
-    return _read(lines, rows, lambda some: numbers(lines.joined(some, len(keyword)), _words(lines, some))), counts
+
+    def read(some: Indices) -> Doubles:
+        return numbers(lines.joined(some, len(keyword)), _words(lines, some), np.float64)
+
+    return _read(lines, rows, read), counts
 
 
-def _corners(lines: TextLines, rows: np.ndarray) -> np.ndarray:
+def _corners(lines: TextLines, rows: Indices) -> Longs:
     """As `_fields`, of the lines of faces."""
     return _read(lines, rows, lambda some: _fields(lines.joined(some, 1), _words(lines, some)))
 
 
-def _words(lines: TextLines, rows: np.ndarray) -> int:
+def _words(lines: TextLines, rows: Indices) -> int:
     """How many words follow the first ones of some lines."""
     return int((lines.counts[rows] - 1).sum())
 
@@ -127,7 +133,7 @@ class _LineError(ValueError):
         self.line = line
 
 
-def _read(lines: TextLines, rows: np.ndarray, read: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def _read(lines: TextLines, rows: Indices, read: Callable[[Indices], _Values]) -> _Values:
     """What `read` makes of some lines; raises _LineError with the first of them that it cannot read."""
     try:
         return read(rows)
@@ -149,7 +155,7 @@ def _place(text: bytes, line: bytes) -> str:
     return f"line {number}" if number else f"the line {shown(line[:40])}"
 
 
-def _columns(values: np.ndarray, counts: np.ndarray, size: int) -> np.ndarray:
+def _columns(values: Doubles, counts: Indices, size: int) -> Doubles:
     """The first numbers of each line, (lines, size); 0 where there are fewer."""
     if (counts == size).all():
         return values.reshape(-1, size)
@@ -161,7 +167,7 @@ def _columns(values: np.ndarray, counts: np.ndarray, size: int) -> np.ndarray:
     return table
 
 
-def _positions(values: np.ndarray, counts: np.ndarray, raw: RawScene) -> tuple[np.ndarray, np.ndarray | None]:
+def _positions(values: Doubles, counts: Indices, raw: RawScene) -> tuple[Doubles, Floats | None]:
     """Positions, and colours where any line has six numbers; vertices without are white."""
     if counts.min(initial=3) < 3:
         raise ValueError("a vertex has fewer than three numbers")
@@ -178,16 +184,20 @@ def _positions(values: np.ndarray, counts: np.ndarray, raw: RawScene) -> tuple[n
     return table[:, :3], colours
 
 
-def _strange(values: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def _strange(values: Doubles, counts: Indices) -> Bools:
     """Lines of 4, 5, 7 or more numbers whose fourth is not the usual weight of 1, or is not the last."""
     start = np.cumsum(counts) - counts
     weighted = counts == 4
-    return ~np.isin(counts, (3, 4, 6)) | (weighted & (values[np.where(weighted, start + 3, 0)] != 1))
+    unusual = values[np.where(weighted, start + 3, 0)] != 1
+    strange: Bools = ~np.isin(counts, (3, 4, 6)) | (weighted & unusual)
+    return strange
 
 
-def _statements(lines: TextLines, others: np.ndarray, raw: RawScene) -> tuple[list[tuple[int, bytes]], bool]:
+def _statements(lines: TextLines, others: Indices, raw: RawScene) -> tuple[list[tuple[int, bytes]], bool]:
     """Lines and names of `usemtl`, and whether there are smoothing groups; statements that are not used are noted."""
-    used, left_out, smoothing = [], Counter(), False
+    used: list[tuple[int, bytes]] = []
+    left_out: Counter[bytes] = Counter()
+    smoothing = False
     for number in others.tolist():
         key, _, rest = lines.line(number).replace(b"\t", b" ").partition(b" ")
         if key.lower() == b"usemtl":
@@ -208,12 +218,14 @@ class _Materials:
     Index 0 is grey, for faces without a material.
     """
 
-    def __init__(self, path: Path, text: bytes, names: list[bytes], raw: RawScene) -> None:
+    def __init__(self, path: Path, text: bytes, used: list[tuple[int, bytes]], raw: RawScene) -> None:
         self.entries, self.index = [LibraryMaterial(raw.materials[0])], {b"": 0}
-        defined, undefined = _defined(path, text, raw), []
+        self._used = used
+        defined = _defined(path, text, raw)
+        undefined: list[str] = []
         plain = Counter(_plain(key) for key in defined)
         by_plain = {_plain(key): entry for key, entry in defined.items() if plain[_plain(key)] == 1}
-        for name in dict.fromkeys(names):
+        for name in dict.fromkeys(name for _, name in used):
             if name in self.index:
                 continue
             entry = defined.get(name) or by_plain.get(_plain(name))
@@ -226,6 +238,11 @@ class _Materials:
         if undefined:
             more = f" and {len(undefined) - 10:,} more" if len(undefined) > 10 else ""
             raw.note(f"Materials that no library defines, grey: {', '.join(undefined[:10])}{more}.")
+
+    def at(self, lines: Indices) -> Indices:
+        """Indices of the materials that faces in these lines have, int64."""
+        current = np.searchsorted([line for line, _ in self._used], lines)
+        return np.array([0, *(self.index[name] for _, name in self._used)])[current]
 
 
 def _defined(path: Path, text: bytes, raw: RawScene) -> dict[bytes, LibraryMaterial]:
@@ -254,18 +271,17 @@ class _Faces:
     """Polygons of at least three corners.
 
     lines: int64 (P), where each stands. counts: int64 (P), its corners. v, vt, vn: int64 (C), what the corners refer
-    to, from 0; -1 for no vt or vn. materials: int64 (P).
+    to, from 0; -1 for no vt or vn.
     """
 
-    lines: np.ndarray
-    counts: np.ndarray
-    v: np.ndarray
-    vt: np.ndarray
-    vn: np.ndarray
-    materials: np.ndarray | None = None
+    lines: Indices
+    counts: Indices
+    v: Longs
+    vt: Longs
+    vn: Longs
 
 
-def _faces(lines: TextLines, kinds: np.ndarray, fields: np.ndarray, sizes: list[int], raw: RawScene) -> _Faces:
+def _faces(lines: TextLines, kinds: Indices, fields: Longs, sizes: list[int], raw: RawScene) -> _Faces:
     """The file's faces from their `_fields`; `sizes` counts v, vt and vn lines.
 
     Raises IndexError for vertices that are not there.
@@ -288,7 +304,7 @@ def _faces(lines: TextLines, kinds: np.ndarray, fields: np.ndarray, sizes: list[
     return _Faces(rows[full], counts[full], v, vt, vn)
 
 
-def _fields(text: bytes, count: int) -> np.ndarray:
+def _fields(text: bytes, count: int) -> Longs:
     """v, vt and vn of all corners of faces, int64 (3, C), as they stand there; 0 for those left out."""
     text += b"\n"
     if b"/" not in text:
@@ -309,22 +325,23 @@ def _fields(text: bytes, count: int) -> np.ndarray:
 
 def _add_parts(
     faces: _Faces,
-    positions: np.ndarray,
-    colours: np.ndarray | None,
-    uvs: np.ndarray,
-    normals: np.ndarray,
+    positions: Doubles,
+    colours: Floats | None,
+    uvs: Doubles,
+    normals: Doubles,
     materials: _Materials,
     raw: RawScene,
 ) -> None:
     """One part for each material, and apart from the others those faces that lack texture coordinates or normals."""
+    material_of = materials.at(faces.lines)
     mapped = _whole(faces.vt, len(uvs), faces.counts, "texture coordinates", raw)
     smooth = _whole(faces.vn, len(normals), faces.counts, "normals", raw)
     bare = np.zeros(len(materials.entries), bool)
-    bare[faces.materials[~mapped]] = True
+    bare[material_of[~mapped]] = True
     textured = np.array([entry.textured for entry in materials.entries])
-    mapped &= (textured | ~bare)[faces.materials]  # coordinates that no texture needs do not split a part
+    mapped &= (textured | ~bare)[material_of]  # coordinates that no texture needs do not split a part
     places, polygon = triangulated(positions, faces.v, faces.counts, raw)
-    group = (faces.materials * 4 + mapped * 2 + smooth)[polygon]
+    group = (material_of * 4 + mapped * 2 + smooth)[polygon]
     order = np.argsort(group, kind="stable")
     for triangles in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
         corners = places[triangles].ravel()
@@ -339,12 +356,13 @@ def _add_parts(
         raw.parts.append(part)
 
 
-def _whole(field: np.ndarray, size: int, counts: np.ndarray, what: str, raw: RawScene) -> np.ndarray:
+def _whole(field: Longs, size: int, counts: Indices, what: str, raw: RawScene) -> Bools:
     """Faces (P) whose corners all refer to something that is there; those of which only some do are noted."""
-    good = np.add.reduceat((field >= 0) & (field < size), np.cumsum(counts) - counts, dtype=np.int64)
+    good: Longs = np.add.reduceat((field >= 0) & (field < size), np.cumsum(counts) - counts, dtype=np.int64)
     meant = np.add.reduceat(field >= 0, np.cumsum(counts) - counts, dtype=np.int64) > 0
     raw.note(
         f"Faces with {what} that are missing at some corners, drawn without them: {{}}.",
         (meant & (good < counts)).sum(),
     )
-    return good == counts
+    complete: Bools = good == counts
+    return complete

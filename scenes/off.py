@@ -12,9 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.scenes.file_colours import linear_colours, whole
 from shading_atlas_bench.scenes.files import file_text
-from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.model import Indices, SceneError
 from shading_atlas_bench.scenes.polygons import triangulated, usable_polygons, vertex_numbers
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.text_lines import TextLines, numbers
@@ -30,10 +31,10 @@ class Faces:
     face's first corner in them. counts: of its corners. sizes: of what comes behind these. left: lines behind the last.
     """
 
-    values: np.ndarray
-    first: np.ndarray
-    counts: np.ndarray
-    sizes: np.ndarray
+    values: Doubles
+    first: Indices
+    counts: Indices
+    sizes: Indices
     left: int
     text: bytes
 
@@ -46,6 +47,7 @@ def read_off(path: Path, raw: RawScene) -> None:
     """
     text = re.sub(rb"#[^\n]*", b"", file_text(path))
     head = re.match(rb"\s*(?:(ST)?(C)?(N)?(4?n?)OFF\b)?\s*(BINARY)?", text)
+    assert head is not None  # every part of the pattern may be absent
     if head[4] or head[5]:
         raise SceneError("Its points are binary or of more than three dimensions; it has to be a plain OFF file.")
     sizes = _SIZES.match(text, head.end())
@@ -63,7 +65,7 @@ def read_off(path: Path, raw: RawScene) -> None:
         width = _width(has)
         table, lines = _cut(lines, vertices * width)
         layout = _behind(lines, faces)
-    part = _vertices(numbers(table, vertices * width).reshape(vertices, width), has, raw)
+    part = _vertices(numbers(table, vertices * width, np.float64).reshape(vertices, width), has, raw)
     raw.note("Lines behind the last face of the OFF file, left out: {}.", layout.left)
     raw.parts.append(_with_faces(part, layout, raw))
 
@@ -97,12 +99,12 @@ def _behind(lines: TextLines, faces: int) -> Faces:
     return layout
 
 
-def _in_lines(lines: TextLines, rows: np.ndarray, faces: int) -> Faces | None:
+def _in_lines(lines: TextLines, rows: Indices, faces: int) -> Faces | None:
     """Faces that have a line each; None where they do not."""
     if faces > len(rows):
         return None
     widths, text = lines.counts[rows[:faces]], lines.joined(rows[:faces])
-    values = numbers(text, int(widths.sum()))
+    values = numbers(text, int(widths.sum()), np.float64)
     start = np.cumsum(widths) - widths
     counts = values[start]
     if not ((counts == np.floor(counts)) & (counts >= 0) & (counts < widths)).all():
@@ -111,11 +113,11 @@ def _in_lines(lines: TextLines, rows: np.ndarray, faces: int) -> Faces | None:
     return Faces(values, start + 1, counts, widths - counts - 1, len(rows) - faces, text)
 
 
-def _anyhow(lines: TextLines, rows: np.ndarray, faces: int) -> Faces:
+def _anyhow(lines: TextLines, rows: Indices, faces: int) -> Faces:
     """Faces whose corners may stand in several lines; the last one of these ends the face, with what is its colour."""
     text = lines.joined(rows)
     ends = np.cumsum(lines.counts[rows]).tolist()
-    values = numbers(text, ends[-1] if ends else 0)
+    values = numbers(text, ends[-1] if ends else 0, np.float64)
     found, at = [], 0
     for _ in range(faces):
         if at == len(values):
@@ -130,11 +132,11 @@ def _anyhow(lines: TextLines, rows: np.ndarray, faces: int) -> Faces:
         end = ends[bisect_right(ends, last)]
         found.append((at + 1, int(count), end - last - 1))
         at = end
-    table = np.array(found, np.int64).reshape(-1, 3)
-    return Faces(values, *table.T, len(ends) - bisect_right(ends, at), text)
+    first, counts, sizes = np.array(found, np.int64).reshape(-1, 3).T
+    return Faces(values, first, counts, sizes, len(ends) - bisect_right(ends, at), text)
 
 
-def _vertices(table: np.ndarray, has: tuple[bool, ...], raw: RawScene) -> Part:
+def _vertices(table: Doubles, has: tuple[bool, ...], raw: RawScene) -> Part:
     """A part without triangles; each row holds a position, then the normal, colour and coordinates of `has`."""
     textured, coloured, smooth = has
     width = table.shape[1]
@@ -170,7 +172,7 @@ def _with_faces(part: Part, faces: Faces, raw: RawScene) -> Part:
     return part
 
 
-def _face_colours(faces: Faces, left_out: bool, raw: RawScene) -> np.ndarray | None:
+def _face_colours(faces: Faces, left_out: bool, raw: RawScene) -> Floats | None:
     """Colours of faces, float32 (P, 4), white for those without; None where no face has any."""
     sizes, start = faces.sizes, faces.first + faces.counts
     usable = (sizes == 3) | (sizes == 4)

@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
 from shading_atlas_bench.scenes.lines import curve, smoothed
 from shading_atlas_bench.scenes.model import Scene
@@ -48,9 +49,9 @@ class PathError(ValueError):
 class Poses:
     """Poses in time: times_ms float64 (N), positions float64 (N, 3), orientations float64 (N, 4) x, y, z, w."""
 
-    times_ms: np.ndarray
-    positions: np.ndarray
-    orientations: np.ndarray
+    times_ms: Doubles
+    positions: Doubles
+    orientations: Doubles
 
     def part(self, start: int, stop: int | None) -> Poses:
         """The poses start..stop-1."""
@@ -67,9 +68,9 @@ class CameraPath:
     """
 
     name: str
-    times_ms: np.ndarray
-    positions: np.ndarray
-    orientations: np.ndarray
+    times_ms: Doubles
+    positions: Doubles
+    orientations: Doubles
     beyond: Poses | None = None
     notes: tuple[str, ...] = ()
 
@@ -87,12 +88,12 @@ class CameraPath:
                     digest.update(np.ascontiguousarray(array, np.float64).tobytes())
         return digest.hexdigest()
 
-    def pose_at(self, t_ms: float) -> tuple[np.ndarray, np.ndarray]:
+    def pose_at(self, t_ms: float) -> tuple[Doubles, Doubles]:
         """Position (3) and orientation (4) at a time: interpolated, and going on at the last speed after the end.
 
         Before the first pose it is the first pose.
         """
-        poses = self if self.beyond is None or t_ms <= self.times_ms[-1] else self._end()
+        poses = self if self.beyond is None or t_ms <= self.times_ms[-1] else self._end(self.beyond)
         times = poses.times_ms
         if t_ms <= times[0] or len(times) == 1:
             return poses.positions[0].copy(), poses.orientations[0].copy()
@@ -104,13 +105,12 @@ class CameraPath:
         position = poses.positions[k] + share * (poses.positions[k + 1] - poses.positions[k])
         return position, slerp(poses.orientations[k], poses.orientations[k + 1], share)
 
-    def _end(self) -> Poses:
+    def _end(self, beyond: Poses) -> Poses:
         """The last frame and all beyond."""
         return Poses(
-            *(
-                np.concatenate([getattr(self, name)[-1:], getattr(self.beyond, name)])
-                for name in ("times_ms", "positions", "orientations")
-            )
+            np.concatenate([self.times_ms[-1:], beyond.times_ms]),
+            np.concatenate([self.positions[-1:], beyond.positions]),
+            np.concatenate([self.orientations[-1:], beyond.orientations]),
         )
 
 
@@ -168,7 +168,7 @@ def _file(name: str) -> Path:
     raise PathError(f"There is no path or file {name!r}; the paths are {', '.join(_PATHS)}{hint}")
 
 
-def read_path(file: Path, origin: np.ndarray) -> Poses:
+def read_path(file: Path, origin: Doubles) -> Poses:
     """Poses of a text file (see above) relative to `origin`, or PathError naming the file and the line."""
     rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw")
     table = np.array([row for _, row in rows])
@@ -210,18 +210,18 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
     return rows
 
 
-def _frame_times(count: int) -> np.ndarray:
-    return np.arange(count) * 1000.0 / RATE
+def _frame_times(count: int) -> Doubles:
+    return np.arange(count, dtype=np.float64) * 1000.0 / RATE
 
 
-def _circle(centre: np.ndarray, distance: float, degrees: np.ndarray, elevation: float) -> Poses:
+def _circle(centre: Doubles, distance: float, degrees: Doubles, elevation: float) -> Poses:
     """Poses on a circle around `centre` at angles (N), from +z towards +x, `elevation` degrees above it."""
     angle, tilt = np.radians(degrees), np.radians(elevation)
     outwards = np.stack([sin(angle) * cos(tilt), np.full(len(angle), sin(tilt)), cos(angle) * cos(tilt)], axis=1)
     return Poses(_frame_times(len(degrees)), centre + outwards * distance, looking(-outwards))
 
 
-def _framing(scene: Scene) -> tuple[np.ndarray, float]:
+def _framing(scene: Scene) -> tuple[Doubles, float]:
     """The centre of the scene, and the distance from which a circling camera has all of it in view."""
     low, high = _extent(scene)
     centre, half = (low + high) / 2, (high - low) / 2
@@ -230,7 +230,7 @@ def _framing(scene: Scene) -> tuple[np.ndarray, float]:
     return centre, 1.1 * max(fits)
 
 
-def _extent(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
+def _extent(scene: Scene) -> tuple[Doubles, Doubles]:
     """What an orbit frames: an object's bounds; of a place the middle nine tenths of its triangles along each axis."""
     if not scene.place:
         return scene.bounds
@@ -257,7 +257,7 @@ def _orbit(scene: Scene) -> Poses:
 
 
 def _turntable(scene: Scene) -> Poses:
-    degrees = np.arange(round(360 / TURNTABLE_STEP) + LEAD_OUT) * TURNTABLE_STEP
+    degrees = np.arange(round(360 / TURNTABLE_STEP) + LEAD_OUT, dtype=np.float64) * TURNTABLE_STEP
     return _circle(*_framing(scene), degrees, 5.0)
 
 
@@ -305,14 +305,14 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
     return _stand(scene, eye, direction, seed)
 
 
-def _in_sight(scene: Scene, eye: np.ndarray, other: np.ndarray) -> bool:
+def _in_sight(scene: Scene, eye: Doubles, other: Doubles) -> bool:
     """Whether nothing stands between two points: the nearest free place may lie behind a wall."""
     way = other - eye
     length = float(np.linalg.norm(way, axis=-1))
     return length == 0 or Rays(scene).distance(eye, way / length) > length
 
 
-def _stand(scene: Scene, eye: np.ndarray, direction: np.ndarray, seed: int) -> Poses:
+def _stand(scene: Scene, eye: Doubles, direction: Doubles, seed: int) -> Poses:
     """One slow step from `eye` the way the camera looks, at most STEP metres and a quarter of what is free."""
     ahead = direction / np.linalg.norm(direction, axis=-1)
     free = Rays(scene).distance(eye, ahead) * scene.metres_per_unit
@@ -321,14 +321,14 @@ def _stand(scene: Scene, eye: np.ndarray, direction: np.ndarray, seed: int) -> P
     return _stroll(eyes, ahead, scene.metres_per_unit, seed, step * RATE / (WALK_FRAMES + LEAD_OUT))
 
 
-def _rounded(points: np.ndarray) -> np.ndarray:
+def _rounded(points: Doubles) -> Doubles:
     """A polyline (N, 3) as a smooth line with a point about every twentieth of a leg."""
     along = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
     fine = np.linspace(0, along[-1], 20 * len(points))
     return curve(along, points, fine)
 
 
-def _stroll(eyes: np.ndarray, direction: np.ndarray, metres_per_unit: float, seed: int, speed: float = SPEED) -> Poses:
+def _stroll(eyes: Doubles, direction: Doubles, metres_per_unit: float, seed: int, speed: float = SPEED) -> Poses:
     """A walk with the eyes along a line (N, 3), looking along `direction` first: steps, sway, a look around.
 
     Steps: 1.9 a second, 2 cm up and down; sway half as often. The gaze follows the way with a lag and wanders by about

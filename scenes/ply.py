@@ -14,10 +14,11 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Floats, Longs
 from shading_atlas_bench.scenes.file_colours import linear_colours
 from shading_atlas_bench.scenes.files import find_beside, named_file, shown, written_differently
 from shading_atlas_bench.scenes.images import read_image
-from shading_atlas_bench.scenes.model import Material, Texture
+from shading_atlas_bench.scenes.model import Indices, Material, Texture
 from shading_atlas_bench.scenes.polygons import distinct, triangulated, usable_polygons, vertex_numbers
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.text_lines import count_words, numbers
@@ -46,8 +47,8 @@ class Element:
     name: str
     rows: int
     kinds: dict[str, tuple[str, str]] = field(default_factory=dict)
-    values: dict[str, np.ndarray] = field(default_factory=dict)
-    lengths: dict[str, np.ndarray] = field(default_factory=dict)
+    values: dict[str, Array] = field(default_factory=dict)
+    lengths: dict[str, Indices] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
 
     def chosen(self, *choices: tuple[str, ...]) -> tuple[str, ...] | None:
@@ -55,15 +56,17 @@ class Element:
         there = self.values.keys() - self.lengths.keys()
         return next((names for names in choices if there.issuperset(names)), None)
 
-    def columns(self, *choices: tuple[str, ...]) -> np.ndarray | None:
+    def columns(self, *choices: tuple[str, ...]) -> Array | None:
         """The properties of the first choice of which all are there, side by side (rows, names)."""
         names = self.chosen(*choices)
-        if names is None:
-            return None
+        return None if names is None else self.stacked(names)
+
+    def stacked(self, names: tuple[str, ...]) -> Array:
+        """Properties that are there, side by side (rows, names)."""
         self.used.update(names)
         return np.stack([self.values[name] for name in names], axis=1)
 
-    def list(self, *names: str) -> tuple[np.ndarray, np.ndarray] | None:
+    def list(self, *names: str) -> tuple[Array, Indices] | None:
         """Values and lengths of the first of these lists that is there."""
         for name in names:
             if name in self.lengths:
@@ -148,7 +151,7 @@ def _read_values(elements: list[Element], body: bytes, header: bytes) -> None:
         raise ValueError("its header tells no known format")
     text, order = form[1] == b"ascii", ">" if form[1] == b"binary_big_endian" else "<"
     if text:
-        body = numbers(body, count_words(body)).astype("<f8").tobytes()
+        body = numbers(body, count_words(body), np.float64).astype("<f8").tobytes()
     at = 0
     for element in elements:
         at = _read_element(element, body, at, order, text)
@@ -172,9 +175,10 @@ def _read_element(element: Element, body: bytes, at: int, order: str, text: bool
     return read
 
 
-def _read_equal(element: Element, stored: dict, body: bytes, at: int, order: str) -> int | None:
+def _read_equal(element: Element, stored: dict[str, tuple[str, str]], body: bytes, at: int, order: str) -> int | None:
     """As `_read_element`, all rows at once; None where not every row's lists are as long as those of the first."""
-    fields, end = [], at
+    fields: list[tuple[str, str] | tuple[str, str, tuple[int]]] = []
+    end = at
     for number, (kind, length) in enumerate(stored.values()):
         count = 1
         if length:
@@ -205,7 +209,7 @@ def _length(stored: float) -> int:
     return int(stored)
 
 
-def _read_different(element: Element, stored: dict, body: bytes, at: int, order: str) -> int:
+def _read_different(element: Element, stored: dict[str, tuple[str, str]], body: bytes, at: int, order: str) -> int:
     """As `_read_element`, row by row."""
     steps = [
         (struct.Struct(order + length).unpack_from if length else None, struct.calcsize(order + (length or kind)))
@@ -228,10 +232,10 @@ def _read_different(element: Element, stored: dict, body: bytes, at: int, order:
         if at > len(body):
             raise ValueError("it ends within its data")
     letters = np.frombuffer(body, np.uint8)
-    for (name, (kind, length)), size, place, count in zip(stored.items(), sizes, places, lengths, strict=True):
-        first = np.array(place, np.int64)
-        if length:
-            element.lengths[name] = np.array(count, np.int64)
+    for (name, (kind, prefix)), size, starts, counts in zip(stored.items(), sizes, places, lengths, strict=True):
+        first = np.array(starts, np.int64)
+        if prefix:
+            element.lengths[name] = np.array(counts, np.int64)
             begin = np.cumsum(element.lengths[name]) - element.lengths[name]
             within = np.arange(element.lengths[name].sum()) - np.repeat(begin, element.lengths[name])
             first = np.repeat(first, element.lengths[name]) + size * within
@@ -239,13 +243,13 @@ def _read_different(element: Element, stored: dict, body: bytes, at: int, order:
     return at
 
 
-def _colours(element: Element, raw: RawScene) -> np.ndarray | None:
+def _colours(element: Element, raw: RawScene) -> Floats | None:
     """Linear RGBA, float32 (rows, 4): what a value means follows from its own type, whatever those beside it have."""
     rgb = element.chosen(*_COLOURS)
     if rgb is None:
         return None
     alike = itertools.groupby(rgb, key=lambda name: element.kinds[name])
-    channels = [element.columns(tuple(names)) for _, names in alike]
+    channels = [element.stacked(tuple(names)) for _, names in alike]
     alpha = element.columns(*((name,) for name in _ALPHAS))
     if alpha is not None and alpha.dtype == channels[-1].dtype:
         channels[-1] = np.concatenate([channels[-1], alpha], axis=1)
@@ -254,7 +258,7 @@ def _colours(element: Element, raw: RawScene) -> np.ndarray | None:
     return linear_colours(raw, *channels)
 
 
-def _turned(uvs: np.ndarray) -> np.ndarray:
+def _turned(uvs: Array) -> Doubles:
     """Texture coordinates (N, 2), float64, counted from a picture's upper edge instead of its lower one."""
     return np.stack([uvs[:, 0], 1 - uvs[:, 1].astype(np.float64)], axis=1)
 
@@ -291,7 +295,7 @@ def _faces(element: Element, whole: Part, pictures: int, raw: RawScene) -> list[
     ]
 
 
-def _with_wedges(part: Part, corners: np.ndarray, uvs: np.ndarray) -> Part:
+def _with_wedges(part: Part, corners: Longs, uvs: Array) -> Part:
     """A part whose triangles' corners, int64 (3 T) places in `uvs`, have texture coordinates of their own."""
     exact = np.ascontiguousarray(uvs, np.float32).view(np.int64).ravel()
     same = np.unique(exact, return_inverse=True)[1]

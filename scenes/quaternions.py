@@ -3,32 +3,36 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan2, sin_cos
 from shading_atlas_bench.arithmetic.matrices import dot
 
 
-def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def multiply(a: ArrayLike, b: ArrayLike) -> Doubles:
     """Rotation b followed by rotation a, (..., 4)."""
     a, b = np.asarray(a, np.float64), np.asarray(b, np.float64)
-    vector = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
-    scalar = a[..., 3] * b[..., 3] - np.sum(a[..., :3] * b[..., :3], axis=-1)
+    vector: Doubles = a[..., 3:] * b[..., :3] + b[..., 3:] * a[..., :3] + np.cross(a[..., :3], b[..., :3])
+    scalar: Doubles = a[..., 3] * b[..., 3] - np.sum(a[..., :3] * b[..., :3], axis=-1)
     return np.concatenate([vector, scalar[..., None]], axis=-1)
 
 
-def conjugate(q: np.ndarray) -> np.ndarray:
+def conjugate(q: ArrayLike) -> Doubles:
     """The inverse rotation of unit quaternions (..., 4)."""
-    return np.asarray(q, np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+    inverse: Doubles = np.asarray(q, np.float64) * np.array([-1.0, -1.0, -1.0, 1.0])
+    return inverse
 
 
-def rotate(q: np.ndarray, v: np.ndarray) -> np.ndarray:
+def rotate(q: ArrayLike, v: Doubles) -> Doubles:
     """Vectors (..., 3) rotated by unit quaternions (..., 4)."""
     q = np.asarray(q, np.float64)
     twice = 2 * np.cross(q[..., :3], v)
-    return v + q[..., 3:] * twice + np.cross(q[..., :3], twice)
+    rotated: Doubles = v + q[..., 3:] * twice + np.cross(q[..., :3], twice)
+    return rotated
 
 
-def about(axis: int, radians: np.ndarray | float) -> np.ndarray:
+def about(axis: int, radians: Doubles | float) -> Doubles:
     """Rotations (..., 4) about coordinate axis 0, 1 or 2, counter-clockwise as seen from its tip."""
     half = np.asarray(radians, np.float64) / 2
     out = np.zeros((*half.shape, 4))
@@ -36,7 +40,7 @@ def about(axis: int, radians: np.ndarray | float) -> np.ndarray:
     return out
 
 
-def looking(direction: np.ndarray, up: np.ndarray = (0.0, 1.0, 0.0)) -> np.ndarray:
+def looking(direction: ArrayLike, up: ArrayLike = (0.0, 1.0, 0.0)) -> Doubles:
     """Camera-to-world orientations (..., 4) that look along directions (..., 3) with `up` (..., 3) upwards."""
     direction = np.asarray(direction, np.float64)
     back = -direction / np.linalg.norm(direction, axis=-1, keepdims=True)
@@ -48,7 +52,7 @@ def looking(direction: np.ndarray, up: np.ndarray = (0.0, 1.0, 0.0)) -> np.ndarr
     return from_matrix(np.stack([right, np.cross(back, right), back], axis=-1))
 
 
-def from_matrix(m: np.ndarray) -> np.ndarray:
+def from_matrix(m: Doubles) -> Doubles:
     """Unit quaternions (..., 4) of rotation matrices (..., 3, 3); w is never negative."""
     diagonal = m[..., [0, 1, 2], [0, 1, 2]]
     trace = diagonal.sum(axis=-1, keepdims=True)
@@ -64,12 +68,12 @@ def from_matrix(m: np.ndarray) -> np.ndarray:
     return upright(best / np.linalg.norm(best, axis=-1, keepdims=True))
 
 
-def upright(q: np.ndarray) -> np.ndarray:
+def upright(q: Doubles) -> Doubles:
     """The same rotations with w >= 0."""
     return np.where(q[..., 3:] < 0, -q, q)
 
 
-def slerp(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
+def slerp(a: Doubles, b: Doubles, t: float) -> Doubles:
     """The rotation `t` of the short way from a to b, (4); t outside 0..1 goes on turning at the same speed."""
     cosine = float(dot(a, b))
     if cosine < 0:
@@ -80,4 +84,5 @@ def slerp(a: np.ndarray, b: np.ndarray, t: float) -> np.ndarray:
         return np.array(a, np.float64)
     away, stay = sin_cos(arctan2(sine, cosine) * t)
     out = a * stay + rest * (away / sine)
-    return out / np.linalg.norm(out, axis=-1)
+    unit: Doubles = out / np.linalg.norm(out, axis=-1)
+    return unit

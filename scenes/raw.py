@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from typing import SupportsInt
 
 import numpy as np
 
-from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Light, Material, Texture
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Indices, Light, Material, Texture
 
 
 @dataclass
@@ -20,21 +22,32 @@ class Part:
     transforms: float64 (N, 4, 4), local to world, column vectors.
     """
 
-    positions: np.ndarray
-    indices: np.ndarray
+    positions: Array
+    indices: Indices
     material: int
-    normals: np.ndarray | None = None
-    uvs: np.ndarray | None = None
-    colours: np.ndarray | None = None
-    tangents: np.ndarray | None = None
-    transforms: np.ndarray = field(default_factory=lambda: np.eye(4)[None])
-    further_uvs: tuple[np.ndarray | None, ...] = ()
+    normals: Array | None = None
+    uvs: Array | None = None
+    colours: Array | None = None
+    tangents: Array | None = None
+    transforms: Doubles = field(default_factory=lambda: np.eye(4)[None])
+    further_uvs: tuple[Array | None, ...] = ()
 
-    def taking(self, vertices: np.ndarray, indices: np.ndarray) -> Part:
+    def taking(self, vertices: Indices, indices: Indices) -> Part:
         """The part with only these vertices (any index array, repeats allowed) and these triangles of them."""
-        attributes = [self.normals, self.uvs, self.colours, self.tangents, *self.further_uvs]
-        taken = [None if a is None else a[vertices] for a in attributes]
-        return Part(self.positions[vertices], indices, self.material, *taken[:4], self.transforms, tuple(taken[4:]))
+
+        def of(attribute: Array | None) -> Array | None:
+            return None if attribute is None else attribute[vertices]
+
+        return replace(
+            self,
+            positions=self.positions[vertices],
+            indices=indices,
+            normals=of(self.normals),
+            uvs=of(self.uvs),
+            colours=of(self.colours),
+            tangents=of(self.tangents),
+            further_uvs=tuple(of(uvs) for uvs in self.further_uvs),
+        )
 
 
 @dataclass
@@ -52,7 +65,7 @@ class RawScene:
     lights: list[Light] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
 
-    def note(self, sentence: str, count: int = 1) -> None:
+    def note(self, sentence: str, count: SupportsInt = 1) -> None:
         """Count something for the report; nothing is noted for a count of 0."""
         if count:
             self.counts[sentence] += int(count)

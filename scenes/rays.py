@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import transform
-from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.model import Indices, Scene
 
 _SLACK = 1e-4  # of the distance: what float32 may lose before a bounding sphere is taken as missed
 _CHUNK = 1 << 15  # triangles at a time: temporaries stay in the processor's cache
@@ -23,9 +25,9 @@ class Panorama:
     whether it is the triangle's front that is seen.
     """
 
-    distances: np.ndarray
-    triangles: np.ndarray
-    fronts: np.ndarray
+    distances: Doubles
+    triangles: Indices
+    fronts: Bools
 
     @classmethod
     def empty(cls) -> Panorama:
@@ -43,7 +45,7 @@ class Rays:
         reach = np.maximum.reduce([np.linalg.norm(corner - centres, axis=1) for corner in corners])
         self._centres, self._radii = np.ascontiguousarray(centres.T), reach
 
-    def distance(self, start: np.ndarray, direction: np.ndarray) -> float:
+    def distance(self, start: ArrayLike, direction: ArrayLike) -> float:
         """Distance in scene units to the first triangle from `start` (3) along the unit `direction` (3), or infinity.
 
         Either side of a triangle counts.
@@ -57,7 +59,7 @@ class Rays:
         corners = self._scene.positions[self._scene.indices[candidates]].astype(np.float64)
         return _nearest(transform(_frame(direction), corners - start))
 
-    def panorama(self, start: np.ndarray) -> Panorama:
+    def panorama(self, start: Doubles) -> Panorama:
         """What is seen all around from `start` (3), in the directions of `panorama_directions`."""
         start = np.asarray(start, np.float64)
         parts = [self._met(start, number) for number in range(0, len(self._radii), _CHUNK)]
@@ -72,7 +74,7 @@ class Rays:
         )
         return seen
 
-    def _met(self, start: np.ndarray, number: int) -> tuple[np.ndarray, ...]:
+    def _met(self, start: Doubles, number: int) -> tuple[Indices, Indices, Indices, Doubles, Bools]:
         """What directions of a panorama meet of _CHUNK triangles from `number` on: triangles, the directions' two
         numbers, distances, and whether fronts are met, all (N)."""
         candidates, first, counts = self._windows(start, number)
@@ -86,15 +88,16 @@ class Rays:
         hit = np.isfinite(distance)
         return triangle[hit], turn[hit], slope[hit], distance[hit], front[hit]
 
-    def _near(self, triangles: np.ndarray, start: np.ndarray, ways: np.ndarray) -> np.ndarray:
+    def _near(self, triangles: Indices, start: Doubles, ways: Doubles) -> Bools:
         """Which of some triangles (N) have a bounding sphere that the direction beside it (3, N) may meet."""
         offset = [self._centres[axis, triangles] - start[axis] for axis in range(3)]
         along = sum(part * way for part, way in zip(offset, ways, strict=True))
         squared = sum(part * part for part in offset)
         radii = self._radii[triangles]
-        return (squared - along * along <= radii * radii + _SLACK * squared) & (along > -radii)
+        near: Bools = (squared - along * along <= radii * radii + _SLACK * squared) & (along > -radii)
+        return near
 
-    def _windows(self, start: np.ndarray, number: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _windows(self, start: Doubles, number: int) -> tuple[Indices, Ints, Ints]:
         """Of _CHUNK triangles from `number` on those (N) that directions of a panorama may meet: their numbers, the
         first direction (2, N) of each along both axes, and how many (2, N) from there on."""
         rows = slice(number, number + _CHUNK)
@@ -120,7 +123,7 @@ class Rays:
         return number + seen[met], first[:, met], counts[:, met]
 
 
-def panorama_directions() -> np.ndarray:
+def panorama_directions() -> Doubles:
     """Unit directions, float64 (TURNS, SLOPES, 3): even in diamond angle from x towards z, and in height."""
     quarter, part = np.divmod((np.arange(TURNS) + 0.5) * 4 / TURNS, 1)
     x, z = 1 - part, part
@@ -135,14 +138,14 @@ def panorama_directions() -> np.ndarray:
     return out
 
 
-def _diamond(x: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _diamond(x: Floats, z: Floats) -> Floats:
     """The angle of (x, z) in quarter turns, 0..4, as the taxi goes: monotone, never steeper than the true one."""
     length = np.abs(x) + np.abs(z)
     share = z / np.where(length > 0, length, 1)
     return np.where(x >= 0, np.where(z >= 0, share, 4 + share), 2 - share)
 
 
-def lattice_pairs(rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def lattice_pairs(rows: Indices, columns: Indices) -> tuple[Indices, Indices, Indices]:
     """All cells of windows of `rows` x `columns` (N): the window's number, the row and the column of each."""
     counts = rows.astype(np.int64) * columns
     owner = np.repeat(np.arange(len(counts)), counts)
@@ -150,7 +153,7 @@ def lattice_pairs(rows: np.ndarray, columns: np.ndarray) -> tuple[np.ndarray, np
     return owner, *np.divmod(number, columns[owner])
 
 
-def _crossings(corners: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _crossings(corners: Doubles, ways: Doubles) -> tuple[Doubles, Bools]:
     """Distances (N) from the origin along unit directions (3, N) to triangles (N, 3, 3), and whether fronts are met."""
     x, y, z = np.ascontiguousarray(corners.transpose(2, 1, 0))
     weights = np.empty(x.shape)
@@ -169,7 +172,7 @@ def _crossings(corners: np.ndarray, ways: np.ndarray) -> tuple[np.ndarray, np.nd
     return distance, area < 0
 
 
-def _nearest(corners: np.ndarray) -> float:
+def _nearest(corners: Doubles) -> float:
     """Smallest positive third coordinate where triangles (T, 3, 3) cross the third axis, or infinity."""
     x, y, z = corners.transpose(2, 1, 0)
     weights = np.stack([x[b] * y[c] - x[c] * y[b] for b, c in ((1, 2), (2, 0), (0, 1))])
@@ -179,7 +182,7 @@ def _nearest(corners: np.ndarray) -> float:
     return float(depth[depth > 0].min(initial=np.inf))
 
 
-def _frame(direction: np.ndarray) -> np.ndarray:
+def _frame(direction: Doubles) -> Doubles:
     """Rows: two unit vectors across and the direction itself (3, 3)."""
     helper = np.eye(3)[np.argmin(np.abs(direction))]
     across = np.cross(helper, direction)

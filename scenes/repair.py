@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import ctypes
 import sys
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 import numpy as np
 
-from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.arithmetic.arrays import Doubles
+from shading_atlas_bench.scenes.model import Indices, SceneError
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.system_libraries import missing_library
 
@@ -75,7 +78,7 @@ def decimated(part: Part, ratio: float, raw: RawScene) -> Part:
     return _rebuilt(part, result.vertex_matrix(), faces, uvs)
 
 
-def _apply(meshes: object, work: str, **options: object) -> None:
+def _apply(meshes: Any, work: str, **options: object) -> None:
     """One pymeshlab filter; raises SceneError where it fails."""
     try:
         meshes.apply_filter(work, **options)
@@ -84,7 +87,7 @@ def _apply(meshes: object, work: str, **options: object) -> None:
         raise SceneError(f"pymeshlab could not do {work} ({reason}); load the file without it.") from error
 
 
-def _rebuilt(part: Part, positions: np.ndarray, faces: np.ndarray, wedges: np.ndarray | None) -> Part:
+def _rebuilt(part: Part, positions: Doubles, faces: Indices, wedges: Doubles | None) -> Part:
     """A part from decimated geometry; vertices are split where their texture coordinates differ."""
     new = Part(positions, faces, part.material, transforms=part.transforms)
     if wedges is not None:
@@ -101,7 +104,7 @@ def _rebuilt(part: Part, positions: np.ndarray, faces: np.ndarray, wedges: np.nd
     return new
 
 
-def _welded(part: Part) -> tuple[np.ndarray, np.ndarray]:
+def _welded(part: Part) -> tuple[Indices, Doubles]:
     """Triangles (T, 3) of vertices at distinct positions, and these, float64."""
     points, number = np.unique(np.asarray(part.positions, np.float64), axis=0, return_inverse=True)
     return number.reshape(-1)[part.indices], points
@@ -113,14 +116,13 @@ def load_pymeshlab() -> ModuleType:
     Raises SceneError, saying what to install.
     """
     found = find_spec("pymeshlab")
-    if found is None:
+    if found is None or found.origin is None:
         raise SceneError("--repair and --decimate need pymeshlab: pip install -e '.[repair]' brings it.")
     try:
         if sys.platform == "linux":  # pymeshlab itself loads without a library that only its filters need
             ctypes.CDLL(str(Path(found.origin).parent / "lib" / "plugins" / "libfilter_meshing.so"))
-        import pymeshlab
+        return import_module("pymeshlab")
     except (ImportError, OSError) as error:
         library, remedy = missing_library(error) or ("", "")
         reason = f"the system library {library} for pymeshlab: {remedy}" if library else f"pymeshlab, but {error}"
         raise SceneError(f"--repair and --decimate need {reason}.") from error
-    return pymeshlab

@@ -9,10 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import power, sin, sin_cos
 from shading_atlas_bench.arithmetic.matrices import transform
 from shading_atlas_bench.scenes.builder import Mesh, Palette, lattice_indices, mesh, without_slivers
-from shading_atlas_bench.scenes.model import Camera, Light, Scene, SceneError, Sky
+from shading_atlas_bench.scenes.model import Camera, Light, Material, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 60_000
 LEAST_DETAIL, MOST_DETAIL = 2_000, 5_000_000
@@ -29,7 +30,7 @@ RINGS = (  # radii of the ring and of its tube, tilt in degrees, colour
 )
 
 
-def _surface(points: np.ndarray, material: int) -> Mesh:
+def _surface(points: Doubles, material: int) -> Mesh:
     """A closed lattice of points (rows, columns, 3), smooth, front outwards; its columns close, its rows need not."""
     rows, columns = points.shape[:2]
     around = np.gradient(np.concatenate([points[:, -2:-1], points, points[:, 1:2]], axis=1), axis=1)[:, 1:-1]
@@ -42,7 +43,7 @@ def _surface(points: np.ndarray, material: int) -> Mesh:
     return without_slivers(mesh(points, normals, np.stack([u, v], axis=-1), lattice_indices(rows, columns), material))
 
 
-def _shell(radius: float, triangles: int, material: int, rng: np.random.Generator) -> Mesh:
+def _shell(radius: float, triangles: int, material: int, rng: draws.Generator) -> Mesh:
     """A ball whose radius waves by up to a tenth."""
     rows = max(6, int(np.sqrt(triangles / 4)))
     phi, theta = np.meshgrid(np.linspace(-np.pi / 2, np.pi / 2, rows + 1), np.linspace(0, 2 * np.pi, 2 * rows + 1))
@@ -84,8 +85,9 @@ def make_shells(detail: int = DEFAULT_DETAIL, seed: int = 0) -> Scene:
     rng, palette = draws.generator(seed), Palette()
 
     def glass(name: str, colour: tuple[float, float, float]) -> int:
-        look = {"alpha_mode": "blend", "double_sided": True, "roughness": 0.6}
-        return palette.material(name, base_colour=(*colour, ALPHA), **look)
+        return palette.material(
+            Material(name, base_colour=(*colour, ALPHA), alpha_mode="blend", double_sided=True, roughness=0.6)
+        )
 
     parts = [
         _shell(radius, int(share * detail), glass(f"shell {number}", colour), rng)

@@ -16,9 +16,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles
 from shading_atlas_bench.arithmetic.functions import arctan2
 from shading_atlas_bench.arithmetic.matrices import dot
-from shading_atlas_bench.scenes.model import Camera, Scene
+from shading_atlas_bench.scenes.model import Camera, Indices, Scene
 from shading_atlas_bench.scenes.rays import SLOPES, TURNS, Rays, lattice_pairs, panorama_directions
 from shading_atlas_bench.scenes.walking import EYE_HEIGHT, HEADROOM, KNEE, carries
 
@@ -113,12 +114,12 @@ class _Spots:
     floor goes on all around. spacing: of the lattice, in scene units.
     """
 
-    points: np.ndarray
-    floors: np.ndarray
-    shells: np.ndarray
-    covered: np.ndarray
-    grounded: np.ndarray
-    roomy: np.ndarray
+    points: Doubles
+    floors: Indices
+    shells: Indices
+    covered: Bools
+    grounded: Bools
+    roomy: Bools
     spacing: float
 
     @classmethod
@@ -154,10 +155,17 @@ class _Spots:
         covered, grounded = above[stands] * unit <= HIGHEST_CEILING, beneath[stands] == 0
         return cls(points, floors, shells, covered, grounded, roomy, spacing).keeping(wide)
 
-    def keeping(self, some: np.ndarray) -> _Spots:
+    def keeping(self, some: Bools) -> _Spots:
         """The spots of a mask (N)."""
-        arrays = (self.points, self.floors, self.shells, self.covered, self.grounded, self.roomy)
-        return _Spots(*(array[some] for array in arrays), self.spacing)
+        return _Spots(
+            points=self.points[some],
+            floors=self.floors[some],
+            shells=self.shells[some],
+            covered=self.covered[some],
+            grounded=self.grounded[some],
+            roomy=self.roomy[some],
+            spacing=self.spacing,
+        )
 
     def outside_matter(self, scene: Scene, rays: Rays) -> _Spots:
         """Those that are not inside of solids: under a ceiling that faces up only where something is seen to stand."""
@@ -186,7 +194,7 @@ class _Spots:
         rise = np.quantile(points[:, 1], 0.95) - np.quantile(points[:, 1], 0.05)
         return bool(min(size[0], size[2]) >= LAND and rise >= RELIEF)
 
-    def chosen(self, scene: Scene) -> np.ndarray:
+    def chosen(self, scene: Scene) -> Indices:
         """SPOTS numbers of spots far from each other, where the scene holds most: half covered, half on open ground.
 
         Where there is only one of the two, all of them; where there is neither, anywhere.
@@ -197,7 +205,7 @@ class _Spots:
         groups = [group for group in groups if len(group)] or [np.flatnonzero(usable)]
         return np.concatenate([_spread(self.points, group, SPOTS // len(groups)) for group in groups])
 
-    def beside(self, best: int, chosen: np.ndarray) -> np.ndarray:
+    def beside(self, best: int, chosen: Indices) -> Indices:
         """NEARBY numbers of spots like `best`, no farther from it than the next two of those looked at."""
         away = np.linalg.norm(self.points - self.points[best], axis=1)
         near = (away <= np.sort(away[chosen])[min(2, len(chosen) - 1)]) & (away > 0) & self.roomy
@@ -212,9 +220,7 @@ def _overlap(scene: Scene) -> float:
     return float(np.sqrt((size[:, 0].astype(np.float64) * size[:, 1]).sum()))
 
 
-def _vertical_hits(
-    scene: Scene, low: np.ndarray, spacing: float, depth: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _vertical_hits(scene: Scene, low: Doubles, spacing: float, depth: int) -> tuple[Indices, Doubles, Indices, Bools]:
     """Columns (N), heights (N) and triangles (N) where vertical rays on a lattice meet a scene, sorted in this order,
     and whether the front faces upwards (N).
 
@@ -242,15 +248,15 @@ def _vertical_hits(
     return column[order], height[order], triangle[order], upwards[order]
 
 
-def _undersides(column: np.ndarray, metres: np.ndarray, upwards: np.ndarray) -> np.ndarray:
+def _undersides(column: Indices, metres: Doubles, upwards: Bools) -> Bools:
     """Which of the sorted hits (N), at these heights, face down below what faces up, too near for a person between."""
     solid = ~upwards[:-1] & upwards[1:] & (column[:-1] == column[1:])
     return np.append(solid & (np.diff(metres) < EYE_HEIGHT + HEADROOM), False)
 
 
 def _neighbours(
-    key: np.ndarray, column: np.ndarray, step: int, span: float, rise: float, depth: int
-) -> tuple[np.ndarray, np.ndarray]:
+    key: Doubles, column: Indices, step: int, span: float, rise: float, depth: int
+) -> tuple[Indices, Indices]:
     """Pairs of spots (two of N) on one floor whose columns are `step` apart."""
     wanted = key + step * span
     after = np.searchsorted(key, wanted)
@@ -263,17 +269,18 @@ def _neighbours(
     return here, nearest[here]
 
 
-def _joined(count: int, links: list[tuple[np.ndarray, np.ndarray]]) -> np.ndarray:
+def _joined(count: int, links: list[tuple[Indices, Indices]]) -> Indices:
     """The number (N) of the floor that each of `count` spots belongs to."""
     from scipy.sparse import coo_matrix
     from scipy.sparse.csgraph import connected_components
 
     here, there = (np.concatenate(part) for part in zip(*links, strict=True))
     graph = coo_matrix((np.ones(len(here), np.int8), (here, there)), shape=(count, count))
-    return connected_components(graph, directed=False)[1]
+    floors: Indices = connected_components(graph, directed=False)[1]
+    return floors
 
 
-def _eroded(spots: np.ndarray, links: list[tuple[np.ndarray, np.ndarray]], steps: int) -> np.ndarray:
+def _eroded(spots: Bools, links: list[tuple[Indices, Indices]], steps: int) -> Bools:
     """Those of some spots (bool (N)) that have others on all four sides, `steps` times over."""
     left = spots.copy()
     for _ in range(steps):
@@ -284,7 +291,7 @@ def _eroded(spots: np.ndarray, links: list[tuple[np.ndarray, np.ndarray]], steps
     return left
 
 
-def _crowded(scene: Scene, points: np.ndarray, usable: np.ndarray, spacing: float) -> np.ndarray:
+def _crowded(scene: Scene, points: Doubles, usable: Bools, spacing: float) -> Bools:
     """Whether points (N, 3) have as many triangles around as three quarters of the triangles have.
 
     All are taken where none of the `usable` (N) has.
@@ -295,9 +302,10 @@ def _crowded(scene: Scene, points: np.ndarray, usable: np.ndarray, spacing: floa
     shape = np.ceil((high - low)[[0, 2]] / spacing).astype(int) + 1
     centres = scene.positions[:, [0, 2]][scene.indices].mean(axis=1, dtype=np.float64)
 
-    def cells(places: np.ndarray) -> np.ndarray:
+    def cells(places: Doubles) -> Indices:
         x, z = ((places - low[[0, 2]]) / spacing).astype(int).T
-        return x * shape[1] + z
+        number: Indices = x * shape[1] + z
+        return number
 
     triangles = cells(centres)
     counts = np.bincount(triangles, minlength=shape[0] * shape[1]).reshape(shape).astype(np.float64)
@@ -307,7 +315,7 @@ def _crowded(scene: Scene, points: np.ndarray, usable: np.ndarray, spacing: floa
     return enough if (enough & usable).any() else np.ones(len(points), bool)
 
 
-def _spread(points: np.ndarray, among: np.ndarray, count: int) -> np.ndarray:
+def _spread(points: Doubles, among: Indices, count: int) -> Indices:
     """Up to `count` of the numbers `among`: first the one nearest the middle, then the farthest from those before."""
     places = points[among]
     off = np.linalg.norm(places - np.median(places, axis=0), axis=1)
@@ -331,13 +339,13 @@ class _Look:
     """
 
     spot: int
-    eye: np.ndarray
+    eye: Doubles
     fine: bool
     furnished: bool
     inside: bool
     among: bool
     score: float
-    direction: np.ndarray
+    direction: Doubles
 
     @classmethod
     def around(cls, scene: Scene, rays: Rays, spots: _Spots, spot: int) -> _Look:
@@ -370,7 +378,7 @@ class _Look:
         )
 
 
-def _angles(level: np.ndarray) -> np.ndarray:
+def _angles(level: Doubles) -> Doubles:
     """The part of a full turn, in radians, that each of the directions (TURNS, 3) stands for."""
     turn = np.unwrap(arctan2(level[:, 2], level[:, 0]))
     edges = (turn + np.roll(turn, -1)) / 2
@@ -378,7 +386,7 @@ def _angles(level: np.ndarray) -> np.ndarray:
     return np.diff(np.concatenate([[edges[-1] - 2 * np.pi], edges]))
 
 
-def _scores(distances: np.ndarray, triangles: np.ndarray, level: np.ndarray, angles: np.ndarray) -> np.ndarray:
+def _scores(distances: Doubles, triangles: Indices, level: Doubles, angles: Doubles) -> Doubles:
     """How good (TURNS) the view is in each direction: up to 1, 0 for an empty sky.
 
     distances: metres, (TURNS, SLOPES). triangles: what is seen there. Good is a view of what is neither near nor far,
@@ -390,4 +398,5 @@ def _scores(distances: np.ndarray, triangles: np.ndarray, level: np.ndarray, ang
     weights = np.maximum(dot(level[:, None], level[None]) - VIEW, 0) * angles
     view = weights > 0
     detail = np.array([len(np.unique(triangles[row])) for row in view]) / (view.sum(axis=1) * len(SLOPES))
-    return (weights * worth).sum(axis=1) / weights.sum(axis=1) * (PLAIN + (1 - PLAIN) * detail)
+    scores: Doubles = (weights * worth).sum(axis=1) / weights.sum(axis=1) * (PLAIN + (1 - PLAIN) * detail)
+    return scores

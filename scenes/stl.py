@@ -33,10 +33,7 @@ def read_stl(path: Path, raw: RawScene) -> None:
             raise SceneError("Not every facet in it has three vertices.") from error
     solids = mesh["geometry"].values() if "geometry" in mesh else [mesh]
     for solid in solids:
-        positions, indices = (
-            np.asarray(solid[key], kind) for key, kind in (("vertices", np.float64), ("faces", np.int64))
-        )
-        raw.parts.append(Part(positions, indices, 0))
+        raw.parts.append(Part(np.asarray(solid["vertices"], np.float64), np.asarray(solid["faces"], np.int64), 0))
         colours = solid.get("face_attributes", {}).get("stl", np.zeros(0))
         raw.note("Triangles with a colour in the STL file's attributes, left out: {}.", np.count_nonzero(colours))
     if not any("face_attributes" in solid for solid in solids):

@@ -7,10 +7,14 @@ from __future__ import annotations
 
 import functools
 import zlib
+from collections.abc import Sequence
+from typing import NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.fourier import inverse_real
 from shading_atlas_bench.arithmetic.functions import cos, exp, hypot, log, sin, sin_cos
 
@@ -27,12 +31,12 @@ GLYPHS = {
 }  # fmt: skip
 
 
-def generator(seed: int, name: str) -> np.random.Generator:
+def generator(seed: int, name: str) -> draws.Generator:
     """Random numbers of one named thing: adding another thing changes nothing here."""
     return draws.generator([seed, zlib.crc32(name.encode())])
 
 
-def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tuple[float, float] = (1, 1)):
+def fractal(size: int, rng: draws.Generator, slope: float = 1.2, stretch: tuple[float, float] = (1, 1)) -> Floats:
     """Seamless noise float32 (size, size) in 0..1, mean 0.5: amplitudes fall as frequency ** -slope.
 
     stretch: how much longer features are along u and v.
@@ -50,7 +54,7 @@ def fractal(size: int, rng: np.random.Generator, slope: float = 1.2, stretch: tu
     return np.clip(noise, 0, 1, out=noise)
 
 
-def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
+def _directions(rng: draws.Generator, shape: tuple[int, ...]) -> Floats:
     """Cosines and sines (2, *shape) of random angles: of 2 ** 24, as sums of a coarse and a fine one from a table."""
     angle = (rng.random(shape, np.float32) * 2**24).astype(np.int64)
     (coarse_x, coarse_y), (fine_x, fine_y) = (
@@ -63,33 +67,37 @@ def _directions(rng: np.random.Generator, shape: tuple[int, int]) -> np.ndarray:
 
 
 @functools.cache
-def _angles() -> tuple[np.ndarray, np.ndarray]:
+def _angles() -> tuple[Floats, Floats]:
     """Cosines and sines (2, 4096) of the multiples of a turn's 4096th part, and of that part's 4096th part."""
     steps = np.arange(4096) * (2 * np.pi)
-    return tuple(np.stack(sin_cos(steps / parts)[::-1]).astype(np.float32) for parts in (2**12, 2**24))
+    coarse, fine = (np.stack(sin_cos(steps / parts)[::-1]).astype(np.float32) for parts in (2**12, 2**24))
+    return coarse, fine
 
 
-def _coordinates(size: int) -> tuple[np.ndarray, np.ndarray]:
+def _coordinates(size: int) -> tuple[Floats, Floats]:
     """Texel centres (x, y) in 0..1, broadcastable to (size, size)."""
-    t = (np.arange(size, dtype=np.float32) + 0.5) / size
+    t = np.arange(size, dtype=np.float32)
+    t += 0.5
+    t /= size
     return t[None, :], t[:, None]
 
 
-def _mix(a, b, t) -> np.ndarray:
+def _mix(a: ArrayLike, b: ArrayLike, t: Array) -> Array:
     """Colours a and b, (..., 3) or (3,), mixed by t (H, W)."""
-    a, b = np.asarray(a, np.float32), np.asarray(b, np.float32)
-    out = np.empty((*t.shape, 3), np.result_type(t, np.float32))
+    low, high = np.asarray(a, np.float32), np.asarray(b, np.float32)
+    out: Array = np.empty((*t.shape, 3), np.result_type(t, np.float32))
     for channel in range(3):  # whole pictures at once: NumPy is slow along an axis of three
-        out[..., channel] = a[..., channel] + (b[..., channel] - a[..., channel]) * t
+        out[..., channel] = low[..., channel] + (high[..., channel] - low[..., channel]) * t
     return out
 
 
-def _blend(a: np.ndarray | float, b: np.ndarray | float, share: np.ndarray) -> np.ndarray:
+def _blend(a: Array | float, b: Array | float, share: Array) -> Array:
     """a where the share is 0, b where it is 1."""
-    return a + (b - a) * share
+    blended: Array = a + (b - a) * share
+    return blended
 
 
-def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
+def _texels(colour: Array, alpha: Array | None = None) -> Bytes:
     """uint8 (H, W, 4) of colours (H, W, 3) and alpha (H, W) in 0..1."""
     out = np.full((*colour.shape[:2], 4), 255, np.uint8)
     bytes_ = np.clip(colour, 0, 1)
@@ -101,14 +109,14 @@ def _texels(colour: np.ndarray, alpha: np.ndarray | None = None) -> np.ndarray:
     return out
 
 
-def _wear(roughness: np.ndarray, metal: np.ndarray | float = 1.0) -> np.ndarray:
+def _wear(roughness: Array, metal: Array | float = 1.0) -> Bytes:
     """A texture of roughness (H, W) in green and metalness in blue, as glTF has them; red is not read."""
     out = np.ones((*roughness.shape, 3), np.float32)
     out[..., 1], out[..., 2] = roughness, metal
     return _texels(out)
 
 
-def normal_map(height: np.ndarray, metres_per_texel: float) -> np.ndarray:
+def normal_map(height: Array, metres_per_texel: float) -> Bytes:
     """A tangent-space normal map of a seamless height field (H, W) in metres; green points up in the image."""
     du = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / (2 * metres_per_texel)
     dv = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / (2 * metres_per_texel)
@@ -116,7 +124,7 @@ def normal_map(height: np.ndarray, metres_per_texel: float) -> np.ndarray:
     return _texels(np.stack([-du / length, dv / length, 1 / length], axis=-1) * 0.5 + 0.5)
 
 
-def _wall(size: int, columns: int, rows: int, joint: float, shift: float):
+def _wall(size: int, columns: int, rows: int, joint: float, shift: float) -> tuple[Ints, Doubles]:
     """A running bond: the stone's random-number index (H, W), and how far inside it a texel is (0 joint .. 1).
 
     joint: width of a joint in courses; shift: how far every other course is shifted, in stones.
@@ -132,7 +140,7 @@ def _wall(size: int, columns: int, rows: int, joint: float, shift: float):
     return row * columns + column, inside
 
 
-def brick(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+def brick(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
     """A brick wall of 8 x 24 bricks (for a tile of 2 m) and its normal map."""
     rng = generator(seed, "brick")
     stone, inside = _wall(size, 8, 24, 0.14, 0.5)
@@ -143,7 +151,7 @@ def brick(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     return _texels(colour), normal_map(inside * 0.006 + grain * inside * 0.003, 2 / size)
 
 
-def tiles(seed: int, count: int = 4, size: int = 512) -> np.ndarray:
+def tiles(seed: int, count: int = 4, size: int = 512) -> Bytes:
     """Square tiles, some darker, for a tile of 1.2 m."""
     rng = generator(seed, "tiles")
     stone, inside = _wall(size, count, count, 0.03, 0.0)
@@ -156,7 +164,7 @@ def tiles(seed: int, count: int = 4, size: int = 512) -> np.ndarray:
     return _texels(colour)
 
 
-def tile_wear(seed: int, count: int = 4, size: int = 256) -> np.ndarray:
+def tile_wear(seed: int, count: int = 4, size: int = 256) -> Bytes:
     """Roughness of `tiles` under a sealing coat: smears, scuffs, some tiles worn more than others, matt joints."""
     rng = generator(seed, "tile wear")
     stone, inside = _wall(size, count, count, 0.03, 0.0)
@@ -166,7 +174,7 @@ def tile_wear(seed: int, count: int = 4, size: int = 256) -> np.ndarray:
     return _wear(_blend(0.8, np.minimum(rough, 0.6), inside))
 
 
-def concrete(seed: int, size: int = 512) -> np.ndarray:
+def concrete(seed: int, size: int = 512) -> Bytes:
     """Grey concrete with pores and stains."""
     rng = generator(seed, "concrete")
     grain, stain = fractal(size, rng, 0.6), fractal(size, rng, 1.6)
@@ -175,7 +183,7 @@ def concrete(seed: int, size: int = 512) -> np.ndarray:
     return _texels(shade[..., None] * np.array([1.0, 0.98, 0.94], np.float32))
 
 
-def paint(seed: int, size: int = 512) -> np.ndarray:
+def paint(seed: int, size: int = 512) -> Bytes:
     """Near-white painted metal with scratches and grime, to be tinted."""
     rng = generator(seed, "paint")
     grain = fractal(size, rng, 0.9)
@@ -184,7 +192,7 @@ def paint(seed: int, size: int = 512) -> np.ndarray:
     return _texels((0.83 + 0.14 * grain - 0.35 * scratch - 0.06 * fine)[..., None].repeat(3, -1))
 
 
-def paint_wear(seed: int, size: int = 512) -> np.ndarray:
+def paint_wear(seed: int, size: int = 512) -> Bytes:
     """Roughness of `paint` of a size, at half of it: gloss where it is sound, dull scratches and grime."""
     rng = generator(seed, "paint")
     grain = fractal(size, rng, 0.9)
@@ -194,7 +202,7 @@ def paint_wear(seed: int, size: int = 512) -> np.ndarray:
     return _wear(np.clip(0.24 + 0.9 * grime + 0.2 * (0.5 - grain) + 0.4 * scratch, 0.16, 0.8))
 
 
-def metal_wear(seed: int, size: int = 256) -> np.ndarray:
+def metal_wear(seed: int, size: int = 256) -> Bytes:
     """Roughness and metalness of brushed metal plates: fine lines, and dull oxide in patches."""
     rng = generator(seed, "metal wear")
     brushed, patches = fractal(size, rng, 0.5, (0.05, 1)), fractal(size, rng, 1.4)
@@ -202,7 +210,7 @@ def metal_wear(seed: int, size: int = 256) -> np.ndarray:
     return _wear(0.32 + 0.35 * (brushed - 0.3) + 0.35 * oxide, 1 - 0.6 * oxide)
 
 
-def rivets(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+def rivets(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
     """Metal plates, 2 x 2 in a tile of 2 m, with rows of rivets, and their normal map."""
     rng = generator(seed, "rivets")
     plate, inside = _wall(size, 2, 2, 0.01, 0.0)
@@ -218,7 +226,7 @@ def rivets(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     return _texels(shade[..., None] * np.array([0.96, 0.98, 1.0], np.float32)), normal_map(height, 2 / size)
 
 
-def tread(seed: int, size: int = 512) -> np.ndarray:
+def tread(seed: int, size: int = 512) -> Bytes:
     """Tread plate: short raised bars in alternating directions."""
     rng = generator(seed, "tread")
     x, y = _coordinates(size)
@@ -231,7 +239,7 @@ def tread(seed: int, size: int = 512) -> np.ndarray:
     return _texels(shade[..., None].repeat(3, -1))
 
 
-def stripes(seed: int, size: int = 256) -> np.ndarray:
+def stripes(seed: int, size: int = 256) -> Bytes:
     """Yellow and black diagonal hazard stripes."""
     x, y = _coordinates(size)
     yellow = (((x + y) * 4) % 1 < 0.5).astype(np.float32)
@@ -239,7 +247,7 @@ def stripes(seed: int, size: int = 256) -> np.ndarray:
     return _texels(_mix((0.08, 0.08, 0.08), (0.92, 0.74, 0.08), yellow) * (0.75 + 0.4 * grain)[..., None])
 
 
-def ruler(size: int = 512) -> np.ndarray:
+def ruler(size: int = 512) -> Bytes:
     """A calibration board: checkers of three sizes, rings and a ruler along the lower edge."""
     x, y = _coordinates(size)
     checks = np.where(x < 0.5, 8, 32)
@@ -254,18 +262,20 @@ def ruler(size: int = 512) -> np.ndarray:
 
 
 @functools.cache
-def _glyph(character: str) -> np.ndarray:
+def _glyph(character: str) -> Floats:
     """Bits (7, 6) of a character, with an empty column after it."""
     rows = bytes.fromhex(GLYPHS.get(character, "00" * 7))
     return np.array([[row >> (4 - k) & 1 if k < 5 else 0 for k in range(6)] for row in rows], np.float32)
 
 
-def text(lines: list[str], scale: int) -> np.ndarray:
+def text(lines: Sequence[str], scale: int) -> Floats:
     """Coverage (H, W) of lines of text, each texel of the font `scale` texels wide."""
     width = max(len(line) for line in lines)
     rows = [np.vstack([np.hstack([_glyph(c) for c in line.ljust(width)]), np.zeros((2, width * 6))]) for line in lines]
     return np.vstack(rows).astype(np.float32).repeat(scale, axis=0).repeat(scale, axis=1)
 
+
+Boards: TypeAlias = tuple[tuple[tuple[str, ...], str], ...]
 
 # The ground and ink colours of signs, and the signs: their lines and the name of their colours.
 INKS = {
@@ -276,7 +286,7 @@ INKS = {
     "blue": ((0.10, 0.25, 0.55), (0.96, 0.96, 0.96)),
     "brown": ((0.72, 0.56, 0.38), (0.20, 0.12, 0.06)),
 }
-SIGNS = (
+SIGNS: Boards = (
     (("CELL A-1",), "white"),
     (("DANGER", "ROBOT"), "yellow"),
     (("EXIT",), "green"),
@@ -302,22 +312,23 @@ def sign_cell(index: int) -> tuple[float, float, float, float]:
     return (u + 0.002, v + 0.002, u + 0.248, v + 0.248)
 
 
-def signs(boards: tuple = SIGNS) -> np.ndarray:
+def signs(boards: Boards = SIGNS) -> Bytes:
     """Sixteen square signs with text, 4 x 4 in 1024 x 1024 texels."""
     out = np.empty((1024, 1024, 3), np.float32)
-    for index, (lines, inks) in enumerate(boards):
+    for index, (lines, colours) in enumerate(boards):
+        ground, ink = INKS[colours]
         cell = np.zeros((256, 256), np.float32)
         cell[6:250, 6:12] = cell[6:250, 244:250] = cell[6:12, 6:250] = cell[244:250, 6:250] = 1
         scale = max(1, min(224 // (6 * max(len(line) for line in lines)), 200 // (9 * len(lines))))
-        letters = text(list(lines), scale)
+        letters = text(lines, scale)
         top, left = (256 - letters.shape[0]) // 2, (256 - letters.shape[1]) // 2
         cell[top : top + letters.shape[0], left : left + letters.shape[1]] = letters
         row, column = divmod(index, 4)
-        out[row * 256 : row * 256 + 256, column * 256 : column * 256 + 256] = _mix(*INKS[inks], cell)
+        out[row * 256 : row * 256 + 256, column * 256 : column * 256 + 256] = _mix(ground, ink, cell)
     return _texels(out)
 
 
-def screen(seed: int, size: int = 512) -> np.ndarray:
+def screen(seed: int, size: int = 512) -> Bytes:
     """A monitor: lines of text, a curve on a grid and bars."""
     rng = generator(seed, "screen")
     letters = list("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789     -.:")
@@ -339,7 +350,7 @@ def screen(seed: int, size: int = 512) -> np.ndarray:
     return _texels(colour)
 
 
-def planks(seed: int, count: int = 8, size: int = 512, dark=(0.30, 0.20, 0.12), light=(0.56, 0.41, 0.26)) -> np.ndarray:
+def planks(seed: int, count: int = 8, size: int = 512) -> Bytes:
     """Boards along v with wood grain, knots and gaps, `count` across."""
     rng = generator(seed, "planks")
     x, _ = _coordinates(size)
@@ -350,10 +361,10 @@ def planks(seed: int, count: int = 8, size: int = 512, dark=(0.30, 0.20, 0.12), 
     tone = 0.25 * rng.random(count, np.float32)[board] + 0.4 * rings + 0.6 * (fine - 0.5) + 0.2
     edge = np.minimum(x * count % 1, 1 - x * count % 1)
     gap = np.clip(edge / 0.03, 0.12, 1)
-    return _texels(_mix(dark, light, tone) * gap[..., None])
+    return _texels(_mix((0.30, 0.20, 0.12), (0.56, 0.41, 0.26), tone) * gap[..., None])
 
 
-def cardboard(seed: int, size: int = 256) -> np.ndarray:
+def cardboard(seed: int, size: int = 256) -> Bytes:
     """Corrugated cardboard."""
     rng = generator(seed, "cardboard")
     x, _ = _coordinates(size)
@@ -362,7 +373,7 @@ def cardboard(seed: int, size: int = 256) -> np.ndarray:
     return _texels(shade[..., None] * np.array([0.78, 0.60, 0.41], np.float32))
 
 
-def _cells(size: int, count: int, rng: np.random.Generator):
+def _cells(size: int, count: int, rng: draws.Generator) -> tuple[Array, Array, Ints]:
     """Seamless irregular cells: distances to the nearest and second nearest point, in cells, and the cell's index."""
     points = rng.random((count, count, 2), np.float32) * 0.8 + 0.1
     x, y = _coordinates(size)
@@ -381,7 +392,7 @@ def _cells(size: int, count: int, rng: np.random.Generator):
     return np.sqrt(near), np.sqrt(second), index
 
 
-def cobbles(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+def cobbles(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
     """Rounded field stones in mortar (a tile of 2 m holds 9 x 9) and their normal map."""
     rng = generator(seed, "cobbles")
     near, second, index = _cells(size, 9, rng)
@@ -392,7 +403,7 @@ def cobbles(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     return _texels(_mix((0.30, 0.27, 0.22), stone, dome)), normal_map(np.sqrt(dome) * 0.03 + grain * 0.008, 2 / size)
 
 
-def paving(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def paving(seed: int, size: int = 512) -> tuple[Bytes, Bytes, Bytes]:
     """Trodden cobbles after rain: colours, normal map and roughness. Stones are polished; in wet patches they are dark
     and water stands in the joints, level."""
     colour, _ = cobbles(seed, size)
@@ -409,7 +420,7 @@ def paving(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return _texels(shade), normal_map(height, 2 / size), _wear(_blend(rough, 0.06, water))
 
 
-def mud(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
+def mud(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
     """Trodden earth after rain: colours and roughness. Where it is damp it is dark, and in the middle stands water."""
     earth = dirt(seed, size)[..., :3].astype(np.float32) / 255
     depth = fractal(size, generator(seed, "rain on earth"), 1.6)
@@ -418,7 +429,7 @@ def mud(seed: int, size: int = 512) -> tuple[np.ndarray, np.ndarray]:
     return _texels(earth * (1 - 0.35 * damp - 0.2 * water)[..., None]), _wear(rough)
 
 
-def grass(seed: int, size: int = 512) -> np.ndarray:
+def grass(seed: int, size: int = 512) -> Bytes:
     """Meadow from above: short strokes in many greens."""
     rng = generator(seed, "grass")
     blades = fractal(size, rng, 0.45, (0.35, 1)) * 0.5 + fractal(size, rng, 0.45, (1, 0.35)) * 0.5
@@ -429,7 +440,7 @@ def grass(seed: int, size: int = 512) -> np.ndarray:
     )
 
 
-def dirt(seed: int, size: int = 512) -> np.ndarray:
+def dirt(seed: int, size: int = 512) -> Bytes:
     """Trodden earth with pebbles."""
     rng = generator(seed, "dirt")
     near, _, index = (np.tile(part, (2, 2)) for part in _cells(size // 2, 12, rng))
@@ -439,7 +450,7 @@ def dirt(seed: int, size: int = 512) -> np.ndarray:
     return _texels(_mix(earth, stone * (1.1 - near * 1.5)[..., None], pebble.astype(np.float32)))
 
 
-def bark(seed: int, size: int = 512) -> np.ndarray:
+def bark(seed: int, size: int = 512) -> Bytes:
     """Furrowed bark along v."""
     rng = generator(seed, "bark")
     ridge = np.abs(fractal(size, rng, 0.9, (0.25, 1.5)) - 0.5) * 3
@@ -447,7 +458,7 @@ def bark(seed: int, size: int = 512) -> np.ndarray:
     return _texels(_mix((0.17, 0.13, 0.09), (0.45, 0.37, 0.28), np.clip(ridge, 0, 1)) * (0.7 + 0.6 * grain)[..., None])
 
 
-def shingle(seed: int, size: int = 512) -> np.ndarray:
+def shingle(seed: int, size: int = 512) -> Bytes:
     """Split wood for shingles, weathered grey, grain along v; uneven dark lower edges every eighth."""
     rng = generator(seed, "shingle")
     _, y = _coordinates(size)
@@ -458,7 +469,7 @@ def shingle(seed: int, size: int = 512) -> np.ndarray:
     return _texels(colour * (0.65 + 0.7 * stain)[..., None] * edge[..., None])
 
 
-def plaster(seed: int, size: int = 512) -> np.ndarray:
+def plaster(seed: int, size: int = 512) -> Bytes:
     """Lime plaster over daub, with straw and cracks."""
     rng = generator(seed, "plaster")
     stain, grain = fractal(size, rng, 1.3), fractal(size, rng, 0.5)
@@ -468,7 +479,7 @@ def plaster(seed: int, size: int = 512) -> np.ndarray:
     return _texels(shade[..., None] * np.array([1.0, 0.95, 0.83], np.float32))
 
 
-def cloth(size: int = 256) -> np.ndarray:
+def cloth(size: int = 256) -> Bytes:
     """Woven stripes of red and cream."""
     x, y = _coordinates(size)
     stripe = ((x * 8) % 1 < 0.5).astype(np.float32) * np.ones_like(y)
@@ -476,11 +487,22 @@ def cloth(size: int = 256) -> np.ndarray:
     return _texels(_mix((0.80, 0.75, 0.62), (0.58, 0.14, 0.11), stripe) * weave[..., None])
 
 
-def _stamped(size: int, leaves: list[tuple[float, float, float, float, float, tuple]], ground) -> np.ndarray:
-    """Pointed ellipses (x, y, angle, length, width, colour), lengths in 0..1, over a transparent ground colour."""
+class _Leaf(NamedTuple):
+    """A pointed ellipse about (x, y), turned by an angle in radians; lengths are shares of the picture's side."""
+
+    x: float
+    y: float
+    angle: float
+    length: float
+    width: float
+    colour: ArrayLike
+
+
+def _stamped(size: int, leaves: list[_Leaf], ground: ArrayLike) -> Bytes:
+    """Leaves over a transparent ground colour."""
     colour = np.broadcast_to(np.asarray(ground, np.float32), (size, size, 3)).copy()
     alpha = np.zeros((size, size), np.float32)
-    turns = np.stack(sin_cos([leaf[2] for leaf in leaves]), axis=1).tolist()
+    turns = np.stack(sin_cos(np.array([leaf.angle for leaf in leaves])), axis=1).tolist()
     for (cx, cy, _, length, width, tint), (sine, cosine) in zip(leaves, turns, strict=True):
         reach_x = int((length * abs(cosine) + width * abs(sine)) * size / 2) + 2
         reach_y = int((length * abs(sine) + width * abs(cosine)) * size / 2) + 2
@@ -498,18 +520,18 @@ def _stamped(size: int, leaves: list[tuple[float, float, float, float, float, tu
     return _texels(colour, alpha)
 
 
-def leaves(seed: int, size: int = 512) -> np.ndarray:
+def leaves(seed: int, size: int = 512) -> Bytes:
     """A twig full of leaves, cut out by alpha."""
     rng = generator(seed, "leaves")
-    stamps = [(0.5, 0.62, np.pi / 2, 0.7, 0.03, (0.25, 0.19, 0.12))]
+    stamps = [_Leaf(0.5, 0.62, np.pi / 2, 0.7, 0.03, (0.25, 0.19, 0.12))]
     for _ in range(150):
         r, a = 0.43 * np.sqrt(rng.random()), rng.uniform(0, 2 * np.pi)
         tint = np.array((0.24, 0.38, 0.11)) * rng.uniform(0.6, 1.25) + np.array((0.10, 0.04, 0.0)) * rng.random()
-        stamps.append((0.5 + r * cos(a), 0.5 + r * sin(a), a + rng.normal(0, 0.7), 0.13, 0.06, tuple(tint)))
+        stamps.append(_Leaf(0.5 + r * cos(a), 0.5 + r * sin(a), a + rng.normal(0, 0.7), 0.13, 0.06, tint))
     return _stamped(size, stamps, (0.22, 0.33, 0.11))
 
 
-def needles(seed: int, size: int = 512) -> np.ndarray:
+def needles(seed: int, size: int = 512) -> Bytes:
     """A fir branch pointing down in the image, cut out by alpha."""
     rng = generator(seed, "needles")
     stamps = []
@@ -519,13 +541,13 @@ def needles(seed: int, size: int = 512) -> np.ndarray:
         length = (0.42 * (1 - y) + 0.08) * rng.uniform(0.7, 1.1)
         angle = np.pi / 2 - side * rng.uniform(0.7, 1.1)
         tint = np.array((0.13, 0.26, 0.15)) * rng.uniform(0.6, 1.35)
-        middle = 0.5 + cos(angle) * length / 2, min(0.98, y + sin(angle) * length / 2)
-        stamps.append((*middle, angle, length, 0.034, tuple(tint)))
-    stamps.append((0.5, 0.5, np.pi / 2, 0.98, 0.03, (0.24, 0.18, 0.12)))
+        x, y = 0.5 + cos(angle) * length / 2, min(0.98, y + sin(angle) * length / 2)
+        stamps.append(_Leaf(x, y, angle, length, 0.034, tint))
+    stamps.append(_Leaf(0.5, 0.5, np.pi / 2, 0.98, 0.03, (0.24, 0.18, 0.12)))
     return _stamped(size, stamps, (0.12, 0.22, 0.13))
 
 
-def blades(seed: int, size: int = 512) -> np.ndarray:
+def blades(seed: int, size: int = 512) -> Bytes:
     """A tuft of grass blades growing from the lower edge, cut out by alpha."""
     rng = generator(seed, "blades")
     x = (np.arange(size, dtype=np.float32) + 0.5) / size

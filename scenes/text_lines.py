@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import warnings
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.scenes.files import shown
+from shading_atlas_bench.scenes.model import Indices
+
+_Number = TypeVar("_Number", np.float64, np.int64)
 
 _BLANK = 32  # it and all bytes below it separate words
 
@@ -32,7 +37,7 @@ class TextLines:
         """One line from its first word on."""
         return self.text[self.starts[number] : self.ends[number]]
 
-    def joined(self, lines: np.ndarray, keyword: int = 0) -> bytes:
+    def joined(self, lines: Indices, keyword: int = 0) -> bytes:
         """The text of some lines (rising numbers), each without the first `keyword` bytes of its first word."""
         if not len(lines):
             return b""
@@ -51,7 +56,7 @@ class TextLines:
         return part.tobytes()
 
 
-def numbers(text: bytes, count: int, dtype: type = np.float64) -> np.ndarray:
+def numbers(text: bytes, count: int, dtype: type[_Number]) -> NDArray[_Number]:
     """The `count` numbers of a text of nothing else, (count); raises ValueError, naming the first word that is none."""
     try:
         with warnings.catch_warnings():
@@ -64,7 +69,7 @@ def numbers(text: bytes, count: int, dtype: type = np.float64) -> np.ndarray:
     return values
 
 
-def _no_number(text: bytes, dtype: type) -> str:
+def _no_number(text: bytes, dtype: type[np.float64] | type[np.int64]) -> str:
     for word in text.split():
         try:
             dtype(word)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.matrices import cofactors, dot
 
 
-def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) -> np.ndarray:
+def compose(translation: Array, rotation: Array, scale: Array) -> Doubles:
     """Matrices (N, 4, 4) from translations (N, 3), quaternions (N, 4) x, y, z, w and scales (N, 3)."""
     rotation = rotation.astype(np.float64)
     length = np.linalg.norm(rotation, axis=1, keepdims=True)
@@ -22,7 +23,7 @@ def compose(translation: np.ndarray, rotation: np.ndarray, scale: np.ndarray) ->
     return matrices
 
 
-def normal_matrices(linear: np.ndarray) -> np.ndarray:
+def normal_matrices(linear: Doubles) -> Doubles:
     """Matrices (N, 3, 3) that carry normals along with (N, 3, 3): the inverse transpose up to a positive factor."""
     found = cofactors(linear)
     sign = np.where(dot(linear[:, 0], found[:, 0]) < 0, -1.0, 1.0)

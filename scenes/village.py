@@ -11,8 +11,11 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from shading_atlas_bench.arithmetic.functions import arctan, arctan2, cos, exp, hypot, power, sin
+from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles
+from shading_atlas_bench.arithmetic.functions import Numbers, arctan, arctan2, cos, exp, hypot, power, sin
 from shading_atlas_bench.arithmetic.matrices import product
 from shading_atlas_bench.scenes import surfaces
 from shading_atlas_bench.scenes.builder import (
@@ -40,12 +43,13 @@ from shading_atlas_bench.scenes.builder import (
     tube,
     without_slivers,
 )
-from shading_atlas_bench.scenes.model import Camera, Light, Scene, SceneError, Sky
+from shading_atlas_bench.scenes.model import Camera, Light, Material, Scene, SceneError, Sky
 
 DEFAULT_DETAIL = 200_000
 LEAST_DETAIL, MOST_DETAIL = 130_000, 8_000_000
 HALF, FAR = 60.0, 190.0  # metres from the middle to the village's edge and to the last hills
 EYE_HEIGHT = 1.6
+OVERHANG = 0.55  # metres of a roof beyond its walls
 UP = np.array([0.0, 1.0, 0.0])
 
 # Shares of the triangles that the fixed parts leave over; grass takes the rest.
@@ -60,9 +64,23 @@ HOUSES = (
 )  # fmt: skip
 
 
-def street(x: np.ndarray) -> np.ndarray:
+def street(x: Numbers) -> Numbers:
     """The z of the street's middle at x."""
-    return 4.0 * sin(np.asarray(x) / 15.0) + 1.5 * sin(np.asarray(x) / 6.5)
+    return 4.0 * sin(x / 15.0) + 1.5 * sin(x / 6.5)
+
+
+@dataclass(frozen=True)
+class _RoofSide:
+    """One side of a roof.
+
+    eave: its lower edge at x = 0. slope, outward: unit directions up along it and away from it. reach: its length along
+    the slope.
+    """
+
+    eave: Doubles
+    slope: Doubles
+    outward: Doubles
+    reach: float
 
 
 @dataclass
@@ -91,7 +109,7 @@ class _Materials:
     blades: int
 
 
-SIGNS = (
+SIGNS: surfaces.Boards = (
     (("BLACKSMITH",), "brown"), (("TAVERN", "EST. 893"), "brown"), (("HARBOUR", "2 MILES"), "brown"),
     (("BAKER",), "brown"), (("MARKET", "DAY 7"), "white"), (("WELL",), "blue"), (("NO. 12",), "white"),
     (("WEAVER",), "brown"),
@@ -104,41 +122,41 @@ def _materials(palette: Palette, seed: int) -> _Materials:
     mud, mud_wear = surfaces.mud(seed)
     paved, paved_normals, paved_wear = surfaces.paving(seed)
 
-    def add(name: str, tile: float, texels: np.ndarray, normals: np.ndarray | None = None, **properties) -> int:
-        base = palette.texture(name, texels)
-        bumps = -1 if normals is None else palette.texture(name + " normals", normals, srgb=False)
-        return palette.material(name, tile, base_colour=white, base_texture=base, normal_texture=bumps, **properties)
+    add, textured = palette.material, palette.textured
 
-    def worn(name: str, texels: np.ndarray) -> dict:
-        return {"surface_texture": palette.texture(name + " wear", texels, srgb=False), "roughness": 1.0}
+    def worn(name: str, texels: Bytes) -> Material:
+        return Material(name, white, surface_texture=palette.texture(name + " wear", texels, srgb=False))
 
     def alike(name: str, tile: float, other: int) -> int:
-        return palette.material(name, tile, base_colour=white, base_texture=palette.materials[other].base_texture)
+        return add(Material(name, white, palette.materials[other].base_texture), tile)
 
-    cut_out = {"alpha_mode": "mask", "alpha_cutoff": 0.5, "double_sided": True}
-    bark, shingle = add("bark", 1.0, surfaces.bark(seed)), add("shingle", 1.0, surfaces.shingle(seed))
-    grass = add("grass", 3.0, surfaces.grass(seed))
+    def cut_out(name: str, roughness: float) -> Material:
+        return Material(name, white, roughness=roughness, alpha_mode="mask", alpha_cutoff=0.5, double_sided=True)
+
+    bark = textured(Material("bark", white), 1.0, surfaces.bark(seed))
+    shingle = textured(Material("shingle", white), 1.0, surfaces.shingle(seed))
+    grass = textured(Material("grass", white), 3.0, surfaces.grass(seed))
     return _Materials(
         grass=grass,
         meadow=alike("meadow", 17.0, grass),
-        dirt=add("dirt", 2.5, mud, **worn("dirt", mud_wear)),
-        stone=add("stone", 2.0, stones, stone_normals, roughness=0.9),
-        paving=add("paving", 2.0, paved, paved_normals, **worn("paving", paved_wear)),
-        planks=add("planks", 1.6, surfaces.planks(seed), roughness=0.9),
+        dirt=textured(worn("dirt", mud_wear), 2.5, mud),
+        stone=textured(Material("stone", white, roughness=0.9), 2.0, stones, stone_normals),
+        paving=textured(worn("paving", paved_wear), 2.0, paved, paved_normals),
+        planks=textured(Material("planks", white, roughness=0.9), 1.6, surfaces.planks(seed)),
         timber=alike("timber", 0.7, bark),
         bark=bark,
         shingle=shingle,
-        plaster=add("plaster", 2.0, surfaces.plaster(seed)),
-        cloth=add("cloth", 1.5, surfaces.cloth()),
-        iron=palette.material("iron", base_colour=(0.10, 0.10, 0.11, 1), roughness=0.4, metallic=0.9),
+        plaster=textured(Material("plaster", white), 2.0, surfaces.plaster(seed)),
+        cloth=textured(Material("cloth", white), 1.5, surfaces.cloth()),
+        iron=add(Material("iron", (0.10, 0.10, 0.11, 1), roughness=0.4, metallic=0.9)),
         straw=alike("straw", 0.8, shingle),
-        paint=palette.material("paint", base_colour=white, roughness=0.35),
-        signs=add("signs", 1.0, surfaces.signs(SIGNS), roughness=0.5),
-        dark=palette.material("dark", base_colour=(0.012, 0.012, 0.015, 1), roughness=0.9),
-        glass=palette.material("glass", base_colour=(0.012, 0.012, 0.015, 1), roughness=0.08),
-        leaves=add("leaves", 1.0, surfaces.leaves(seed), roughness=0.5, **cut_out),
-        needles=add("needles", 1.0, surfaces.needles(seed), roughness=0.6, **cut_out),
-        blades=add("blades", 1.0, surfaces.blades(seed), roughness=0.65, **cut_out),
+        paint=add(Material("paint", white, roughness=0.35)),
+        signs=textured(Material("signs", white, roughness=0.5), 1.0, surfaces.signs(SIGNS)),
+        dark=add(Material("dark", (0.012, 0.012, 0.015, 1), roughness=0.9)),
+        glass=add(Material("glass", (0.012, 0.012, 0.015, 1), roughness=0.08)),
+        leaves=textured(cut_out("leaves", 0.5), 1.0, surfaces.leaves(seed)),
+        needles=textured(cut_out("needles", 0.6), 1.0, surfaces.needles(seed)),
+        blades=textured(cut_out("blades", 0.65), 1.0, surfaces.blades(seed)),
     )
 
 
@@ -149,14 +167,14 @@ class _Ground:
         rng = surfaces.generator(seed, "ground")
         self._waves = [
             (rng.uniform(0.16, 0.3), length, rng.uniform(0, 6.28), rng.uniform(0, 6.28))
-            for length in 8.0 * power(1.7, np.arange(9))
+            for length in 8.0 * power(1.7, np.arange(9.0))
         ]
         outside = HALF * power(FAR / HALF, np.arange(1, 13) / 12)
         self.axis = np.concatenate([-outside[::-1], np.linspace(-HALF, HALF, cells + 1), outside])
         x, z = np.meshgrid(self.axis, self.axis)
         self.grid = self._shape(x, z)
 
-    def _shape(self, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+    def _shape(self, x: Doubles, z: Doubles) -> Doubles:
         """The smooth land: gentle in the village, level under houses and along the street, hills around."""
         land, hills = np.zeros_like(x), np.zeros_like(x)
         for weight, length, turn, phase in self._waves:
@@ -170,7 +188,7 @@ class _Ground:
         trodden = _bell((z - street(x)) / 4.5) * (np.abs(x) < HALF + 20)
         return land * (1 - 0.8 * trodden) * 0.8 + np.maximum(rise, 0) * (1 - 0.6 * trodden)
 
-    def height(self, x, z) -> np.ndarray:
+    def height(self, x: ArrayLike, z: ArrayLike) -> Doubles:
         """The mesh's height at points, as its triangles show it."""
         x, z = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(z, np.float64))
         last = len(self.axis) - 2
@@ -180,12 +198,13 @@ class _Ground:
         v = (z - self.axis[j]) / (self.axis[j + 1] - self.axis[j])
         a, b = self.grid[j, i], self.grid[j, i + 1]
         c, d = self.grid[j + 1, i + 1], self.grid[j + 1, i]
-        return np.where(u > v, a + u * (b - a) + v * (c - b), a + v * (d - a) + u * (c - d))
+        height: Doubles = np.where(u > v, a + u * (b - a) + v * (c - b), a + v * (d - a) + u * (c - d))
+        return height
 
-    def points(self, x, z, above: float = 0.0) -> np.ndarray:
+    def points(self, x: ArrayLike, z: ArrayLike, above: float = 0.0) -> Doubles:
         """Points (N, 3) on the ground."""
-        x, z = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(z, np.float64))
-        return np.stack([x, self.height(x, z) + above, z], axis=-1)
+        across, along = np.broadcast_arrays(np.asarray(x, np.float64), np.asarray(z, np.float64))
+        return np.stack([across, self.height(across, along) + above, along], axis=-1)
 
 
 class _Village:
@@ -239,7 +258,7 @@ class _Village:
         plaza = [self._disc(np.array([3.0, street(3.0)]), r0, r1, angle) for r0, r1 in ((0.0, 3.0), (3.0, 6.5))]
         return merge(ribbons + plaza)
 
-    def _ribbon(self, line: np.ndarray, half: float, material: int) -> Mesh:
+    def _ribbon(self, line: Doubles, half: float, material: int) -> Mesh:
         """A ribbon of half width `half` along (x, z) points (N, 2)."""
         along = np.gradient(line, axis=0)
         side = np.stack([along[:, 1], -along[:, 0]], axis=1)
@@ -254,7 +273,7 @@ class _Village:
         indices = lattice_indices(len(line), len(across))[:, ::-1]
         return mesh(positions, np.broadcast_to(UP, positions.shape), uvs, indices, material)
 
-    def _disc(self, centre: np.ndarray, inner: float, outer: float, angle: np.ndarray) -> Mesh:
+    def _disc(self, centre: Doubles, inner: float, outer: float, angle: Doubles) -> Mesh:
         """A ring of the paved plaza on the terrain."""
         radii = np.linspace(inner, outer, self.count(5, 3))
         x = centre[0] + radii[:, None] * sin(angle)
@@ -281,15 +300,15 @@ class _Village:
         """House number `index` on the ground: its body and about `shingles` shingles."""
         rng = surfaces.generator(self.seed, f"shingles {index}")
         _, _, length, width, wall = HOUSES[index]
-        eave, slope, outward, reach, over = _roof_frame(width, wall)
-        sides = [self._slope(eave, slope, outward, reach, length / 2 + over, shingles // 2, rng) for _ in range(2)]
+        frame = _roof_side(width, wall)
+        sides = [self._slope(frame, length / 2 + OVERHANG, shingles // 2, rng) for _ in range(2)]
         x, z, yaw = self.houses[index]
         corner = hypot(length, width) / 2
         around = self.ground.height(x + corner * np.array([0, 1, -1, 0, 0]), z + corner * np.array([0, 0, 0, 1, -1]))
         level = float(around.max() + around.min()) / 2 + 0.12
         return moved(merge([body, sides[0], moved(sides[1], (0, 0, 0), 180)]), (x, level, z), yaw)
 
-    def _walls(self, length: float, width: float, wall: float, kind: int, rng: np.random.Generator) -> Mesh:
+    def _walls(self, length: float, width: float, wall: float, kind: int, rng: draws.Generator) -> Mesh:
         """Stone base, plank or plaster walls between posts with braces; the gables are boarded."""
         m, a, b = self.m, length / 2, width / 2
         dark = np.array([0.55, 0.5, 0.46])
@@ -324,7 +343,7 @@ class _Village:
         parts.append(struts(low, high, 0.14, m.timber, dark))
         return merge(parts)
 
-    def _openings(self, length: float, width: float, wall: float, rng: np.random.Generator) -> Mesh:
+    def _openings(self, length: float, width: float, wall: float, rng: draws.Generator) -> Mesh:
         """A door with iron bands and a ring, and shuttered windows; the front faces +z."""
         m, front = self.m, width / 2 + 0.06
         dark = np.array([0.45, 0.4, 0.36])
@@ -370,8 +389,9 @@ class _Village:
     def _roof(self, length: float, width: float, wall: float) -> Mesh:
         """Boarded gables, rafters, a deck, and barge boards that cross above the ridge; without shingles."""
         m, a = self.m, length / 2
-        eave, slope, outward, reach, over = _roof_frame(width, wall)
-        ridge = eave + slope * reach
+        side = _roof_side(width, wall)
+        eave, slope, outward = side.eave, side.slope, side.outward
+        ridge = eave + slope * side.reach
         dark = np.array([0.5, 0.45, 0.42])
         gables = []
         for x, turn in ((-a, -1), (a, 1)):
@@ -380,27 +400,28 @@ class _Village:
             uvs = corners[:, [2, 1]] * [1, -1]
             gables.append(mesh(corners, np.tile([turn, 0, 0], (3, 1)), uvs, [0, 1, 2], m.planks, (0.8, 0.75, 0.7)))
         turns = np.stack([[1, 0, 0], outward, -slope], axis=1)[None]
-        deck_size = (length + 2 * over, 0.08, reach)
-        deck = boxes([eave + slope * reach / 2 - outward * 0.05], deck_size, m.planks, turns, (0.6, 0.55, 0.5))
+        deck_size = (length + 2 * OVERHANG, 0.08, side.reach)
+        deck = boxes([eave + slope * side.reach / 2 - outward * 0.05], deck_size, m.planks, turns, (0.6, 0.55, 0.5))
         xs = np.linspace(-a, a, max(3, round(length / 1.2)))[:, None] * np.array([1.0, 0, 0])
         rafters = struts(xs + eave - outward * 0.14, xs + ridge - outward * 0.14, 0.1, m.timber, dark)
-        edges = np.array([[-a - over, 0.02, 0], [a + over, 0.02, 0]])
+        edges = np.array([[-a - OVERHANG, 0.02, 0], [a + OVERHANG, 0.02, 0]])
         boards = struts(
             edges + eave, edges + ridge + slope * 0.8, 0.07, m.timber, dark * 1.3, height=0.28, faces=ALL_FACES
         )
-        side = merge([deck, rafters, boards])
+        covered = merge([deck, rafters, boards])
         beam = edges + (ridge[1] + 0.04) * UP
         return merge(
             [
                 *gables,
-                side,
-                moved(side, (0, 0, 0), 180),
+                covered,
+                moved(covered, (0, 0, 0), 180),
                 struts(beam[:1], beam[1:], 0.2, m.timber, dark, faces=ALL_FACES),
             ]
         )
 
-    def _slope(self, eave, slope, outward, reach: float, half: float, count: int, rng: np.random.Generator) -> Mesh:
-        """Courses of shingles up one side of a roof: `count` of them, each a thin wedge."""
+    def _slope(self, side: _RoofSide, half: float, count: int, rng: draws.Generator) -> Mesh:
+        """Courses of shingles up one side of a roof of half length `half`: `count` of them, each a thin wedge."""
+        eave, slope, outward, reach = side.eave, side.slope, side.outward, side.reach
         size = max(0.09, np.sqrt(2 * half * reach / max(count, 8) / 1.3))
         columns, rows = max(3, round(2 * half / size)), max(3, round(reach / (1.3 * size)))
         row, column = (grid.ravel() for grid in np.meshgrid(np.arange(rows), np.arange(columns), indexing="ij"))
@@ -440,7 +461,7 @@ class _Village:
             ]
         )
 
-    def _shields(self, length: float, width: float, wall: float, rng: np.random.Generator) -> Mesh:
+    def _shields(self, length: float, width: float, wall: float, rng: draws.Generator) -> Mesh:
         """A row of painted round shields and two banners along the hall's front, and dragon posts beside its door."""
         m, front = self.m, width / 2 + 0.22
         n = self.count(18)
@@ -512,7 +533,7 @@ class _Village:
         slope = np.array([0, 0.7, -0.75]) / hypot(0.7, 0.75)
         eave = np.array([0, 2.35, 0.95])
         outward = np.array([0, -slope[2], slope[1]])
-        side = self._slope(eave, slope, outward, 1.25, 1.4, 60, rng)
+        side = self._slope(_RoofSide(eave, slope, outward, 1.25), 1.4, 60, rng)
         deck = boxes(
             [eave + slope * 0.62 - outward * 0.03],
             (2.8, 0.05, 1.25),
@@ -592,7 +613,7 @@ class _Village:
             ]
         )
 
-    def _stall(self, rng: np.random.Generator) -> Mesh:
+    def _stall(self, rng: draws.Generator) -> Mesh:
         """A market stall with a sagging striped awning, a counter, crates and fruit."""
         m, n = self.m, self.count(10)
         feet = np.array([(x, 0, z) for x in (-1.5, 1.5) for z in (-0.9, 0.9)])
@@ -627,7 +648,10 @@ class _Village:
     def things(self) -> list[Mesh]:
         """Barrels, carts, crates, stalls, wood piles, hay, signs and washing lines about the houses."""
         rng = surfaces.generator(self.seed, "things")
-        barrels, crates, hay, piles = [], [], [], []
+        barrels: list[Doubles] = []
+        crates: list[Doubles] = []
+        hay: list[Doubles] = []
+        piles: list[tuple[float, float, float]] = []
         for (x, z, yaw), house in zip(self.houses, HOUSES, strict=True):
             out = np.array([sin(np.radians(yaw)), cos(np.radians(yaw))])
             side = np.array([cos(np.radians(yaw)), -sin(np.radians(yaw))])
@@ -636,7 +660,8 @@ class _Village:
                 barrels.append(np.array([x, z]) + out * (front + 0.1 * (k % 2)) + side * (half - 0.6 - 0.8 * k))
             crates.append(np.array([x, z]) + out * front - side * (half - 0.7))
             if len(hay) % 2 == 0:
-                piles.append((*(np.array([x, z]) - side * (half + 1.15)), yaw + 90))
+                beside = np.array([x, z]) - side * (half + 1.15)
+                piles.append((beside[0], beside[1], yaw + 90))
             hay.append(np.array([x, z]) - out * (house[3] / 2 + 2.5) + side * rng.uniform(-2, 2))
         x, z, yaw = np.array(piles).T
         parts = [
@@ -661,12 +686,10 @@ class _Village:
         parts.append(self._washing())
         return parts
 
-    def _about(self, part: Mesh, places: np.ndarray, rng: np.random.Generator) -> Mesh:
+    def _about(self, part: Mesh, places: Doubles, rng: draws.Generator) -> Mesh:
         """Copies of a part at (x, z) places (N, 2) on the ground, turned, sized and tinted at random."""
-        count = len(places)
-        turned = placement(
-            self.ground.points(*places.T, -0.02), rng.uniform(0, 360, count), rng.uniform(0.85, 1.1, count)
-        )
+        count, points = len(places), self.ground.points(places[:, 0], places[:, 1], -0.02)
+        turned = placement(points, rng.uniform(0, 360, count), rng.uniform(0.85, 1.1, count))
         return repeat(part, turned, rng.uniform(0.75, 1.15, (count, 1)) * np.ones(3))
 
     def _bale(self) -> Mesh:
@@ -737,10 +760,11 @@ class _Village:
         lines.append([(-58, -30), (-30, -33), (0, -31), (30, -32), (56, -28)])
         lines.append([(-58, 31), (-28, 32), (2, 30), (32, 33), (56, 29)])
         for corners in lines:
-            corners = np.array(corners, np.float64)
-            for a, b in itertools.pairwise(corners):
-                bays = max(1, round(np.linalg.norm(b - a, axis=-1) / 2.1))
-                spots = a + (b - a) * np.linspace(0, 1, bays + 1)[:, None] + rng.normal(0, 0.05, (bays + 1, 2))
+            for start, end in itertools.pairwise(np.array(corners, np.float64)):
+                bays = max(1, round(np.linalg.norm(end - start, axis=-1) / 2.1))
+                spots = (
+                    start + (end - start) * np.linspace(0, 1, bays + 1)[:, None] + rng.normal(0, 0.05, (bays + 1, 2))
+                )
                 feet = self.ground.points(spots[:, 0], spots[:, 1], -0.1)
                 parts.append(
                     struts(
@@ -791,7 +815,7 @@ class _Village:
         )
         return merge([stones, runes])
 
-    def _free(self, x: np.ndarray, z: np.ndarray, margin: float) -> np.ndarray:
+    def _free(self, x: Doubles, z: Doubles, margin: float) -> Bools:
         """Whether points lie outside all houses and the longhouse's front yard."""
         free = np.ones(np.shape(x), bool)
         for (hx, hz, yaw), house in zip(self.houses, HOUSES, strict=True):
@@ -828,7 +852,7 @@ class _Village:
             ]
         return parts
 
-    def _tree_places(self, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def _tree_places(self, rng: draws.Generator) -> tuple[Doubles, Doubles, Doubles]:
         """(x, z) of broadleaf trees, firs and bushes, clear of houses and the street."""
         x, z = rng.uniform(-57, 57, (2, 160))
         ok = self._free(x, z, 3.0) & (np.abs(z - street(x)) > 7) & (hypot(x - 3, z - street(3)) > 11)
@@ -840,9 +864,18 @@ class _Village:
         ok = self._free(x, z, 0.9) & (np.abs(z - street(x)) > 4.6)
         return broad, firs, np.stack([x[ok], z[ok]], axis=1)[:60]
 
-    def _cards(self, centres, ups, sides, sizes, heart, material: int, tints) -> Mesh:
+    def _cards(
+        self,
+        centres: Doubles,
+        ups: Doubles,
+        sides: Doubles,
+        sizes: Doubles,
+        heart: Doubles,
+        material: int,
+        tints: Doubles,
+    ) -> Mesh:
         """Quads about centres (N, 3), spanned by unit ups and sides (N, 3); normals bent away from `heart`."""
-        half = np.asarray(sizes)[:, None, None] / 2
+        half = sizes[:, None, None] / 2
         corner = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)])
         positions = centres[:, None] + half * (corner[:, :1] * sides[:, None] + corner[:, 1:] * ups[:, None])
         bent = positions - heart
@@ -854,17 +887,17 @@ class _Village:
         part.colours[:] = np.repeat(tints, 4, axis=0)
         return part
 
-    def _branch(self, start, end, radius: float, rng: np.random.Generator, steps: int) -> Mesh:
+    def _branch(self, start: Doubles, end: Doubles, radius: float, rng: draws.Generator, steps: int) -> Mesh:
         """A bent, tapering branch."""
         t = np.linspace(0, 1, steps)[:, None]
-        bend = rng.normal(0, 0.12, 3) * np.linalg.norm(np.subtract(end, start), axis=-1)
-        line = np.asarray(start) + (np.asarray(end) - start) * t + bend * sin(np.pi * t)
+        bend = rng.normal(0, 0.12, 3) * np.linalg.norm(end - start, axis=-1)
+        line = start + (end - start) * t + bend * sin(np.pi * t)
         return tube(line, radius * (1 - 0.75 * t[:, 0]), self.count(6), self.m.bark)
 
-    def _broadleaf(self, cards: int, rng: np.random.Generator) -> Mesh:
+    def _broadleaf(self, cards: int, rng: draws.Generator) -> Mesh:
         """A broadleaf tree of about 7 m."""
         crown = np.array([0, 4.9, 0])
-        parts = [self._branch((0, 0, 0), (0.2, 4.6, 0.1), 0.28, rng, self.count(7))]
+        parts = [self._branch(np.zeros(3), np.array([0.2, 4.6, 0.1]), 0.28, rng, self.count(7))]
         for k in range(7):
             angle = k * 2.4 + rng.uniform(-0.3, 0.3)
             start = np.array([0.05, 2.0 + 0.3 * k, 0.03])
@@ -884,7 +917,7 @@ class _Village:
         shade = (0.55 + 0.5 * radius)[:, None] * rng.uniform(0.8, 1.15, (cards, 1)) * np.ones(3)
         return merge([*parts, self._cards(centres, ups, sides, sizes, crown - UP, self.m.leaves, shade)])
 
-    def _fir(self, cards: int, rng: np.random.Generator) -> Mesh:
+    def _fir(self, cards: int, rng: draws.Generator) -> Mesh:
         """A fir of about 9 m: drooping boughs around a straight trunk, short ones at the top."""
         trunk = tube([(0, 0, 0), (0, 4.5, 0), (0, 9, 0)], np.array([0.24, 0.14, 0.02]), self.count(4, 3), self.m.bark)
         level = np.sqrt(rng.random(cards))
@@ -903,7 +936,7 @@ class _Village:
         boughs = self._cards(centres, -out, sides, sizes, np.array([0, 3.0, 0]), self.m.needles, shade)
         return merge([trunk, boughs])
 
-    def _bush(self, cards: int, rng: np.random.Generator) -> Mesh:
+    def _bush(self, cards: int, rng: draws.Generator) -> Mesh:
         """A bush of about 1.2 m."""
         way = rng.normal(size=(cards, 3))
         way[:, 1] = np.abs(way[:, 1])
@@ -949,28 +982,28 @@ class _Village:
         return part
 
 
-def _roof_frame(width: float, wall: float) -> tuple[np.ndarray, np.ndarray, np.ndarray, float, float]:
-    """One side of a roof: its eave at x = 0, the directions up along it and outwards, its length, the overhang."""
-    over, half, rise = 0.55, width / 2, width * 0.55
+def _roof_side(width: float, wall: float) -> _RoofSide:
+    """One side of the roof of a house by its width and the height of its walls."""
+    half, rise = width / 2, width * 0.55
     slope = np.array([0, rise, -half]) / hypot(rise, half)
-    reach = hypot(rise, half) * (1 + over / half)
+    reach = hypot(rise, half) * (1 + OVERHANG / half)
     eave = np.array([0, wall + rise, 0]) - slope * reach
-    return eave, slope, np.array([0, -slope[2], slope[1]]), float(reach), over
+    return _RoofSide(eave, slope, np.array([0, -slope[2], slope[1]]), reach)
 
 
-def _lay(axis: str) -> np.ndarray:
+def _lay(axis: str) -> Doubles:
     """The matrix (4, 4) that lays a part standing along y down along an axis."""
     matrix = np.eye(4)
     matrix[:3, :3] = [[0, 1, 0], [-1, 0, 0], [0, 0, 1]] if axis == "x" else [[1, 0, 0], [0, 0, -1], [0, 1, 0]]
     return matrix
 
 
-def _bell(away: np.ndarray) -> np.ndarray:
+def _bell(away: Doubles) -> Doubles:
     """1 where `away` is 0, falling smoothly to 1 / e where it is 1."""
     return exp(-(away * away))
 
 
-def _patches(rng: np.random.Generator, x: np.ndarray, z: np.ndarray) -> np.ndarray:
+def _patches(rng: draws.Generator, x: Doubles, z: Doubles) -> Doubles:
     """Irregular patches of 10 to 60 m, about -1..1, at points."""
     out = np.zeros_like(x)
     for _ in range(12):

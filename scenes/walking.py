@@ -8,13 +8,18 @@ keep clear of everything, far away first where there is room, and back again whe
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import hypot
 from shading_atlas_bench.arithmetic.matrices import dot, product
 from shading_atlas_bench.scenes.lines import smoothed
-from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.model import Indices, Scene
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_matrix
 
 CELL = 0.1  # metres
 REACH = 8.0  # metres around the viewpoint that are explored
@@ -37,12 +42,12 @@ class Route:
     on_floor: whether the eyes follow a floor, or stay level because there is none at a person's height below them.
     """
 
-    eyes: np.ndarray
-    direction: np.ndarray
+    eyes: Doubles
+    direction: Doubles
     on_floor: bool
 
 
-def surface_points(scene: Scene, low: np.ndarray, high: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+def surface_points(scene: Scene, low: Doubles, high: Doubles, spacing: float) -> tuple[Doubles, Indices]:
     """Points (N, 3) on the triangles inside the box low..high, at most `spacing` apart, and the triangles' ids (N).
 
     In scene units. Triangles are halved along their longest edge until they are at most 4 spacings long, and then
@@ -53,7 +58,8 @@ def surface_points(scene: Scene, low: np.ndarray, high: np.ndarray, spacing: flo
     half = ((high - low) / 2).astype(np.float32)
     ids = _touching(scene, low, high)
     triangles = scene.positions[scene.indices[ids]] - middle
-    points, owners = [np.zeros((0, 3), np.float32)], [np.zeros(0, np.int64)]
+    points: list[Doubles] = [np.zeros((0, 3))]
+    owners: list[Indices] = [np.zeros(0, np.int64)]
     while len(triangles):
         p, q, r = triangles.transpose(1, 0, 2)
         inside = ((np.minimum(np.minimum(p, q), r) <= half) & (np.maximum(np.maximum(p, q), r) >= -half)).all(axis=1)
@@ -72,7 +78,7 @@ def surface_points(scene: Scene, low: np.ndarray, high: np.ndarray, spacing: flo
     return found[inside] + (low + high) / 2, owner[inside]
 
 
-def _lattice(steps: int) -> np.ndarray:
+def _lattice(steps: int) -> Floats:
     """Barycentric coordinates float32 (N, 3) of a triangular lattice that cuts each edge into `steps`."""
     i, j = np.meshgrid(np.arange(steps + 1), np.arange(steps + 1))
     keep = i + j <= steps
@@ -82,7 +88,7 @@ def _lattice(steps: int) -> np.ndarray:
 _LATTICES = {steps: _lattice(steps) for steps in (1, 4)}
 
 
-def _touching(scene: Scene, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _touching(scene: Scene, low: Doubles, high: Doubles) -> Indices:
     """Ids of the triangles that do not lie on one side of a box."""
     code = np.zeros(len(scene.positions), np.uint8)
     for axis in range(3):
@@ -92,7 +98,7 @@ def _touching(scene: Scene, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     return np.flatnonzero((code[a] & code[b] & code[c]) == 0)
 
 
-def _halves(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
+def _halves(triangles: Floats, edges: Doubles) -> Floats:
     """Both halves (2 N, 3, 3) of triangles cut through the middle of their longest edge; edges: squared lengths."""
     rows, first = np.arange(len(triangles)), edges.argmax(axis=1)
     p, q, r = (triangles[rows, (first + k) % 3] for k in range(3))
@@ -100,16 +106,17 @@ def _halves(triangles: np.ndarray, edges: np.ndarray) -> np.ndarray:
     return np.concatenate([np.stack([p, middle, r], axis=1), np.stack([middle, q, r], axis=1)])
 
 
-def carries(scene: Scene, ids: np.ndarray) -> np.ndarray:
+def carries(scene: Scene, ids: Indices) -> Bools:
     """Whether triangles (N ids) carry a person: not steep ones, and not leaves and grass, which are alpha-masked."""
     corners = scene.positions[scene.indices[ids]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     level = np.abs(normals[:, 1]) > 0.7 * np.linalg.norm(normals, axis=1)
     opaque = np.array([m.alpha_mode != "mask" for m in scene.materials] or [True])
-    return level & opaque[scene.material_ids[ids]]
+    carrying: Bools = level & opaque[scene.material_ids[ids]]
+    return carrying
 
 
-def _on_floors(scene: Scene, owner: np.ndarray) -> np.ndarray:
+def _on_floors(scene: Scene, owner: Indices) -> Bools:
     """Whether points (N), given by their triangles' ids, lie on triangles that carry a person."""
     ids, inverse = np.unique(owner, return_inverse=True)
     return carries(scene, ids)[inverse]
@@ -121,7 +128,7 @@ class Surroundings:
     All in metres relative to the eye. `free` bool and `floor` (height of the floor) have shape (N, N), x first.
     """
 
-    def __init__(self, scene: Scene, eye: np.ndarray) -> None:
+    def __init__(self, scene: Scene, eye: Doubles) -> None:
         self.size = int(2 * REACH / CELL)
         unit = scene.metres_per_unit
         low, high = np.array([-REACH, -BELOW, -REACH]), np.array([REACH, ABOVE, REACH])
@@ -154,7 +161,8 @@ class Surroundings:
         level = np.full((self.size, self.size), -1, np.int16)
         everywhere = np.indices((self.size, self.size)).reshape(2, -1)
         start, free = self._stand(everywhere, np.full(everywhere.shape[1], under))
-        away = hypot(*(everywhere - middle)) + 1e6 * ~free
+        x, z = (everywhere - middle).astype(np.float64)
+        away = hypot(x, z) + 1e6 * ~free
         first = int(np.argmin(away))
         if away[first] < 1.5 / CELL:
             level[tuple(everywhere[:, first])] = start[first]
@@ -164,7 +172,7 @@ class Surroundings:
         self.free = known & (rise <= STEEPEST)
         self.floor = self._base + (level + 1) * CELL
 
-    def _flood(self, level: np.ndarray, front: np.ndarray) -> None:
+    def _flood(self, level: Indices, front: Indices) -> None:
         """Spread `level` (floor cells, -1 unknown) from columns `front` (2, n) to all that can be walked to."""
         while front.shape[1]:
             columns = np.concatenate(
@@ -180,7 +188,7 @@ class Surroundings:
             front = columns[:, free]
             level[tuple(front)] = found[free]
 
-    def _stand(self, columns: np.ndarray, level: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _stand(self, columns: Indices, level: Indices) -> tuple[Indices, Bools]:
         """The floor cell in columns (2, n) within one step of `level` (n), and whether a person can stand there."""
         found = self._below[columns[0], columns[1], np.minimum(level + STEP, self._below.shape[2] - 1)]
         stands = (found >= level - STEP) & (found >= 0)
@@ -188,14 +196,15 @@ class Surroundings:
         high = found + round((self.eye_height + HEADROOM) / CELL) + 1
         return found, stands & (high < self._count.shape[2]) & self._empty(low, high, columns)
 
-    def _empty(self, low: np.ndarray, high: np.ndarray, columns: np.ndarray | None = None) -> np.ndarray:
+    def _empty(self, low: Indices, high: Indices, columns: Indices | None = None) -> Bools:
         """Whether the cells above `low` up to `high` of each column hold nothing."""
         x, z = np.indices((self.size, self.size)) if columns is None else columns
         top = self._count.shape[2] - 1
-        return self._count[x, z, np.clip(high, 0, top)] == self._count[x, z, np.clip(low, 0, top)]
+        empty: Bools = self._count[x, z, np.clip(high, 0, top)] == self._count[x, z, np.clip(low, 0, top)]
+        return empty
 
 
-def route_from(scene: Scene, eye: np.ndarray, direction: np.ndarray, length: float) -> Route | None:
+def route_from(scene: Scene, eye: Doubles, direction: Doubles, length: float) -> Route | None:
     """A way of at least `length` metres from near `eye` (3), or None where there is no room to walk.
 
     eye: origin-relative, scene units. direction: of the view; a way that leads there is preferred.
@@ -219,13 +228,14 @@ def route_from(scene: Scene, eye: np.ndarray, direction: np.ndarray, length: flo
     return Route(eye + offsets / scene.metres_per_unit, np.asarray(direction, np.float64), around.walks)
 
 
-def _lookup(grid: np.ndarray, cells: np.ndarray) -> np.ndarray:
+def _lookup(grid: Doubles, cells: Doubles) -> Doubles:
     """Values of a grid at cell coordinates (N, 2)."""
     index = np.clip(np.round(cells).astype(int), 0, np.array(grid.shape) - 1)
-    return grid[index[:, 0], index[:, 1]]
+    values: Doubles = grid[index[:, 0], index[:, 1]]
+    return values
 
 
-def _legs(clear: np.ndarray, direction: np.ndarray, length: float) -> np.ndarray | None:
+def _legs(clear: Doubles, direction: Doubles, length: float) -> Doubles | None:
     """Cell coordinates (N, 2) of a way of `length` metres: to the farthest place, then on to the next farthest."""
     usable = clear >= CLEARANCE
     cells = np.argwhere(usable)
@@ -248,7 +258,7 @@ def _legs(clear: np.ndarray, direction: np.ndarray, length: float) -> np.ndarray
     return np.concatenate(way).astype(np.float64)
 
 
-def _graph(usable: np.ndarray, clear: np.ndarray):
+def _graph(usable: Bools, clear: Doubles) -> csr_matrix:
     """The graph of usable cells and their eight neighbours; edges cost more where it is narrow."""
     from scipy.sparse import coo_matrix
 
@@ -268,7 +278,7 @@ def _graph(usable: np.ndarray, clear: np.ndarray):
     return coo_matrix(entries, shape=(count, count)).tocsr()
 
 
-def _farthest(graph, cells: np.ndarray, here: int, forward: np.ndarray, wanted: float) -> list[int]:
+def _farthest(graph: csr_matrix, cells: Indices, here: int, forward: Doubles, wanted: float) -> list[int]:
     """The cheapest way from cell `here` to the best goal: `wanted` metres away if possible, `forward` preferred."""
     from scipy.sparse.csgraph import dijkstra
 

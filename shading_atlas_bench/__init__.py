@@ -1,7 +1,7 @@
 """The comparative benchmark of shading-atlas packers.
 
 Folders beside this file are links to those at the top of the repository. What a packer or a script needs first is here:
-the packer interface, `load_scene`, and `run` with its `Settings`. Each is imported when it is asked for.
+the packer interface, `edge_pixels`, `load_scene`, and `run` with its `Settings`. Each is imported when it is asked for.
 """
 
 from __future__ import annotations
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.packers.interface import Payload as Payload
     from shading_atlas_bench.packers.interface import ServerScene as ServerScene
     from shading_atlas_bench.packers.interface import View as View
+    from shading_atlas_bench.packers.screen_size import edge_pixels as edge_pixels
     from shading_atlas_bench.scenes.load import load_scene as load_scene
 
 INTERFACE = "packers.interface"
@@ -37,6 +38,7 @@ MODULES = {
     "ServerScene": INTERFACE,
     "Settings": "harness.workload.settings",
     "View": INTERFACE,
+    "edge_pixels": "packers.screen_size",
     "load_scene": "scenes.load",
     "run": "harness.run.run",
 }

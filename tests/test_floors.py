@@ -1,12 +1,13 @@
 """The design holds: every kernel has its twin, every test asserts, functions are short, help is fast.
 
-Which folder may import which is in pyproject.toml, for `lint-imports`.
+Which folder may import which is in pyproject.toml, for `lint-imports`, and in the tables of ARCHITECTURE.md.
 """
 
 from __future__ import annotations
 
 import ast
 import re
+import tomllib
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -126,3 +127,29 @@ def test_heavy_packages_are_imported_where_they_are_needed():
         if (found := {module.partition(".")[0] for module in imported_modules(tree_of(path))} & heavy)
     }
     assert early == {}
+
+
+def rows_under(heading: str) -> list[list[list[str]]]:
+    """The table under a heading of ARCHITECTURE.md: for each of its rows, and each cell, the names in backticks."""
+    text = (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")
+    section = text.partition(f"\n### {heading}\n")[2].partition("\n#")[0]
+    lines = [line for line in section.splitlines() if line.startswith("|")][2:]
+    return [[re.findall(r"`([^`]+)`", cell) for cell in line.strip("|").split("|")] for line in lines]
+
+
+def test_the_architecture_has_the_tables_that_imports_are_held_to():
+    rules = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["importlinter"]
+    package = f"{rules['root_package']}."
+    for contract in rules["contracts"]:
+        rows = rows_under(contract["name"])
+        match contract["type"]:
+            case "layers":
+                assert [" | ".join(cells[0]) for cells in rows] == contract["layers"], contract["name"]
+            case "forbidden":
+                ((sources, forbidden),) = rows
+                assert [package + name for name in sources] == contract["source_modules"]
+                full = [package + name if "." in name else name for name in forbidden]
+                assert full == contract["forbidden_modules"]
+            case other:
+                assert other == "acyclic_siblings"
+                assert f"\n### {contract['name']}\n" in (ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8")

@@ -5,10 +5,13 @@ import re
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
 
 ROOT = Path(__file__).parents[1]
 NAME = "shading_atlas_bench"
@@ -52,6 +55,10 @@ def test_the_wheel_ships_every_file_of_the_packages(wheel: zipfile.ZipFile):
     assert sources - set(wheel.namelist()) == set()
 
 
+def test_the_wheel_says_that_it_is_typed(wheel: zipfile.ZipFile):
+    assert f"{NAME}/py.typed" in wheel.namelist()
+
+
 def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.ZipFile):
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
@@ -69,6 +76,19 @@ def test_the_version_is_the_same_everywhere(wheel: zipfile.ZipFile):
     )
     assert re.search(rf"^## {re.escape(version)}$", (ROOT / "CHANGELOG.md").read_text(encoding="utf-8"), re.MULTILINE)
     assert f'VERSION = "{version}"' in (ROOT / "kernels" / "cache.py").read_text(encoding="utf-8")
+
+
+def test_the_tested_versions_are_ones_that_are_asked_for():
+    """constraints.txt is of Python 3.11 on Linux, with what CONTRIBUTING.md sets up."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    extras = project["optional-dependencies"]
+    asked = [Requirement(text) for text in [*project["dependencies"], *extras["test"], *extras["dev"], *extras["docs"]]]
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    tested = {canonicalize_name(name): version for name, _, version in (line.partition("==") for line in lines)}
+    system = {"python_version": "3.11", "sys_platform": "linux", "platform_machine": "x86_64"}
+    needed = [one for one in asked if one.marker is None or one.marker.evaluate(system)]
+    assert len(needed) > 20
+    assert [str(one) for one in needed if not one.specifier.contains(tested[canonicalize_name(one.name)])] == []
 
 
 @pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["compare", "--help"]])

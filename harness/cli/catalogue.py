@@ -1,10 +1,37 @@
-"""What `bench list` prints: packers with their parameters, scenes, paths, presets, devices and metrics."""
+"""The command `bench list`: packers with their parameters, scenes, paths, presets, devices and metrics."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
 from rich.padding import Padding
 
+from shading_atlas_bench.harness.cli.guard import guarded
 from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.errors import InputError
+
+
+def list_everything(
+    scene: Annotated[
+        str | None, typer.Option(help="Only a scene: a built-in one or a file", metavar="NAME|FILE")
+    ] = None,
+    unit: Annotated[str | None, typer.Option(help="Of the file, as for bench run", metavar="UNIT")] = None,
+) -> None:
+    """Show the packers with their parameters, the scenes, paths, devices and metrics.
+
+    With --scene only that scene: whether it is a place or an object and why, its unit, and how its walk starts.
+    """
+    with guarded():
+        if scene is not None:
+            from shading_atlas_bench.harness.cli.scene_view import show_scene
+            from shading_atlas_bench.harness.workload.settings import parse_unit
+
+            show_scene(scene, None if unit is None else parse_unit(unit))
+        elif unit is not None:
+            raise InputError("--unit is for bench list --scene FILE: give both.")
+        else:
+            show_catalogue()
 
 
 def show_catalogue() -> None:

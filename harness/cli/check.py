@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-SOME_FAILED = 1
+from shading_atlas_bench.harness.cli.guard import SOME_FAILED, guarded
+
 Device = Annotated[str | None, typer.Option(help="Part of an OpenCL device's name", metavar="NAME")]
 
 
@@ -25,8 +26,6 @@ def check(
 
     Exit codes: 0 all checks passed, 1 some failed, 2 unusable arguments.
     """
-    from shading_atlas_bench.harness.cli.guard import guarded
-
     with guarded():
         from shading_atlas_bench.harness.conformance.check import run_check
 

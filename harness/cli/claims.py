@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from shading_atlas_bench.harness.cli.guard import guarded
+
 SOME_UNMEASURED = 1
 
 
@@ -26,7 +28,9 @@ def claims(
             metavar="DIR",
         ),
     ] = None,
-    file: Annotated[Path | None, typer.Option(help="Other claims, in the form of reports/claims.toml")] = None,
+    file: Annotated[
+        Path | None, typer.Option(help="Other claims, in the form of reports/claims.toml", metavar="FILE")
+    ] = None,
     device: Annotated[str | None, typer.Option(help="Part of an OpenCL device's name", metavar="NAME")] = None,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run for which claims")] = False,
 ) -> None:
@@ -34,12 +38,10 @@ def claims(
 
     Exit codes: 0 all was measured that can be, 1 something was not, 2 unusable arguments.
     """
-    from shading_atlas_bench.harness.cli.guard import guarded
-
     with guarded():
-        from shading_atlas_bench.harness.experiments.claims import Wanted, run_claims, show_needs
+        from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, run_claims, show_needs
 
-        wanted = Wanted(tuple(only or ()), quick, tuple(reuse or ()), file, device)
+        wanted = ClaimsRequest(tuple(only or ()), quick, tuple(reuse or ()), file, device)
         if dry_run:
             show_needs(wanted, out)
             return

@@ -1,17 +1,28 @@
-"""What `bench compare` prints: one run beside another, metric by metric."""
+"""The command `bench compare`: one run beside another, metric by metric."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Annotated
 
+import typer
 from rich.markup import escape
 
+from shading_atlas_bench.harness.cli.guard import guarded
 from shading_atlas_bench.harness.console import make_console, make_table
 from shading_atlas_bench.harness.errors import InputError
 
 if TYPE_CHECKING:
     from shading_atlas_bench.reports.analysis.compare import Comparison
+
+
+def compare(
+    first: Annotated[Path, typer.Argument(metavar="A", help="A folder that `bench run` wrote")],
+    second: Annotated[Path, typer.Argument(metavar="B", help="Another one")],
+) -> None:
+    """Say per method and metric whether run B is better, worse or ambiguous against run A, by a rank test."""
+    with guarded():
+        show_comparison(first, second)
 
 
 def show_comparison(first: Path, second: Path) -> None:
@@ -25,7 +36,7 @@ def show_comparison(first: Path, second: Path) -> None:
     rows = compare(first, second)
     if not rows:
         raise InputError(f"{first} and {second} have no method, codec and rate in common.")
-    groups: dict[tuple, list[Comparison]] = {}
+    groups: dict[tuple[str, str, str | None, int | None], list[Comparison]] = {}
     for row in rows:
         groups.setdefault((row.label, row.variant, row.codec, row.crf), []).append(row)
     for text in differences(first, second):
@@ -44,10 +55,10 @@ def show_comparison(first: Path, second: Path) -> None:
         for row in group:
             p = "" if row.p is None else f"{row.p:.1g}"
             verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"
-            means, middles = (row.mean_a, row.mean_b), (row.a, row.b)
+            numbers = [row.mean_a, row.mean_b, row.a, row.b]
             if row.mean_a is None:  # one value for the run, neither mean nor median of anything
-                means, middles = middles, (None, None)
-            table.add_row(row.metric, *map(_number, (*means, *middles)), verdict, p)
+                numbers = [row.a, row.b, None, None]
+            table.add_row(row.metric, *map(_number, numbers), verdict, p)
         console.print(table)
         console.print()
 

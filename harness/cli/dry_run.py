@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
+from rich.console import Console
 from rich.markup import escape
 
 from shading_atlas_bench.harness.console import make_console, make_table
@@ -61,7 +61,7 @@ def _beyond_budget(settings: Settings, packers: list[Packer]) -> list[str]:
     return [f"--samples does not reach {' and '.join(names)}: without an atlas {keep} of samples."]
 
 
-def _print_methods(console: Any, packers: list[Packer], scene: Scene, work: str) -> None:
+def _print_methods(console: Console, packers: list[Packer], scene: Scene, work: str) -> None:
     table = make_table("methods", "method", "parameters", "what happens")
     for packer in packers:
         reason = packer.skip(scene)

@@ -1,8 +1,40 @@
-"""What `bench doctor` prints."""
+"""The command `bench doctor`: what the suite needs of a machine."""
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
+from shading_atlas_bench.harness.cli.guard import SOME_FAILED, guarded
 from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.errors import InputError
+
+
+def doctor(
+    devices: Annotated[
+        bool, typer.Option("--devices", help="Run every kernel on every OpenCL device, against its float64 twin")
+    ] = False,
+    device: Annotated[
+        str | None, typer.Option(help="With --devices: only those with this in their names", metavar="NAME")
+    ] = None,
+) -> None:
+    """Check devices, versions, a kernel against its float64 twin, and the system parts the suite needs.
+
+    With --devices nothing but the devices, and these thoroughly: minutes for each. Exit codes: 0 all is well, 1
+    something is not, 2 unusable arguments.
+    """
+    with guarded():
+        if devices:
+            from shading_atlas_bench.harness.doctor.devices import check_devices
+
+            well = check_devices(device)
+        elif device is not None:
+            raise InputError("--device is for bench doctor --devices: give both.")
+        else:
+            well = show_examination()
+        if not well:
+            raise typer.Exit(SOME_FAILED)
 
 
 def show_examination() -> bool:

@@ -11,7 +11,7 @@ from rich.markup import escape
 from shading_atlas_bench.harness.console import make_console
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 
-UNUSABLE, INTERRUPTED = 2, 130
+SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
 
 
 @contextmanager
@@ -19,18 +19,26 @@ def guarded() -> Iterator[None]:
     """Turn errors about arguments and input into one sentence on stderr and exit code 2; others are bugs and show."""
     from shading_atlas_bench.harness.workload.settings import SettingsError
     from shading_atlas_bench.kernels.cache import CacheError
-    from shading_atlas_bench.kernels.device import DeviceError
+    from shading_atlas_bench.kernels.runtime.opencl import DeviceError
     from shading_atlas_bench.reports.analysis.claims import ClaimsError
     from shading_atlas_bench.reports.documents.kept import DocumentError
     from shading_atlas_bench.reports.store.results import StoreError
     from shading_atlas_bench.scenes.model import SceneError
     from shading_atlas_bench.scenes.paths import PathError
 
-    known = (InputError, SettingsError, CacheError, DeviceError, StoreError, SceneError, PathError, ClaimsError)
-    known += (DocumentError,)
     try:
         yield
-    except known as error:
+    except (
+        InputError,
+        SettingsError,
+        CacheError,
+        DeviceError,
+        StoreError,
+        SceneError,
+        PathError,
+        ClaimsError,
+        DocumentError,
+    ) as error:
         make_console(stderr=True).print(f"[bold red]bench:[/] {escape(str(error))}", soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
     except StoppedError as stopped:

@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from shading_atlas_bench.harness.cli.guard import guarded
+
 Names = Annotated[
     list[str] | None,
     typer.Option(
@@ -30,10 +32,8 @@ def kernels(
     device: DeviceName = None,
 ) -> None:
     """Measure every kernel's time against its error, in each build variant; write CSV and HTML."""
-    from shading_atlas_bench.harness.cli.guard import guarded
-
     with guarded():
-        from shading_atlas_bench.harness.kernel_timing.timing import Wanted, bench_kernels
+        from shading_atlas_bench.harness.kernel_timing.timing import TimingRequest, bench_kernels
 
         chosen = {"variants": tuple(variant)} if variant else {}
-        bench_kernels(Wanted(tuple(kernel or ()), repeat=repeat, device=device, **chosen), out)
+        bench_kernels(TimingRequest(tuple(kernel or ()), repeat=repeat, device=device, **chosen), out)

@@ -1,11 +1,23 @@
-"""`bench report`: the files of a results folder made again."""
+"""The command `bench report`: the files of a results folder made again."""
 
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Annotated
 
+import typer
+
+from shading_atlas_bench.harness.cli.guard import guarded
 from shading_atlas_bench.harness.console import make_console
 from shading_atlas_bench.harness.errors import InputError
+
+
+def report(
+    folder: Annotated[Path, typer.Argument(metavar="DIR", help="A folder that `bench run`, `sweep` or `claims` wrote")],
+) -> None:
+    """Rebuild the CSV files and the HTML report from the results store."""
+    with guarded():
+        show_report(folder)
 
 
 def show_report(folder: Path) -> None:

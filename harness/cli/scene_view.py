@@ -8,6 +8,7 @@ from rich.markup import escape
 from rich.segment import Segment, Segments
 from rich.style import Style
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 from shading_atlas_bench.harness.console import make_console, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.dump import write_png
@@ -52,14 +53,14 @@ def show_scene(scene_name: str, unit: float | None) -> None:
     _write(rgb, f"{scene.name}-{scene.content_hash}", console)
 
 
-def _start(path: CameraPath, origin: np.ndarray) -> str:
+def _start(path: CameraPath, origin: Doubles) -> str:
     """A path's first position, in the file's coordinates, and where it looks."""
     position = ", ".join(f"{value:.5g}" for value in path.positions[0] + origin)
     way = ", ".join(f"{value:.2f}" for value in rotate(path.orientations[0], np.array([0.0, 0.0, -1.0])))
     return f"at ({position}) of the file, looking along ({way})"
 
 
-def _write(rgb: np.ndarray, name: str, console: Console) -> None:
+def _write(rgb: Bytes, name: str, console: Console) -> None:
     file = cache_root() / "pictures" / f"{name}.png"
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -69,7 +70,7 @@ def _write(rgb: np.ndarray, name: str, console: Console) -> None:
     console.print(f"[bold]{escape(str(file))}[/]", soft_wrap=True)
 
 
-def half_blocks(rgb: np.ndarray, columns: int) -> Segments:
+def half_blocks(rgb: Bytes, columns: int) -> Segments:
     """A picture, uint8 (h, w, 3), for a terminal: at most `columns` wide, with two pixels to a character."""
     factor = -(-rgb.shape[1] // columns)
     height, width = rgb.shape[0] // (2 * factor) * 2, rgb.shape[1] // factor

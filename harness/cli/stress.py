@@ -7,7 +7,8 @@ from typing import Annotated
 
 import typer
 
-SOME_FAILED = 1
+from shading_atlas_bench.harness.cli.guard import SOME_FAILED, guarded
+
 Device = Annotated[str | None, typer.Option(help="Part of an OpenCL device's name", metavar="NAME")]
 
 
@@ -32,8 +33,6 @@ def stress(
     Says how far each came: valid, deterministic, and showing what a float64 rendering shows.
     Exit codes: 0 nothing went wrong, 1 something did, 2 unusable arguments.
     """
-    from shading_atlas_bench.harness.cli.guard import guarded
-
     with guarded():
         from shading_atlas_bench.harness.conformance.stress import run_stress, show_tests
 

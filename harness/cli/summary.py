@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from pathlib import Path
 from statistics import median
 from typing import Any
@@ -20,8 +21,10 @@ def _kilobytes(value: float) -> str:
     return f"{value:,.1f}" if value < 1000 else f"{value:,.0f}"
 
 
-# Column of summary.csv, heading, factor, format; where the console is narrow, the last ones are left out.
-WORK = (
+Column = tuple[str, str, float, Callable[[float], str]]  # of summary.csv: its name, heading, factor, format
+
+# Where the console is narrow, the last ones are left out.
+WORK: tuple[Column, ...] = (
     ("server_ms_median", "server ms", 1, "{:,.1f}".format),
     ("flip_median", "FLIP", 1, "{:.4f}".format),
     ("samples_median", "samples", 1, "{:,.0f}".format),
@@ -30,7 +33,7 @@ WORK = (
     ("coherence_median", "cohere", 1, "{:.2f}".format),
     ("dssim_median", "DSSIM", 1, "{:.4f}".format),
 )
-SIZES = (
+SIZES: tuple[Column, ...] = (
     ("bytes_total_mean", "kB/frame", 1e-3, _kilobytes),
     ("bytes_total_kbit_s", "kbit/s", 1, "{:,.0f}".format),
     ("bytes_total_max", "largest", 1e-3, _kilobytes),
@@ -112,7 +115,7 @@ def _uneven(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> l
     ]
 
 
-def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tuple) -> list[str]:
+def _line(row: dict[str, Any], labels: dict[tuple[str, str], str], columns: tuple[Column, ...]) -> list[str]:
     """One line of a table: the method's label, its coding, and the columns of a row of summary.csv."""
     coding = f"{row['codec']} {row['crf']}" if row["crf"] is not None else row["codec"] or ""
     cells = ["" if row.get(name) is None else form(row[name] * scale) for name, _, scale, form in columns]

@@ -31,7 +31,7 @@ COMMAND_LINE = "shading_atlas_bench.harness.cli.main"
 HARMLESS = {"--help", "--dry-run", "--list"}
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
 # Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
-PATIENCE = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
+PATIENCE: dict[int, float] = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
 FAILED, INTERRUPTED = 1, 130
 MOST_DEATHS = 2  # of one device's compiler
 ILLEGAL = {getattr(signal, "SIGILL", 4)}  # instructions that the processor lacks: always the compiler's fault

@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from shading_atlas_bench.harness.sweep.grid import Grid
-    from shading_atlas_bench.harness.sweep.wanted import Wanted
+    from shading_atlas_bench.harness.sweep.request import SweepRequest
     from shading_atlas_bench.reports.analysis.sweep import Point
 
 
-def show_grid(wanted: Wanted, out: Path | None) -> None:
+def show_grid(wanted: SweepRequest, out: Path | None) -> None:
     """Print what `bench sweep` would do; opens every scene, runs no kernel."""
     check_folder(out)
     grid = make_grid(wanted.settings, wanted.vary)

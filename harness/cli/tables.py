@@ -7,6 +7,8 @@ from typing import Annotated
 
 import typer
 
+from shading_atlas_bench.harness.cli.guard import guarded
+
 SOME_WRONG = 1
 
 
@@ -33,7 +35,6 @@ def tables(
     Times are kept with the device they are of. With --check all else has to be the same, to the printed digit.
     Exit codes: 0 written, or nothing differs, 1 something differs or could not be measured, 2 unusable arguments.
     """
-    from shading_atlas_bench.harness.cli.guard import guarded
     from shading_atlas_bench.harness.errors import InputError
 
     with guarded():

@@ -1,33 +1,39 @@
 """The catalogue of adversarial scenes: a test is one function of a magnitude, registered with the magnitudes to try.
 
-A test's function makes a `Case` (scene, poses, sets, settings) as hard as its magnitude says; magnitudes are listed
-from mild to hard. `@stress(name, what, magnitudes)` adds it to CATALOGUE, and nothing else has to be done.
+A test's function makes a `TrialCase` (scene, poses, sets, settings) as hard as its magnitude says; magnitudes are
+listed from mild to hard. `@stress(name, what, magnitudes)` adds it to CATALOGUE, and nothing else has to be done.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from shading_atlas_bench.arithmetic import draws
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import cos, sin, tan
-from shading_atlas_bench.harness.conformance.trial import Case
-from shading_atlas_bench.harness.workload.views import Cell, Pose
+from shading_atlas_bench.harness.conformance.trial import TrialCase
+from shading_atlas_bench.harness.workload.views import Pose, ViewCell
 from shading_atlas_bench.scenes.assemble import assemble
 from shading_atlas_bench.scenes.features import find_features
 from shading_atlas_bench.scenes.model import Light, Material, Scene
 from shading_atlas_bench.scenes.paths import PathError, make_path
 from shading_atlas_bench.scenes.raw import Part, RawScene
 
-Magnitudes = tuple[float, ...]
+Magnitudes: TypeAlias = tuple[float, ...]
 PIXELS_PER_TANGENT = 80 / tan(np.radians(30))  # of a trial's client, 160 pixels wide at 60 degrees
 DOUBLE = Material(base_colour=(0.9, 0.9, 0.9, 1.0), double_sided=True)
 LAMP = Light("point", (8.0, 7.5, 7.0), (0.5, 1.0, 1.0))
 SUN = Light("directional", (1.2, 1.2, 1.1), direction=(-0.3, -1.0, -0.5))
 AHEAD = np.array([0.0, 0.0, 0.0, 1.0])
+
+
+Make: TypeAlias = Callable[[float], TrialCase]
 
 
 @dataclass(frozen=True)
@@ -41,7 +47,7 @@ class StressTest:
     name: str
     what: str
     magnitudes: Magnitudes
-    make: Callable[[float], Case]
+    make: Make
     unit: str = ""
     invariant: bool = False
     refusable: bool = False
@@ -50,11 +56,19 @@ class StressTest:
 CATALOGUE: dict[str, StressTest] = {}
 
 
-def stress(name: str, what: str, magnitudes: Magnitudes, **properties) -> Callable:
+def stress(
+    name: str,
+    what: str,
+    magnitudes: Magnitudes,
+    *,
+    unit: str = "",
+    invariant: bool = False,
+    refusable: bool = False,
+) -> Callable[[Make], Make]:
     """Register a test."""
 
-    def add(make: Callable[[float], Case]) -> Callable[[float], Case]:
-        CATALOGUE[name] = StressTest(name, what, magnitudes, make, **properties)
+    def add(make: Make) -> Make:
+        CATALOGUE[name] = StressTest(name, what, magnitudes, make, unit, invariant, refusable)
         return make
 
     return add
@@ -68,19 +82,21 @@ def powers(first: int, last: int) -> Magnitudes:
 # Scenes
 
 
-def grid(corner, along_u, along_v, columns: int, rows: int, bump: float = 0.0) -> np.ndarray:
+def grid(
+    corner: ArrayLike, along_u: ArrayLike, along_v: ArrayLike, columns: int, rows: int, bump: float = 0.0
+) -> Doubles:
     """Corners, float64 (T, 3, 3), of a parallelogram of columns x rows pairs of triangles, bent by up to `bump`."""
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
-    along_u, along_v = np.asarray(along_u, np.float64), np.asarray(along_v, np.float64)
-    normal = np.cross(along_u, along_v) / np.linalg.norm(np.cross(along_u, along_v), axis=-1)
+    right, up = np.asarray(along_u, np.float64), np.asarray(along_v, np.float64)
+    normal = np.cross(right, up) / np.linalg.norm(np.cross(right, up), axis=-1)
     height = bump * sin(7 * u + 3 * v) * sin(np.pi * u) * sin(np.pi * v)
-    points = np.asarray(corner) + u[..., None] * along_u + v[..., None] * along_v + height[..., None] * normal
+    points = np.asarray(corner) + u[..., None] * right + v[..., None] * up + height[..., None] * normal
     a, b, c, d = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
     pairs = np.stack([np.stack([a, b, c], axis=2), np.stack([a, c, d], axis=2)], axis=2)
     return pairs.reshape(-1, 3, 3)
 
 
-def room() -> np.ndarray:
+def room() -> Doubles:
     """6 x 3 x 6 units around the origin: a floor of two triangles, bumpy walls, loose triangles, a few slivers."""
     rng = draws.generator(7)
     x, y, z = np.diag([6.0, 3.0, 6.0])
@@ -91,26 +107,32 @@ def room() -> np.ndarray:
     return np.concatenate([*walls, grid(low + x, z, y, 6, 4, 0.1), loose])
 
 
-def backdrop(distance: float = 4.0) -> np.ndarray:
+def backdrop(distance: float = 4.0) -> Doubles:
     """A wall of 32 triangles across the view."""
     reach = distance * 0.9
     return grid((-reach, -reach, -distance), (2 * reach, 0, 0), (0, 2 * reach, 0), 4, 4)
 
 
-def scene_of(corners: np.ndarray, offset=(0, 0, 0), scale: float = 1.0, **changes) -> Scene:
+def scene_of(
+    corners: Doubles,
+    offset: ArrayLike = (0, 0, 0),
+    scale: float = 1.0,
+    *,
+    materials: Sequence[Material] = (DOUBLE,),
+    poison: Callable[[RawScene], None] | None = None,
+) -> Scene:
     """A scene as a file with these corners, (T, 3, 3), would give: scaled, moved, then loaded, all in float64.
 
-    changes: `materials`, `lights`, and `poison`, a function of the raw scene before it is loaded.
+    poison: is given the raw scene before it is loaded.
     """
     points, indices = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
-    colours = np.ones((len(points), 4))
+    colours = np.ones((len(points), 4), np.float32)
     colours[:, :3] = 0.55 + 0.4 * sin(3 * points)
-    offset = np.asarray(offset, np.float64)
-    lights = [replace(light, position=tuple(np.array(light.position) * scale + offset))
-              for light in changes.get("lights", (LAMP, SUN))]  # fmt: skip
-    part = Part(points * scale + offset, indices.reshape(-1, 3), 0, colours=colours)
-    raw = RawScene([part], list(changes.get("materials", (DOUBLE,))), lights=lights)
-    if poison := changes.get("poison"):
+    moved = np.asarray(offset, np.float64)
+    lights = [replace(light, position=_triple(np.array(light.position) * scale + moved)) for light in (LAMP, SUN)]
+    part = Part(points * scale + moved, indices.reshape(-1, 3), 0, colours=colours)
+    raw = RawScene([part], list(materials), lights=lights)
+    if poison:
         poison(raw)
     scene = assemble("stress", raw)
     scene.metres_per_unit = 1 / scale
@@ -118,25 +140,29 @@ def scene_of(corners: np.ndarray, offset=(0, 0, 0), scale: float = 1.0, **change
     return scene
 
 
-def as_they_are(corners: np.ndarray) -> Scene:
+def _triple(values: Doubles) -> tuple[float, float, float]:
+    x, y, z = values
+    return x, y, z
+
+
+def as_they_are(corners: Doubles) -> Scene:
     """A scene of exactly these corners, (T, 3, 3), as float32 and without a loader's cleaning."""
-    positions = corners.reshape(-1, 3).astype(np.float32)
-    positions, indices = np.unique(positions, axis=0, return_inverse=True)
+    positions, indices = np.unique(corners.reshape(-1, 3).astype(np.float32), axis=0, return_inverse=True)
     colours = np.ones((len(positions), 4), np.float32)
     colours[:, :3] = 0.55 + 0.4 * sin(3 * positions)
     up = np.tile(np.array([0, 1, 0], np.float32), (len(positions), 1))
     ids = np.zeros(len(corners), np.int32)
-    indices = indices.reshape(-1, 3).astype(np.int32)
+    faces = indices.reshape(-1, 3).astype(np.int32)
     uvs = np.zeros((len(positions), 2), np.float32)
-    return Scene("stress", positions, indices, up, uvs, colours, ids, [DOUBLE], lights=[LAMP])
+    return Scene("stress", positions, faces, up, uvs, colours, ids, [DOUBLE], lights=[LAMP])
 
 
-def walk(scene: Scene, count: int = 2, offset=(0, 0, 0), scale: float = 1.0) -> tuple[Pose, ...]:
+def walk(scene: Scene, count: int = 2, offset: ArrayLike = (0, 0, 0), scale: float = 1.0) -> tuple[Pose, ...]:
     """Poses in the room: 3 cm and 2 degrees a step."""
     poses = []
     for step in range(count):
         half = np.radians(2 * step) / 2
-        position = np.array([0.03 * step, 0, 2 - 0.01 * step]) * scale + offset - scene.origin
+        position = np.array([0.03 * step, 0, 2 - 0.01 * step]) * scale + np.asarray(offset) - scene.origin
         poses.append(Pose(position, np.array([0, sin(half), 0, cos(half)])))
     return tuple(poses)
 
@@ -146,20 +172,21 @@ def still(scene: Scene, count: int = 2) -> tuple[Pose, ...]:
     return (Pose(-scene.origin, AHEAD),) * count
 
 
-def seen_from_origin(corners: np.ndarray, **changes) -> Case:
+def seen_from_origin(corners: Doubles, atlas: tuple[int, int] = (256, 256)) -> TrialCase:
     """A case of a scene seen from the file's origin along -z."""
     scene = scene_of(corners)
-    return Case(scene, still(scene), **changes)
+    return TrialCase(scene, still(scene), atlas=atlas)
 
 
-def facing(centres: np.ndarray, radius: np.ndarray | float) -> np.ndarray:
+def facing(centres: Doubles, radius: Doubles | float) -> Doubles:
     """Equilateral triangles (n, 3, 3) that face +z, at centres (n, 3), each turned otherwise."""
     turn = np.arange(len(centres))[:, None] * 2.4 + np.arange(3) * 2 * np.pi / 3
     spokes = np.stack([cos(turn), sin(turn), np.zeros_like(turn)], axis=-1)
-    return centres[:, None] + spokes * np.broadcast_to(radius, len(centres))[:, None, None]
+    corners: Doubles = centres[:, None] + spokes * np.broadcast_to(radius, len(centres))[:, None, None]
+    return corners
 
 
-def scattered(count: int, distance: float, seed: int = 1) -> np.ndarray:
+def scattered(count: int, distance: float, seed: int = 1) -> Doubles:
     """Points (count, 3) all over the client's picture, at about a distance along -z."""
     rng = draws.generator(seed)
     across = rng.uniform(-0.5, 0.5, (count, 2)) * [1, 0.55]
@@ -171,29 +198,29 @@ def scattered(count: int, distance: float, seed: int = 1) -> np.ndarray:
 
 
 @stress("world-offset", "the scene moved away from the world's origin", powers(0, 7), unit="units", invariant=True)
-def world_offset(magnitude: float) -> Case:
+def world_offset(magnitude: float) -> TrialCase:
     offset = magnitude * np.array([1.0, 0.5, -1.0])
     scene = scene_of(room(), offset)
-    return Case(scene, walk(scene, offset=offset))
+    return TrialCase(scene, walk(scene, offset=offset))
 
 
 @stress("float32-offset", "positions far from their own float32 origin", powers(0, 7), unit="units")
-def float32_offset(magnitude: float) -> Case:
+def float32_offset(magnitude: float) -> TrialCase:
     offset = magnitude * np.array([1.0, 0.5, -1.0])
     scene = as_they_are(room() + offset)
-    scene.lights = [replace(LAMP, position=tuple(np.array(LAMP.position) + offset))]
-    return Case(scene, walk(scene, offset=offset))
+    scene.lights = [replace(LAMP, position=_triple(np.array(LAMP.position) + offset))]
+    return TrialCase(scene, walk(scene, offset=offset))
 
 
 @stress("scale-up", "the scene in ever smaller units", powers(0, 6), unit="times", invariant=True)
-def scale_up(magnitude: float) -> Case:
+def scale_up(magnitude: float) -> TrialCase:
     scene = scene_of(room(), scale=magnitude)
-    cell = Cell(0.08 * magnitude, 80)
-    return Case(scene, walk(scene, scale=magnitude), near=0.02 * magnitude, cell=cell)
+    cell = ViewCell(0.08 * magnitude, 80)
+    return TrialCase(scene, walk(scene, scale=magnitude), near=0.02 * magnitude, cell=cell)
 
 
 @stress("scale-down", "the scene in ever larger units", powers(0, -6), unit="times", invariant=True)
-def scale_down(magnitude: float) -> Case:
+def scale_down(magnitude: float) -> TrialCase:
     return scale_up(magnitude)
 
 
@@ -201,7 +228,7 @@ def scale_down(magnitude: float) -> Case:
 
 
 @stress("slivers", "triangles of ever smaller aspect", powers(0, -7), unit="height / length")
-def slivers(magnitude: float) -> Case:
+def slivers(magnitude: float) -> TrialCase:
     rng = draws.generator(2)
     start = scattered(200, 2.0)
     along = rng.normal(size=(200, 3))
@@ -213,52 +240,52 @@ def slivers(magnitude: float) -> Case:
 
 
 @stress("zero-area", "triangles without area: points, lines and repeated corners", (1, 3, 10, 30, 100, 300, 1000))
-def zero_area(magnitude: float) -> Case:
+def zero_area(magnitude: float) -> TrialCase:
     corners = facing(scattered(int(magnitude), 2.0), 0.1)
     corners[0::3, 1:] = corners[0::3, :1]
     corners[1::3, 2] = corners[1::3, 1]
     corners[2::3, 2] = (corners[2::3, 0] + corners[2::3, 1]) / 2
     scene = as_they_are(np.concatenate([corners, backdrop()]))
-    return Case(scene, still(scene))
+    return TrialCase(scene, still(scene))
 
 
 @stress("duplicated", "copies of every triangle", (1, 2, 4, 8, 16, 32))
-def duplicated(magnitude: float) -> Case:
+def duplicated(magnitude: float) -> TrialCase:
     scene = scene_of(np.concatenate([room()[::2]] * int(magnitude)))
-    return Case(scene, walk(scene), atlas=(512, 512))
+    return TrialCase(scene, walk(scene), atlas=(512, 512))
 
 
 @stress("coplanar", "triangles that overlap in one plane", (2, 4, 8, 16, 32, 64, 128))
-def coplanar(magnitude: float) -> Case:
+def coplanar(magnitude: float) -> TrialCase:
     centres = scattered(int(magnitude), 2.0)
     centres[:, 2] = -2
     return seen_from_origin(np.concatenate([facing(centres, 0.5), backdrop()]))
 
 
 @stress("flipped", "triangles turned round, of single-sided material", (0.01, 0.03, 0.1, 0.3, 0.6, 1), unit="share")
-def flipped(magnitude: float) -> Case:
+def flipped(magnitude: float) -> TrialCase:
     corners = room()
     turned = draws.generator(3).random(len(corners)) < magnitude
     corners[turned] = corners[turned][:, ::-1]
     scene = scene_of(corners, materials=(replace(DOUBLE, double_sided=False),))
-    return Case(scene, walk(scene))
+    return TrialCase(scene, walk(scene))
 
 
 @stress("sub-pixel", "triangles smaller than a pixel", (1, 0.3, 0.1, 0.03, 0.01, 0.003, 0.001), unit="pixels")
-def sub_pixel(magnitude: float) -> Case:
+def sub_pixel(magnitude: float) -> TrialCase:
     small = facing(scattered(400, 2.0), 2 * magnitude / PIXELS_PER_TANGENT)
     return seen_from_origin(np.concatenate([small, backdrop()]))
 
 
 @stress("screen-filling", "a triangle that reaches beyond the screen", powers(0, 6), unit="times the screen")
-def screen_filling(magnitude: float) -> Case:
+def screen_filling(magnitude: float) -> TrialCase:
     large = facing(np.array([[0, 0, -3.0]]), 4 * magnitude)
     large[:, :, 2] -= 0.3 * large[:, :, 1]
     return seen_from_origin(np.concatenate([large, facing(scattered(50, 1.5), 0.1)]))
 
 
 @stress("fan", "triangles at one vertex", (10, 30, 100, 300, 1000, 3000, 10_000))
-def fan(magnitude: float) -> Case:
+def fan(magnitude: float) -> TrialCase:
     angle = np.linspace(0, 2 * np.pi, int(magnitude) + 1)
     ring = np.stack([cos(angle), sin(angle), -2.5 + 0.2 * cos(5 * angle)], axis=1)
     middle = np.broadcast_to([0.05, 0.02, -2.0], ring[1:].shape)
@@ -269,7 +296,7 @@ def fan(magnitude: float) -> Case:
 
 
 @stress("one-bin", "triangles of one size", (10, 30, 100, 300, 1000, 3000, 10_000))
-def one_bin(magnitude: float) -> Case:
+def one_bin(magnitude: float) -> TrialCase:
     side = int(np.ceil(np.sqrt(magnitude)))
     x, y = np.meshgrid(np.linspace(-1, 1, side), np.linspace(-0.55, 0.55, side))
     centres = np.stack([x, y, np.full_like(x, -2)], axis=-1).reshape(-1, 3)[: int(magnitude)]
@@ -277,14 +304,14 @@ def one_bin(magnitude: float) -> Case:
 
 
 @stress("one-pixel", "triangles behind each other in one pixel", (1, 3, 10, 30, 100, 300, 1000))
-def one_pixel(magnitude: float) -> Case:
+def one_pixel(magnitude: float) -> TrialCase:
     depth = np.linspace(1, 3, int(magnitude))
     centres = np.stack([0.5 / PIXELS_PER_TANGENT * depth, 0.5 / PIXELS_PER_TANGENT * depth, -depth], axis=1)
     return seen_from_origin(np.concatenate([facing(centres, 0.6 * depth / PIXELS_PER_TANGENT), backdrop()]))
 
 
 @stress("one-patch", "triangles that share one edge", (2, 4, 8, 16, 32, 64, 128, 256))
-def one_patch(magnitude: float) -> Case:
+def one_patch(magnitude: float) -> TrialCase:
     angle = np.linspace(0, np.pi, int(magnitude))
     page = np.stack([cos(angle), 0.3 * sin(3 * angle), sin(angle) - 2.5], axis=1)
     hinge = [np.broadcast_to(point, page.shape) for point in ([0, -0.7, -2.6], [0, 0.7, -2.4])]
@@ -292,27 +319,27 @@ def one_patch(magnitude: float) -> Case:
 
 
 @stress("equal-depth", "layers at exactly one depth", (1, 2, 4, 8, 16, 32, 64))
-def equal_depth(magnitude: float) -> Case:
+def equal_depth(magnitude: float) -> TrialCase:
     return seen_from_origin(np.concatenate([grid((-1, -0.6, -2), (2, 0, 0), (0, 1.2, 0), 2, 2)] * int(magnitude)))
 
 
 @stress("blend-alpha", "blended surfaces", (1, 0.5, 0.1, 2 / 255, 1 / 255, 0), unit="alpha")
-def blend_alpha(magnitude: float) -> Case:
+def blend_alpha(magnitude: float) -> TrialCase:
     return _alpha(replace(DOUBLE, base_colour=(0.9, 0.7, 0.5, magnitude), alpha_mode="blend"))
 
 
 @stress("mask-alpha", "masked surfaces, cut at half of their alpha", (1, 0.5, 0.1, 2 / 255, 1 / 255, 0), unit="alpha")
-def mask_alpha(magnitude: float) -> Case:
-    look = {"alpha_mode": "mask", "alpha_cutoff": magnitude / 2}
-    return _alpha(replace(DOUBLE, base_colour=(0.9, 0.7, 0.5, magnitude), **look))
+def mask_alpha(magnitude: float) -> TrialCase:
+    colour = (0.9, 0.7, 0.5, magnitude)
+    return _alpha(replace(DOUBLE, base_colour=colour, alpha_mode="mask", alpha_cutoff=magnitude / 2))
 
 
-def _alpha(material: Material) -> Case:
+def _alpha(material: Material) -> TrialCase:
     """Half of the room's triangles with a material, before the others."""
     scene = scene_of(room(), materials=(DOUBLE, material))
     scene.material_ids = np.where(np.arange(scene.triangle_count) % 2, 1, 0).astype(np.int32)
     scene.features = find_features(scene)
-    return Case(scene, walk(scene), exact=False)
+    return TrialCase(scene, walk(scene), exact=False)
 
 
 # The camera
@@ -320,7 +347,7 @@ def _alpha(material: Material) -> Case:
 
 @stress("near-plane", "corners about, and on, the near plane", (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 0),
         unit="of its distance")  # fmt: skip
-def near_plane(magnitude: float) -> Case:
+def near_plane(magnitude: float) -> TrialCase:
     near, count = 0.02, 30
     turn = np.arange(count) * 2 * np.pi / count
     side = np.stack([cos(turn), 0.5 * sin(turn), np.zeros(count)], axis=1)
@@ -335,11 +362,11 @@ def near_plane(magnitude: float) -> Case:
     frame = np.concatenate([frame, -frame])
     scene = as_they_are(np.concatenate([mixed, frame]))
     poses = still(scene)
-    return Case(scene, poses, ahead=poses, near=near)
+    return TrialCase(scene, poses, ahead=poses, near=near)
 
 
 @stress("behind", "triangles from far behind the eye to before it", powers(0, 6), unit="units behind")
-def behind(magnitude: float) -> Case:
+def behind(magnitude: float) -> TrialCase:
     turn = np.arange(14) * 2 * np.pi / 14
     ring = np.stack([cos(turn), np.full(14, -0.2), sin(turn)], axis=1) * [magnitude, 1, magnitude]
     middle = np.broadcast_to([0.1, -0.5, -2.0], ring.shape)
@@ -347,55 +374,55 @@ def behind(magnitude: float) -> Case:
 
 
 @stress("wide-view", "ever wider fields of view", (60, 90, 120, 150, 170, 175, 179), unit="degrees")
-def wide_view(magnitude: float) -> Case:
+def wide_view(magnitude: float) -> TrialCase:
     scene = scene_of(room())
-    return Case(scene, walk(scene), fov=magnitude, cell=Cell(0.08, min(179.0, magnitude + 20)))
+    return TrialCase(scene, walk(scene), fov=magnitude, cell=ViewCell(0.08, min(179.0, magnitude + 20)))
 
 
 @stress("narrow-view", "ever narrower fields of view", (60, 30, 10, 5, 2, 1), unit="degrees")
-def narrow_view(magnitude: float) -> Case:
+def narrow_view(magnitude: float) -> TrialCase:
     scene = scene_of(room())
-    return Case(scene, walk(scene), fov=magnitude, cell=Cell(0.08 * magnitude / 60, 1.3 * magnitude))
+    return TrialCase(scene, walk(scene), fov=magnitude, cell=ViewCell(0.08 * magnitude / 60, 1.3 * magnitude))
 
 
 @stress("motion", "ever smaller steps of the camera, and none", (0.1, 1e-2, 1e-3, 1e-4, 1e-5, 1e-6, 0), unit="units")
-def motion(magnitude: float) -> Case:
+def motion(magnitude: float) -> TrialCase:
     scene = scene_of(room())
     (first,) = walk(scene, 1)
     steps = [np.array([magnitude, 0, magnitude / 2]) * k for k in range(4)]
-    return Case(scene, tuple(replace(first, position=first.position + step) for step in steps))
+    return TrialCase(scene, tuple(replace(first, position=first.position + step) for step in steps))
 
 
 @stress("teleport", "a camera that jumps away and back", powers(-1, 6), unit="units")
-def teleport(magnitude: float) -> Case:
+def teleport(magnitude: float) -> TrialCase:
     scene = scene_of(room())
     here, there = walk(scene)
     away = replace(there, position=there.position + magnitude * np.array([0, 0, 1]))
     turned = Pose(here.position, np.array([0, 1.0, 0, 0]))
-    return Case(scene, (here, away, turned, here))
+    return TrialCase(scene, (here, away, turned, here))
 
 
 # The atlas and the set
 
 
 @stress("small-atlas", "ever smaller atlases", (256, 128, 64, 48, 32, 16), unit="texels a side")
-def small_atlas(magnitude: float) -> Case:
+def small_atlas(magnitude: float) -> TrialCase:
     scene = scene_of(room())
-    return Case(scene, walk(scene), atlas=(int(magnitude), int(magnitude)))
+    return TrialCase(scene, walk(scene), atlas=(int(magnitude), int(magnitude)))
 
 
 @stress("large-atlas", "ever larger atlases", (256, 512, 1024, 2048, 4096, 8192), unit="texels a side")
-def large_atlas(magnitude: float) -> Case:
+def large_atlas(magnitude: float) -> TrialCase:
     scene = scene_of(room())
-    return Case(scene, walk(scene, 1), atlas=(int(magnitude), int(magnitude)))
+    return TrialCase(scene, walk(scene, 1), atlas=(int(magnitude), int(magnitude)))
 
 
 @stress("empty-frames", "empty sets between full ones", (1, 2, 3, 5, 8, 13), unit="frames")
-def empty_frames(magnitude: float) -> Case:
+def empty_frames(magnitude: float) -> TrialCase:
     scene = scene_of(room())
     full, none = np.arange(scene.triangle_count, dtype=np.int32), np.zeros(0, np.int32)
     sets = (full, *[none] * int(magnitude), full)
-    return Case(scene, walk(scene, 1) * len(sets), sets=sets)
+    return TrialCase(scene, walk(scene, 1) * len(sets), sets=sets)
 
 
 # What is not a number
@@ -403,21 +430,21 @@ def empty_frames(magnitude: float) -> Case:
 SHARES = (1e-3, 1e-2, 0.1, 0.3, 0.6, 1.0)
 
 
-def poisoned(array: np.ndarray, share: float) -> np.ndarray:
+def poisoned(array: Array, share: float) -> Doubles:
     """Some rows of an array as float64 with NaN, infinity and minus infinity in turn; one at least."""
-    array = np.array(array, np.float64)
-    rows = draws.generator(5).permutation(len(array))[: max(1, round(share * len(array)))]
-    array[rows, ..., 0] = np.resize([np.nan, np.inf, -np.inf], len(rows)).reshape(-1, *[1] * (array.ndim - 2))
-    return array
+    numbers = np.array(array, np.float64)
+    rows = draws.generator(5).permutation(len(numbers))[: max(1, round(share * len(numbers)))]
+    numbers[rows, ..., 0] = np.resize([np.nan, np.inf, -np.inf], len(rows)).reshape(-1, *[1] * (numbers.ndim - 2))
+    return numbers
 
 
-def _poisoned_room(poison: Callable[[RawScene], None]) -> Case:
+def _poisoned_room(poison: Callable[[RawScene], None]) -> TrialCase:
     scene = scene_of(room(), poison=poison)
-    return Case(scene, walk(scene))
+    return TrialCase(scene, walk(scene))
 
 
 @stress("nan-positions", "positions that are not numbers", SHARES, unit="share", refusable=True)
-def nan_positions(magnitude: float) -> Case:
+def nan_positions(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         raw.parts[0].positions = poisoned(raw.parts[0].positions, magnitude)
 
@@ -425,7 +452,7 @@ def nan_positions(magnitude: float) -> Case:
 
 
 @stress("nan-indices", "indices of vertices that are not there", SHARES, unit="share", refusable=True)
-def nan_indices(magnitude: float) -> Case:
+def nan_indices(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         rows = np.isnan(poisoned(np.zeros((len(raw.parts[0].indices), 1)), magnitude)[:, 0])
         raw.parts[0].indices[rows, 1] = 2**31 - 1
@@ -435,7 +462,7 @@ def nan_indices(magnitude: float) -> Case:
 
 
 @stress("nan-normals", "normals that are not numbers", SHARES, unit="share", refusable=True)
-def nan_normals(magnitude: float) -> Case:
+def nan_normals(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         up = np.tile([0.0, 1.0, 0.0], (len(raw.parts[0].positions), 1))
         raw.parts[0].normals = poisoned(up, magnitude)
@@ -444,7 +471,7 @@ def nan_normals(magnitude: float) -> Case:
 
 
 @stress("nan-uvs", "texture coordinates that are not numbers", SHARES, unit="share", refusable=True)
-def nan_uvs(magnitude: float) -> Case:
+def nan_uvs(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         raw.parts[0].uvs = poisoned(raw.parts[0].positions[:, :2], magnitude)
 
@@ -452,15 +479,16 @@ def nan_uvs(magnitude: float) -> Case:
 
 
 @stress("nan-colours", "vertex colours that are not numbers", SHARES, unit="share", refusable=True)
-def nan_colours(magnitude: float) -> Case:
+def nan_colours(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
-        raw.parts[0].colours = poisoned(raw.parts[0].colours, magnitude)
+        if (colours := raw.parts[0].colours) is not None:
+            raw.parts[0].colours = poisoned(colours, magnitude).astype(np.float32)
 
     return _poisoned_room(poison)
 
 
 @stress("nan-tangents", "tangents that are not numbers", SHARES, unit="share", refusable=True)
-def nan_tangents(magnitude: float) -> Case:
+def nan_tangents(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         tangent = np.tile([1.0, 0.0, 0.0, 1.0], (len(raw.parts[0].positions), 1))
         raw.parts[0].tangents = poisoned(tangent, magnitude)
@@ -469,7 +497,7 @@ def nan_tangents(magnitude: float) -> Case:
 
 
 @stress("nan-transforms", "instances whose placement is not a number", SHARES, unit="share", refusable=True)
-def nan_transforms(magnitude: float) -> Case:
+def nan_transforms(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         raw.parts[0].transforms = poisoned(np.tile(np.eye(4), (4, 1, 1)), magnitude)
 
@@ -477,18 +505,18 @@ def nan_transforms(magnitude: float) -> Case:
 
 
 @stress("nan-lights", "lights whose numbers are none", SHARES, unit="share", refusable=True)
-def nan_lights(magnitude: float) -> Case:
+def nan_lights(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         values = poisoned(np.ones((6, 3)), magnitude)
-        raw.lights += [Light("point", tuple(value), (0.0, 1.0, 0.0)) for value in values[:2]]
-        raw.lights += [Light("point", (1.0, 1.0, 1.0), tuple(value)) for value in values[2:4]]
-        raw.lights += [replace(SUN, direction=tuple(value), shadows=False) for value in values[4:]]
+        raw.lights += [Light("point", _triple(value), (0.0, 1.0, 0.0)) for value in values[:2]]
+        raw.lights += [Light("point", (1.0, 1.0, 1.0), _triple(value)) for value in values[2:4]]
+        raw.lights += [replace(SUN, direction=_triple(value), shadows=False) for value in values[4:]]
 
     return _poisoned_room(poison)
 
 
 @stress("nan-materials", "materials whose numbers are none", SHARES, unit="share", refusable=True)
-def nan_materials(magnitude: float) -> Case:
+def nan_materials(magnitude: float) -> TrialCase:
     def poison(raw: RawScene) -> None:
         red, rough, metal, glow = poisoned(np.full((4, 1), 0.5), magnitude)[:, 0]
         raw.materials[0] = replace(
@@ -499,7 +527,7 @@ def nan_materials(magnitude: float) -> Case:
 
 
 @stress("nan-path", "poses of a path that are not numbers", SHARES, unit="share", refusable=True)
-def nan_path(magnitude: float) -> Case:
+def nan_path(magnitude: float) -> TrialCase:
     import tempfile
 
     scene = scene_of(room())
@@ -512,4 +540,4 @@ def nan_path(magnitude: float) -> Case:
             path = make_path(scene, str(file), 2, 0)
         except PathError as error:
             raise PathError(str(error).replace(str(file), "The path")) from error
-    return Case(scene, tuple(Pose(p, q) for p, q in zip(path.positions[:2], path.orientations[:2], strict=True)))
+    return TrialCase(scene, tuple(Pose(p, q) for p, q in zip(path.positions[:2], path.orientations[:2], strict=True)))

@@ -11,11 +11,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import median
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from rich.markup import escape
 
+from shading_atlas_bench.harness.cases import MODULE, against_twin, own_cases
 from shading_atlas_bench.harness.conformance.catalogue import (
     CATALOGUE,
     facing,
@@ -26,11 +27,11 @@ from shading_atlas_bench.harness.conformance.catalogue import (
     still,
     walk,
 )
-from shading_atlas_bench.harness.conformance.fuzz import hunt, save_soup
+from shading_atlas_bench.harness.conformance.fuzz import find_failure, save_soup
 from shading_atlas_bench.harness.conformance.trial import (
-    Case,
     Finding,
     Stage,
+    TrialCase,
     describe,
     refuses,
     try_isolation,
@@ -39,6 +40,7 @@ from shading_atlas_bench.harness.conformance.trial import (
 from shading_atlas_bench.harness.console import make_console, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
+from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
 from shading_atlas_bench.reports.pages.stress import magnitude
 
@@ -77,7 +79,7 @@ EXAMPLES, THOROUGH = 100, 1000
 class Kit:
     """A packer's class with its parameters, and the stages that checks share; those are kept for the next packer."""
 
-    def __init__(self, device: Device, packer: Packer, stages: dict[Any, Stage] | None = None) -> None:
+    def __init__(self, device: Device, packer: Packer, stages: dict[str, Stage] | None = None) -> None:
         self.device, self.kind = device, type(packer)
         self.parameters = {name: getattr(packer, name) for name in packer.parameters}
         self._stages = {} if stages is None else stages
@@ -86,7 +88,7 @@ class Kit:
         """A packer without a past."""
         return self.kind(**self.parameters)
 
-    def stage(self, key: Any, make: Callable[[], Stage]) -> Stage:
+    def stage(self, key: str, make: Callable[[], Stage]) -> Stage:
         """The stage of a key, made once."""
         if key not in self._stages:
             self._stages[key] = make()
@@ -106,7 +108,7 @@ class Kit:
                             width=wide, height=high, atlas_width=ATLAS[0], atlas_height=ATLAS[1])  # fmt: skip
         return open_session(settings, self.device)
 
-    def case(self, key: str, make: Callable[[], Case]) -> Finding:
+    def case(self, key: str, make: Callable[[], TrialCase]) -> Finding:
         """What comes out of a case."""
         return try_method(self.stage(key, lambda: Stage.of(self.device, make())), self.make, again=1)
 
@@ -116,23 +118,30 @@ def _frames_of(session: Session) -> Stage:
     return Stage(session.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
 
 
+Run: TypeAlias = Callable[[Kit], Finding]
+
+
 @dataclass(frozen=True)
 class Check:
-    """A check: its name, what it means, and the function that runs it on a kit."""
+    """A check: its name, what it means, and the function that runs it on a kit.
+
+    patience: times the limit of a check that it may take.
+    """
 
     name: str
     what: str
-    run: Callable[[Kit], Finding]
+    run: Run
+    patience: int = 1
 
 
 CHECKS: dict[str, Check] = {}
 
 
-def check(name: str, what: str) -> Callable:
+def check(name: str, what: str, patience: int = 1) -> Callable[[Run], Run]:
     """Register a check."""
 
-    def add(run: Callable[[Kit], Finding]) -> Callable[[Kit], Finding]:
-        CHECKS[name] = Check(name, what, run)
+    def add(run: Run) -> Run:
+        CHECKS[name] = Check(name, what, run, patience)
         return run
 
     return add
@@ -184,14 +193,27 @@ def deterministic(kit: Kit) -> Finding:
 @check("picture", "the client shows the surfaces that a float64 rendering shows, at a FLIP of at most 0.1")
 def picture(kit: Kit) -> Finding:
     found = kit.case("room", _room)
-    if found.good and found.error > 0.1:
+    if found.good and found.error is not None and found.error > 0.1:
         return replace(found, status="inaccurate", sentence=f"The client's picture has a FLIP of {found.error:.3f}.")
     return found
 
 
-def _room() -> Case:
+def _room() -> TrialCase:
     scene = scene_of(room())
-    return Case(scene, walk(scene), atlas=ATLAS)
+    return TrialCase(scene, walk(scene), atlas=ATLAS)
+
+
+@check("kernels", "each of its own kernels against its float64 twin, on typical and adversarial input", patience=5)
+def kernels(kit: Kit) -> Finding:
+    own = own_cases(kit.kind)
+    if not own:
+        return Finding("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
+    for stage in own:
+        for kind in INPUTS:
+            apart = against_twin(kit.device, stage, kind)
+            if apart.over > 1:
+                return Finding("inaccurate", f"The kernels of {stage.name}, on {kind} input: {apart.what}.")
+    return Finding("ok")
 
 
 @check("empty set", "a frame in which nothing is visible, between two others, and as the first")
@@ -202,9 +224,9 @@ def empty_set(kit: Kit) -> Finding:
 
 @check("one triangle", "a scene, and a set, of one triangle")
 def one_triangle(kit: Kit) -> Finding:
-    def alone() -> Case:
+    def alone() -> TrialCase:
         scene = scene_of(facing(np.array([[0, 0, -2.0]]), 0.5))
-        return Case(scene, still(scene))
+        return TrialCase(scene, still(scene))
 
     found = kit.case("one in the scene", alone)
     return found if not found.good else kit.case("one in the set", lambda: _sets([1.0, -1.0, 1.0]))
@@ -215,40 +237,40 @@ def other_set(kit: Kit) -> Finding:
     return kit.case("other set", lambda: _sets([0.5, -0.5, 0.5, 1.0]))
 
 
-def _sets(shares: list[float]) -> Case:
+def _sets(shares: list[float]) -> TrialCase:
     """The room with sets of the first share of the triangles; of the last where negative; -1 for one triangle."""
     scene = scene_of(room())
     ids, count = np.arange(scene.triangle_count, dtype=np.int32), scene.triangle_count
     parts = {-1.0: ids[count // 2 : count // 2 + 1]}
     sets = [parts.get(s, ids[: round(s * count)] if s >= 0 else ids[round((1 + s) * count) :]) for s in shares]
-    return Case(scene, walk(scene, 1) * len(sets), sets=tuple(sets), atlas=ATLAS)
+    return TrialCase(scene, walk(scene, 1) * len(sets), sets=tuple(sets), atlas=ATLAS)
 
 
 @check("slivers only", "a scene of nothing but triangles 1000 times as long as high")
 def slivers_only(kit: Kit) -> Finding:
-    def slivers() -> Case:
+    def slivers() -> TrialCase:
         corners = facing(scattered(100, 2.0), 0.4)
         corners[:, 2] = corners[:, 0] + (corners[:, 1] - corners[:, 0]) / 2 + 1e-3 * (corners[:, 2] - corners[:, 0])
         scene = scene_of(corners)
-        return Case(scene, still(scene))
+        return TrialCase(scene, still(scene))
 
     return kit.case("slivers only", slivers)
 
 
 @check("screen-filling", "one triangle that covers the whole picture")
 def screen_filling(kit: Kit) -> Finding:
-    def large() -> Case:
+    def large() -> TrialCase:
         scene = scene_of(facing(np.array([[0, 0, -2.0]]), 8))
-        return Case(scene, still(scene))
+        return TrialCase(scene, still(scene))
 
     return kit.case("screen-filling", large)
 
 
 @check("overflow", "an atlas of 16 x 16 texels: every triangle left out is named, with a reason")
 def overflow(kit: Kit) -> Finding:
-    def tiny() -> Case:
+    def tiny() -> TrialCase:
         scene = scene_of(np.concatenate([room(), grid((-1, -1, -2), (2, 0, 0), (0, 2, 0), 10, 10)]))
-        return Case(scene, walk(scene), atlas=(16, 16))
+        return TrialCase(scene, walk(scene), atlas=(16, 16))
 
     return kit.case("overflow", tiny)
 
@@ -257,7 +279,7 @@ def _stress_check(name: str, value: float) -> None:
     test = CATALOGUE[name]
 
     @check(f"stress {name} {magnitude(value)}", test.what)
-    def bears(kit: Kit) -> Finding:
+    def withstands(kit: Kit) -> Finding:
         return kit.case(f"{name} {value}", lambda: test.make(value))
 
 
@@ -281,7 +303,7 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
         raise InputError(f"{spec} cannot be made: {describe(error)}") from error
     opened = Device.open(device)
     tell_passed_over(opened)
-    stages: dict[Any, Stage] = {}
+    stages: dict[str, Stage] = {}
     passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
     return all(passed)
 
@@ -308,7 +330,7 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     console = make_console(stderr=True)
     for name, one in CHECKS.items():
         with console.status(name):
-            found = guarded_run(name, one.run, kit, timeout)
+            found = guarded_run(name, one.run, kit, timeout * one.patience)
         yield name, found
     count = THOROUGH if thorough else EXAMPLES
     name = f"fuzzing, {count} soups"
@@ -320,7 +342,7 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     yield "benchmark", found
 
 
-def guarded_run(name: str, one: Callable[[Kit], Finding], kit: Kit, timeout: float) -> Finding:
+def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> Finding:
     """A check's finding within a time limit; whatever is raised becomes one."""
     try:
         with time_limit(timeout, f"{kit.kind.name}, check {name}"):
@@ -332,7 +354,7 @@ def guarded_run(name: str, one: Callable[[Kit], Finding], kit: Kit, timeout: flo
 
 
 def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> Finding:
-    if smallest := hunt(kit.device, kit.kind, count, kit.parameters, timeout):
+    if smallest := find_failure(kit.device, kit.kind, count, kit.parameters, timeout):
         soup, found = smallest
         path = save_soup((out or Path(".")) / "regressions", kit.kind.name, soup, found)
         return replace(found, sentence=f"{found.sentence} The smallest such case is kept as {path}.")
@@ -347,7 +369,10 @@ def benchmark(kit: Kit) -> Finding:
     for frame in stage.frames:
         packer.pack(frame)
     stage.device.finish()
-    structs, gather, wall, samples = [], [], [], 0
+    structs: list[float] = []
+    gather: list[float] = []
+    wall: list[float] = []
+    samples = 0
     until = time.perf_counter() + BENCHMARK
     while time.perf_counter() < until:
         start = time.perf_counter()

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -16,9 +16,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import sin
-from shading_atlas_bench.harness.conformance.trial import Case, Finding, Stage, describe, try_method
+from shading_atlas_bench.harness.conformance.trial import Finding, Stage, TrialCase, describe, try_method
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
-from shading_atlas_bench.harness.workload.views import Cell, Pose, from_rotation_vector, multiply
+from shading_atlas_bench.harness.workload.views import Pose, ViewCell, from_rotation_vector, multiply
 from shading_atlas_bench.scenes.model import Light, Material, Scene
 
 if TYPE_CHECKING:
@@ -69,12 +69,17 @@ class Soup:
                 sets = [[t - (t > k) for t in chosen if t != k] for chosen in self.sets]
                 corners, sided = self.corners[:k] + self.corners[k + 1 :], self.sided[:k] + self.sided[k + 1 :]
                 yield replace(self, corners=corners, sided=sided, sets=sets)
-        straight = {"parameters": dict(parameters), "eye": [0.0, 0.0, 0.0], "yaw": 0.0, "pitch": 0.0, "fov": VIEWS[0]}
-        for name, value in straight.items():
-            if getattr(self, name) != value:
-                yield replace(self, **{name: value})
+        for straight in (
+            replace(self, parameters=dict(parameters)),
+            replace(self, eye=[0.0, 0.0, 0.0]),
+            replace(self, yaw=0.0),
+            replace(self, pitch=0.0),
+            replace(self, fov=VIEWS[0]),
+        ):
+            if straight != self:
+                yield straight
 
-    def case(self) -> Case:
+    def case(self) -> TrialCase:
         """As a case; positions are float32 and nothing is cleaned."""
         corners = np.array(self.corners, np.float32).reshape(-1, 3)
         positions, indices = np.unique(corners, axis=0, return_inverse=True)
@@ -84,11 +89,14 @@ class Soup:
         uvs = np.zeros((len(positions), 2), np.float32)
         scene = Scene("soup", positions, indices.reshape(-1, 3).astype(np.int32), up, uvs, colours,
                       np.array(self.sided, np.int32), MATERIALS, lights=[LAMP])  # fmt: skip
-        turn = [np.radians([0, self.yaw, 0]), np.radians([self.pitch, 0, 0])]
-        pose = Pose(np.array(self.eye), multiply(*map(from_rotation_vector, turn)))
+        yaw, pitch = (from_rotation_vector(np.radians(turn)) for turn in ([0, self.yaw, 0], [self.pitch, 0, 0]))
+        pose = Pose(np.array(self.eye), multiply(yaw, pitch))
         sets = tuple(np.array(sorted(chosen), np.int32) for chosen in self.sets)
-        cell = Cell(0.08, min(179.0, self.fov + min(20.0, self.fov / 3)))
-        return Case(scene, (pose,) * len(sets), fov=self.fov, cell=cell, size=SIZE, atlas=tuple(self.atlas), sets=sets)
+        cell = ViewCell(0.08, min(179.0, self.fov + min(20.0, self.fov / 3)))
+        width, height = self.atlas
+        return TrialCase(
+            scene, (pose,) * len(sets), fov=self.fov, cell=cell, size=SIZE, atlas=(width, height), sets=sets
+        )
 
 
 def soups(packer: type[Packer]) -> SearchStrategy[Soup]:
@@ -99,7 +107,7 @@ def soups(packer: type[Packer]) -> SearchStrategy[Soup]:
     point = st.lists(number, min_size=3, max_size=3)
     near = st.tuples(st.floats(-1.5, 1.5, width=32), st.floats(-1, 1, width=32), st.floats(-6, -1, width=32)).map(list)
     triangle = st.lists(st.one_of(near, point), min_size=3, max_size=3)
-    changes = [{}] + [
+    changes: list[dict[str, Any]] = [{}] + [
         {name: value}
         for name, parameter in packer.parameters.items()
         for value in dict.fromkeys(parameter.sweep)
@@ -107,7 +115,7 @@ def soups(packer: type[Packer]) -> SearchStrategy[Soup]:
     ]
 
     @st.composite
-    def soup(draw: Callable) -> Soup:
+    def soup(draw: st.DrawFn) -> Soup:
         corners = draw(st.lists(triangle, min_size=1, max_size=MOST_TRIANGLES))
         count = len(corners)
         some = st.lists(st.integers(0, count - 1), max_size=count, unique=True)
@@ -136,7 +144,7 @@ def try_soup(device: Device, packer: type[Packer], soup: Soup) -> Finding:
     return try_method(stage, lambda: packer(**soup.parameters), again=1)
 
 
-def hunt(
+def find_failure(
     device: Device,
     packer: type[Packer],
     examples: int,

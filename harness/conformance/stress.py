@@ -26,6 +26,7 @@ from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
 if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes
     from shading_atlas_bench.packers.interface import Packer
 
 RUNS = Path("runs")
@@ -193,8 +194,9 @@ class StressRun:
                 value = test.magnitudes[step]
                 done = sum(self.log.has(row, t, s) for t, s, row in self.trials)
                 progress.update(task, completed=done, description=f"{test.name} {magnitude(value)}")
-                self._one_step(test, step, fresh, lambda row, t=task, n=test.name, v=value: progress.update(
-                    t, advance=1, description=f"{n} {magnitude(v)}: {row.label}"))  # fmt: skip
+                for row in self._one_step(test, step, fresh):
+                    text = f"{test.name} {magnitude(value)}: {row.label}"
+                    progress.update(task, advance=1, description=text)
 
     def _unfinished(self) -> Iterator[tuple[StressTest, int, list[Contender]]]:
         """Tests and steps with the contenders that have not had them."""
@@ -203,7 +205,8 @@ class StressRun:
             if fresh:
                 yield test, step, fresh
 
-    def _one_step(self, test: StressTest, step: int, fresh: list[Contender], note: Callable) -> None:
+    def _one_step(self, test: StressTest, step: int, fresh: list[Contender]) -> Iterator[Contender]:
+        """Try the contenders; gives each when it is done."""
         stage = self._staged(test, step)
         for row in fresh:
             ended = self._ended(row, test, step)
@@ -215,7 +218,7 @@ class StressRun:
                 with time_limit(self.timeout, f"{test.name} {step}: {row.label}", ended):
                     found = row.run(stage)
             self._keep(row, test, step, found)
-            note(row)
+            yield row
 
     def _ended(self, row: Contender, test: StressTest, step: int) -> dict[str, Any]:
         return {"folder": str(self.log.folder), "contender": row.key, "test": test.name, "step": step}
@@ -237,12 +240,16 @@ class StressRun:
 
     def _keep(self, row: Contender, test: StressTest, step: int, found: Finding) -> None:
         first = self.log.find(row, test, 0)
-        baseline = first["error"] if first else found.error
+        baseline: float | None = first["error"] if first else found.error
         growth = found.error / baseline if found.error is not None and baseline else None
         status, reason = found.status, found.sentence
-        comparable = test.invariant and status == "ok" and baseline is not None
-        drifted = comparable and found.error > DRIFT[0] * baseline + DRIFT[1]
-        if drifted:
+        if (
+            test.invariant
+            and status == "ok"
+            and baseline is not None
+            and found.error is not None
+            and found.error > DRIFT[0] * baseline + DRIFT[1]
+        ):
             status = "inaccurate"
             reason = f"The picture must stay the same, and its error grew from {baseline:.4f} to {found.error:.4f}."
         values = {
@@ -269,7 +276,7 @@ class StressRun:
             self._write(values, name, rgb)
         self.log.add(values)
 
-    def _write(self, values: dict[str, Any], name: str, rgb: Any) -> None:
+    def _write(self, values: dict[str, Any], name: str, rgb: Bytes) -> None:
         from shading_atlas_bench.harness.measure.dump import write_png
 
         path = self.log.folder / "pictures" / f"{picture_stem(values)}_{name}.png"

@@ -14,10 +14,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import turned
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.exact import ExactPicture, draw_exact
@@ -30,9 +31,9 @@ from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.harness.workload.views import (
-    Cell,
     CellFrustum,
     Pose,
+    ViewCell,
     client_view,
     from_rotation_vector,
     multiply,
@@ -43,6 +44,7 @@ from shading_atlas_bench.kernels.raster.resolve import resolve
 from shading_atlas_bench.packers.interface import (
     Client,
     Frame,
+    Image,
     NotShippedError,
     Owners,
     Packer,
@@ -55,18 +57,21 @@ from shading_atlas_bench.scenes.model import Scene
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from pyopencl.array import Array
+
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.samples import Samples
 
 WRONG = 0.002  # share of pixels that may show another surface than float64 does, where rounding does not explain it
 HOLES = 0.002  # share of pixels that may be empty well inside what float64 shows, with every triangle placed
 FIRST = 6  # triangles and texels named in a sentence
 # What a trial can end as, best first. Only the first two are results.
-STATUSES = ("ok", "overflow", "refused", "inaccurate", "unsteady", "invalid", "failed", "timeout")
+STATUSES = ("ok", "overflow", "refused", "inaccurate", "nondeterministic", "invalid", "failed", "timeout")
 GOOD = ("ok", "overflow")
 
 
 @dataclass(frozen=True)
-class Case:
+class TrialCase:
     """A scene and the frames to pack of it; lengths in scene units, angles in degrees.
 
     poses: the server's, a frame each. ahead: the client's, each inside its frame's cell; beside the server's if empty.
@@ -79,10 +84,10 @@ class Case:
     ahead: tuple[Pose, ...] = ()
     near: float = 0.02
     fov: float = 60.0
-    cell: Cell = field(default_factory=Cell)
+    cell: ViewCell = field(default_factory=ViewCell)
     size: tuple[int, int] = (160, 90)
     atlas: tuple[int, int] = (256, 256)
-    sets: tuple[np.ndarray, ...] = ()
+    sets: tuple[Ints, ...] = ()
     exact: bool = True
 
 
@@ -104,7 +109,7 @@ class Finding:
     samples: int | None = None
     unplaced: int | None = None
     seconds: float = 0.0
-    pictures: dict[str, np.ndarray] = field(default_factory=dict)
+    pictures: dict[str, Bytes] = field(default_factory=dict)
 
     @property
     def good(self) -> bool:
@@ -122,7 +127,7 @@ class Stage:
         self.forward = ForwardRenderer(server)
 
     @classmethod
-    def of(cls, device: Device, case: Case) -> Stage:
+    def of(cls, device: Device, case: TrialCase) -> Stage:
         """A case, with its scene uploaded. Raises what uploading raises."""
         server = upload_scene(device, case.scene)
         frustum = CellFrustum.around(case.cell, case.fov, *case.size)
@@ -162,11 +167,12 @@ class Stage:
         return draw_exact(self.server, self.views[-1], self.frames[-1].server.eye)
 
     @cached_property
-    def reference(self) -> np.ndarray:
-        """uint8 (h, w, 3): what the last frame's client view should show; float64 where there is such a picture."""
+    def reference(self) -> Bytes:
+        """(h, w, 3): what the last frame's client view should show; float64 where there is such a picture."""
         if self.last is not None:
             return self.last.rgb
-        return self.forward.draw(self.views[-1], self.frames[-1].server.eye)[0].rgb.get()[..., :3]
+        shown: Bytes = self.forward.draw(self.views[-1], self.frames[-1].server.eye)[0].rgb.get()[..., :3]
+        return shown
 
     @cached_property
     def complete(self) -> bool:
@@ -181,7 +187,7 @@ class Stage:
         flip.reference(self.device.upload(np.concatenate([self.reference, opaque], axis=2)))
         return flip
 
-    def error(self, rgb: Any) -> float:
+    def error(self, rgb: Array) -> float:
         """Mean FLIP of a device picture against what the last frame should show."""
         self._flip.compare(rgb)
         return self._flip.mean()
@@ -199,17 +205,17 @@ class Stage:
         return Truth(self.server)
 
 
-def beside(pose: Pose, cell: Cell, fov: float) -> Pose:
+def beside(pose: Pose, cell: ViewCell, fov: float) -> Pose:
     """A client's pose that a cell allows: a third of its radius to the right, and turned by up to 2 degrees."""
     turn = np.radians(min(2.0, (cell.fov - fov) / 4))
     position = pose.position + turned(rotation(pose.orientation), [cell.radius / 3, 0, 0])
     return Pose(position, multiply(pose.orientation, from_rotation_vector(np.array([0, turn, 0]))))
 
 
-class Wrong(Exception):  # noqa: N818
+class TrialError(Exception):
     """A check did not hold: the status, a sentence, and the pictures that show it."""
 
-    def __init__(self, status: str, sentence: str, pictures: dict[str, np.ndarray] | None = None) -> None:
+    def __init__(self, status: str, sentence: str, pictures: dict[str, Bytes] | None = None) -> None:
         super().__init__(sentence)
         self.status, self.sentence, self.pictures = status, sentence, pictures or {}
 
@@ -242,7 +248,7 @@ def _caught(work: Callable[[], Finding]) -> Finding:
     start = time.perf_counter()
     try:
         found = work()
-    except Wrong as wrong:
+    except TrialError as wrong:
         found = Finding(wrong.status, wrong.sentence, pictures=wrong.pictures)
     except PackTimeoutError:
         found = Finding("timeout", "It did not finish in time.")
@@ -288,17 +294,17 @@ def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> Finding:
 
 def fingerprint(payload: Payload) -> dict[str, str]:
     """A digest of each part that is sent, by its name."""
-    parts: dict[str, Any] = {f"the plane {name}": plane.get() for name, plane in payload.planes.items()}
-    parts |= {f"the blob {name}": np.frombuffer(blob, np.uint8) for name, blob in payload.blobs.items()}
-    parts |= {f"the lists {name}": np.frombuffer(blob, np.uint8) for name, blob in payload.lists.items()}
-    parts["the geometry"] = np.frombuffer(payload.geometry, np.uint8)
-    return {name: hashlib.sha256(np.ascontiguousarray(part)).hexdigest() for name, part in parts.items()}
+    parts: dict[str, bytes] = {f"the plane {name}": plane.get().tobytes() for name, plane in payload.planes.items()}
+    parts |= {f"the blob {name}": blob for name, blob in payload.blobs.items()}
+    parts |= {f"the lists {name}": blob for name, blob in payload.lists.items()}
+    parts["the geometry"] = payload.geometry
+    return {name: hashlib.sha256(part).hexdigest() for name, part in parts.items()}
 
 
 def _check_frame(
     stage: Stage, index: int, verifier: Verifier, payload: Payload, client: Client, stages: Iterable[str]
 ) -> None:
-    """Raise Wrong where a frame breaks a rule; stages: launched by packing it."""
+    """Raise TrialError where a frame breaks a rule; stages: launched by packing it."""
     frame, packer = stage.frames[index], verifier.packer
     owners = payload.owners()
     gaps = validity.Gaps() if packer.leaves_unwritten else None
@@ -312,9 +318,9 @@ def _check_frame(
     found += check_picture(stage.truth, frame, verified.draw, payload, seen, client.draw(stage.views[index]))[1]
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
-        raise Wrong("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
-    if owners is not None:
-        _check_colours(stage, index, payload, owners, client)
+        raise TrialError("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))
+    if owners is not None and payload.samples is not None:
+        _check_colours(stage, index, payload, payload.samples, owners, client)
 
 
 def located(violation: validity.Violation, payload: Payload) -> str:
@@ -328,12 +334,14 @@ def located(violation: validity.Violation, payload: Payload) -> str:
     return violation.sentence + (f" First: {'; '.join(places)}." if places else "")
 
 
-def _check_colours(stage: Stage, index: int, payload: Payload, owners: Owners, client: Client) -> None:
+def _check_colours(
+    stage: Stage, index: int, payload: Payload, samples: Samples, owners: Owners, client: Client
+) -> None:
     """Every texel of the first plane holds what the shading function gives its sample."""
     plane = next(iter(payload.planes.values()))
     again = stage.device.zeros(plane.shape, np.uint8)
     frame = stage.frames[index]
-    stage.server.shader.shade(payload.samples, frame.server.eye, again, stage="trial/shade")
+    stage.server.shader.shade(samples, frame.server.eye, again, stage="trial/shade")
     off = np.abs(plane.get()[..., :3].astype(np.int16) - again.get()[..., :3]).max(axis=2).reshape(-1)
     bad = np.flatnonzero(off[owners.texel] > LEVELS)
     if bad.size:
@@ -341,7 +349,7 @@ def _check_colours(stage: Stage, index: int, payload: Payload, owners: Owners, c
             f"({t % plane.shape[1]}, {t // plane.shape[1]}) of triangle {owner}"
             for t, owner in zip(owners.texel[bad[:FIRST]], owners.triangle[bad[:FIRST]], strict=True)
         )
-        raise Wrong(
+        raise TrialError(
             "invalid",
             f"Frame {index}: {bad.size} texels differ by up to {off[owners.texel].max()} levels from what the shading "
             f"function gives their samples. First: texels {texels}.",
@@ -352,7 +360,7 @@ def _check_colours(stage: Stage, index: int, payload: Payload, owners: Owners, c
 def _check_steady(
     stage: Stage, make: Callable[[], Packer], prints: list[dict[str, str]], local_sizes: list[int]
 ) -> None:
-    """Raise Wrong unless packing again, with work-groups of each of these sizes, gives the same bytes."""
+    """Raise TrialError unless packing again, with work-groups of each of these sizes, gives the same bytes."""
     usual = stage.device.local_size
     for size in local_sizes:
         with work_groups(stage.device, size):
@@ -363,7 +371,7 @@ def _check_steady(
                 other = [name for name in prints[index] if found.get(name) != prints[index][name]]
                 if other:
                     how = "packed a second time" if size == usual else f"packed with work-groups of {size}"
-                    raise Wrong("unsteady", f"Frame {index}, {how}: other bytes in {', '.join(other)}.")
+                    raise TrialError("nondeterministic", f"Frame {index}, {how}: other bytes in {', '.join(other)}.")
 
 
 @contextmanager
@@ -380,8 +388,7 @@ def _judged(stage: Stage, payload: Payload, client: Client) -> Finding:
     """The last frame's client picture against what it should show."""
     image = client.draw(stage.views[-1])
     unplaced = len(payload.unplaced)
-    ids = None if image.triangle is None else image.triangle.get()
-    drawn = image.depth.get() > 0 if ids is None else ids >= 0
+    ids, drawn = _ids_and_coverage(image)
     error, wrong, holes = stage.error(image.rgb), None, None
     total = len(stage.frames[-1].pvs)
     if stage.last is not None and stage.complete and not unplaced:
@@ -399,7 +406,18 @@ def _judged(stage: Stage, payload: Payload, client: Client) -> Finding:
     return Finding(status, sentence, error, wrong, holes, payload.sample_count, unplaced, pictures=pictures)
 
 
-def pictures_of(stage: Stage, index: int, payload: Payload, client: Client) -> dict[str, np.ndarray]:
+def _ids_and_coverage(image: Image) -> tuple[Ints | None, Bools]:
+    """The triangle in each pixel, where a client knows ids, and where anything is drawn: (h, w)."""
+    if image.triangle is not None:
+        ids: Ints = image.triangle.get()
+        return ids, ids >= 0
+    if image.depth is None:
+        raise TypeError("The client says neither which triangles it shows nor how far.")
+    depth: Floats = image.depth.get()
+    return None, depth > 0
+
+
+def pictures_of(stage: Stage, index: int, payload: Payload, client: Client) -> dict[str, Bytes]:
     """What shows a failure: what the client draws, what it should draw, and the atlas."""
     view, eye = stage.views[index], stage.frames[index].server.eye
     pictures = {"reference": stage.forward.draw(view, eye)[0].rgb.get()[..., :3]}
@@ -410,6 +428,22 @@ def pictures_of(stage: Stage, index: int, payload: Payload, client: Client) -> d
     for name, plane in payload.planes.items():
         pictures[name] = np.ascontiguousarray(plane.get()[..., :3][:1024, :1024])
     return pictures
+
+
+@dataclass(frozen=True)
+class _Drawn:
+    """A view's picture, uint8 (h, w, 4), on the device, its ids (h, w), and digests of both."""
+
+    rgb: Array
+    ids: Ints
+    digests: tuple[str, str]
+
+    @classmethod
+    def forward(cls, stage: Stage, view: View, frame: Frame) -> _Drawn:
+        image, visible = stage.forward.draw(view, frame.server.eye)
+        ids = visible.triangle.get()
+        of_rgb, of_ids = (hashlib.sha256(array.tobytes()).hexdigest() for array in (image.rgb.get(), ids))
+        return cls(image.rgb, ids, (of_rgb, of_ids))
 
 
 def try_rasteriser(stage: Stage) -> Finding:
@@ -425,15 +459,17 @@ def try_rasteriser(stage: Stage) -> Finding:
 
 
 def _rasterised(stage: Stage) -> Finding:
-    drawn = [_forward(stage, view, frame) for view, frame in zip(stage.views, stage.frames, strict=True)]
+    drawn = [_Drawn.forward(stage, view, frame) for view, frame in zip(stage.views, stage.frames, strict=True)]
     usual = stage.device.local_size
     for size in (usual, 16 if usual != 16 else 32):
         with work_groups(stage.device, size):
             for index, (view, frame) in enumerate(zip(stage.views, stage.frames, strict=True)):
-                if _forward(stage, view, frame)[2:] != drawn[index][2:]:
-                    return Finding("unsteady", f"Frame {index}: another picture when drawn with work-groups of {size}.")
-    image, ids = drawn[-1][:2]
-    error = stage.error(image.rgb)
+                if _Drawn.forward(stage, view, frame).digests != drawn[index].digests:
+                    return Finding(
+                        "nondeterministic", f"Frame {index}: another picture when drawn with work-groups of {size}."
+                    )
+    rgb, ids = drawn[-1].rgb, drawn[-1].ids
+    error = stage.error(rgb)
     if stage.last is None:
         return Finding("ok", error=error)
     wrong = stage.last.wrong(ids)
@@ -446,13 +482,5 @@ def _rasterised(stage: Stage) -> Finding:
         f"{share:.2%} of the pixels show another surface than in float64. First: column {column}, row {row}, with "
         f"triangle {ids[row, column]} for {stage.last.triangle[row, column]}."
     )
-    shown = {"drawn": image.rgb.get()[..., :3], "float64": stage.last.rgb}
+    shown = {"drawn": rgb.get()[..., :3], "float64": stage.last.rgb}
     return Finding("inaccurate", sentence, error, share, holes, pictures=shown)
-
-
-def _forward(stage: Stage, view: View, frame: Frame) -> tuple[Any, np.ndarray, str, str]:
-    """A view's picture, its ids, and digests of both."""
-    image, visible = stage.forward.draw(view, frame.server.eye)
-    ids = visible.triangle.get()
-    digests = [hashlib.sha256(np.ascontiguousarray(array)).hexdigest() for array in (image.rgb.get(), ids)]
-    return image, ids, *digests

@@ -21,7 +21,7 @@ from rich.markup import escape
 from shading_atlas_bench.arithmetic.functions import exp, log
 from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars
-from shading_atlas_bench.harness.doctor.worker import Finding
+from shading_atlas_bench.harness.doctor.worker import CaseOutcome
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.watch.ends import SWITCH, TICK, name_of, overdue_steps
 from shading_atlas_bench.harness.watch.processes import python
@@ -42,12 +42,12 @@ class Report:
     its end. Each None where it is not so."""
 
     device: FoundDevice
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[CaseOutcome] = field(default_factory=list)
     passed_over: str | None = None
     ended: str | None = None
 
     @property
-    def wrong(self) -> list[Finding]:
+    def wrong(self) -> list[CaseOutcome]:
         """The cases that fail."""
         return [finding for finding in self.findings if finding.wrong]
 
@@ -65,10 +65,10 @@ class Report:
         return "ended" if self.ended else "failed" if self.wrong or self.missing else "ok"
 
     @property
-    def worst(self) -> Finding | None:
+    def worst(self) -> CaseOutcome | None:
         """The finding with the largest error over its bound, where anything was compared."""
-        compared = [finding for finding in self.findings if finding.over is not None]
-        return max(compared, key=lambda finding: finding.over, default=None)
+        compared = [(finding.over, finding) for finding in self.findings if finding.over is not None]
+        return max(compared, key=lambda pair: pair[0], default=(None, None))[1]
 
     def speed(self, of: Report | None) -> float | None:
         """How many times as fast as another device: the geometric mean over the cases that both were timed on."""
@@ -149,12 +149,12 @@ def examine(device: FoundDevice, folder: Path, tell: Callable[[FoundDevice, int,
     return Report(device, list(_read(lines)), ended=ended)
 
 
-def _read(lines: Path) -> Iterator[Finding]:
+def _read(lines: Path) -> Iterator[CaseOutcome]:
     """The findings so far; the last line may be half written."""
     text = lines.read_text(encoding="utf-8") if lines.is_file() else ""
     for line in text.splitlines(keepends=True):
         if line.endswith("\n"):
-            yield Finding(**json.loads(line))
+            yield CaseOutcome(**json.loads(line))
 
 
 def _why(code: int, hung: list[dict[str, Any]], state: dict[str, Any] | None, log_file: Path) -> str:

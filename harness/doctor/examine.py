@@ -22,7 +22,7 @@ LARGEST_VIDEO_ERROR = 4  # levels of 255, of flat colours at a rate factor of 5
 
 
 @dataclass(frozen=True)
-class Finding:
+class Examined:
     """One thing examined: ok is False if the suite cannot run without a remedy, None if only a part of it suffers."""
 
     name: str
@@ -30,9 +30,9 @@ class Finding:
     detail: str
 
 
-def examine() -> list[Finding]:
+def examine() -> list[Examined]:
     """Examine the machine; never raises: what goes wrong is a finding."""
-    parts: list[tuple[str, Callable[[], Iterator[Finding]]]] = [
+    parts: list[tuple[str, Callable[[], Iterator[Examined]]]] = [
         ("Python", _python),
         ("packages", _packages),
         ("linker", _linker),
@@ -44,12 +44,12 @@ def examine() -> list[Finding]:
         ("cache", _cache),
         ("calm", _calm),
     ]
-    findings = []
+    findings: list[Examined] = []
     for name, part in parts:
         try:
             findings += part()
         except Exception as error:
-            findings.append(Finding(name, False, remedy(error)))
+            findings.append(Examined(name, False, remedy(error)))
     return findings
 
 
@@ -60,12 +60,12 @@ def remedy(error: Exception) -> str:
     return f"The system library {missing[0]} is missing: {missing[1]}." if missing else text
 
 
-def _python() -> Iterator[Finding]:
+def _python() -> Iterator[Examined]:
     ok = sys.version_info >= (3, 11)
-    yield Finding("Python", ok, platform.python_version() + ("" if ok else ": the suite needs 3.11 or newer."))
+    yield Examined("Python", ok, platform.python_version() + ("" if ok else ": the suite needs 3.11 or newer."))
 
 
-def _packages() -> Iterator[Finding]:
+def _packages() -> Iterator[Examined]:
     from packaging.requirements import Requirement
 
     lines = map(Requirement, requires(DISTRIBUTION) or [])
@@ -77,17 +77,17 @@ def _packages() -> Iterator[Finding]:
         except PackageNotFoundError:
             missing.append(name)
     if missing:
-        yield Finding("packages", False, f"{', '.join(missing)} missing: run pip install -e . again.")
-    yield Finding("packages", True, ", ".join([f"{DISTRIBUTION} {version(DISTRIBUTION)}", *found]))
+        yield Examined("packages", False, f"{', '.join(missing)} missing: run pip install -e . again.")
+    yield Examined("packages", True, ", ".join([f"{DISTRIBUTION} {version(DISTRIBUTION)}", *found]))
 
 
-def _linker() -> Iterator[Finding]:
+def _linker() -> Iterator[Examined]:
     linker = shutil.which("ld")
     hint = "PoCL needs the linker ld: install binutils (Debian, Ubuntu: apt install binutils)."
-    yield Finding("linker", True if linker else None, linker or hint)
+    yield Examined("linker", True if linker else None, linker or hint)
 
 
-def _devices() -> Iterator[Finding]:
+def _devices() -> Iterator[Examined]:
     from shading_atlas_bench.harness.watch.watchdog import ended_steps
     from shading_atlas_bench.kernels.device import kernels_digest
     from shading_atlas_bench.kernels.runtime.opencl import find_devices, forget_death, noted_death
@@ -95,31 +95,31 @@ def _devices() -> Iterator[Finding]:
 
     devices = find_devices()
     if not devices:
-        yield Finding("OpenCL", False, f"No OpenCL device was found: {how_to_get_one()}.")
+        yield Examined("OpenCL", False, f"No OpenCL device was found: {how_to_get_one()}.")
     default = True
     for found in devices:
         text = f"{found.device.name.strip()}, {found.platform}, driver {found.device.driver_version.strip()}"
         if refused := found.refused():
-            yield Finding("OpenCL", None, f"passed over: {text}. {refused}")
+            yield Examined("OpenCL", None, f"passed over: {text}. {refused}")
             continue
         death = noted_death(found.key, kernels_digest())
         if ended_steps(device=found.key):
-            yield Finding("OpenCL", None, f"passed over: {text}. {death}")
+            yield Examined("OpenCL", None, f"passed over: {text}. {death}")
             continue
         if death:
             forget_death(found.key, kernels_digest())
-            yield Finding("OpenCL", None, f"tried again, here and in the next run: {text}. {death}")
+            yield Examined("OpenCL", None, f"tried again, here and in the next run: {text}. {death}")
         role = "default" if default else "also present"
         default = False
-        yield Finding("OpenCL", True, f"{role}: {text}, built-ins: {found.builtins}")
+        yield Examined("OpenCL", True, f"{role}: {text}, built-ins: {found.builtins}")
     pocls = list(dict.fromkeys(found.platform for found in devices if found.is_pocl))
     if len(pocls) > 1:
-        yield Finding(
+        yield Examined(
             "OpenCL", True, f"{len(pocls)} PoCLs: the newest is used ({pocls[0]}), not {', '.join(pocls[1:])}."
         )
 
 
-def _kernel() -> Iterator[Finding]:
+def _kernel() -> Iterator[Examined]:
     from shading_atlas_bench.arithmetic import draws
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.doctor.smoke import DEGREE, ERROR_BOUND, smoke, smoke_twin
@@ -134,10 +134,10 @@ def _kernel() -> Iterator[Finding]:
     ok = bool(error <= ERROR_BOUND and np.array_equal(hashes, true_hashes))
     text = f"{device.name}: a kernel differs from its float64 twin by {error:.1e} (bound {ERROR_BOUND:.0e})"
     advice = "" if ok else ": delete the kernel cache and try again, or choose another device with BENCH_DEVICE."
-    yield Finding("kernel", ok, text + advice)
+    yield Examined("kernel", ok, text + advice)
 
 
-def _video() -> Iterator[Finding]:
+def _video() -> Iterator[Examined]:
     """Code and decode colours as a run does."""
     import av
 
@@ -146,29 +146,29 @@ def _video() -> Iterator[Finding]:
     colours = np.array([[[128, 128, 128], [255, 0, 0]], [[0, 200, 50], [10, 20, 240]]], np.uint8)
     picture = colours.repeat(32, axis=0).repeat(32, axis=1)
     frame = VideoStream("h264", 5, 64, 64, decode=True).encode(picture)
-    error = int(np.abs(frame.decoded.astype(int) - picture).max())
+    error = int(np.abs(frame.shown.astype(int) - picture).max())
     ok = error <= LARGEST_VIDEO_ERROR
     text = f"H.264 through PyAV {av.__version__}: {frame.bytes} bytes for 4 colours, {error} levels of 255 off"
-    yield Finding("video", ok, text if ok else f"{text}: run pip install -e . again.")
+    yield Examined("video", ok, text if ok else f"{text}: run pip install -e . again.")
 
 
-def _pictures() -> Iterator[Finding]:
+def _pictures() -> Iterator[Examined]:
     import OpenImageIO
 
-    yield Finding("pictures", True, f"OpenImageIO {OpenImageIO.VERSION_STRING}")
+    yield Examined("pictures", True, f"OpenImageIO {OpenImageIO.VERSION_STRING}")
 
 
-def _mesh_repair() -> Iterator[Finding]:
+def _mesh_repair() -> Iterator[Examined]:
     try:
         pymeshlab = load_pymeshlab()
     except SceneError as error:
-        yield Finding("mesh repair", None, str(error))
+        yield Examined("mesh repair", None, str(error))
         return
     filters = len(pymeshlab.filter_list())
-    yield Finding("mesh repair", True, f"pymeshlab {version('pymeshlab')} with {filters} filters")
+    yield Examined("mesh repair", True, f"pymeshlab {version('pymeshlab')} with {filters} filters")
 
 
-def _cache() -> Iterator[Finding]:
+def _cache() -> Iterator[Examined]:
     from shading_atlas_bench.kernels.cache import CacheError, cache_folder
 
     try:
@@ -176,22 +176,22 @@ def _cache() -> Iterator[Finding]:
         with tempfile.NamedTemporaryFile(dir=folder):
             free = shutil.disk_usage(folder).free
     except CacheError as error:
-        yield Finding("cache", False, str(error))
+        yield Examined("cache", False, str(error))
         return
     except OSError as error:
         hint = "XDG_CACHE_HOME moves the cache to a folder that can."
-        yield Finding("cache", False, f"{error.filename or 'The cache folder'} cannot be written. {hint}")
+        yield Examined("cache", False, f"{error.filename or 'The cache folder'} cannot be written. {hint}")
         return
     enough = free > 1 << 30
     text = f"{folder.parent}, {free / (1 << 30):.0f} GiB free"
-    yield Finding("cache", True if enough else None, text if enough else f"{text}: large scenes need more.")
+    yield Examined("cache", True if enough else None, text if enough else f"{text}: large scenes need more.")
 
 
-def _calm() -> Iterator[Finding]:
+def _calm() -> Iterator[Examined]:
     from shading_atlas_bench.harness.measure.machine import load
     from shading_atlas_bench.harness.measure.noise import noise_warnings
 
     warnings = noise_warnings()
-    yield Finding(
+    yield Examined(
         "calm", None if warnings else True, " ".join(warnings) or f"load {load():.1f} on {os.cpu_count()} cores"
     )

@@ -13,19 +13,15 @@ from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, TextIO
 
-import numpy as np
-
-from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.harness.cases import against_twin, find_cases
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
-from shading_atlas_bench.kernels.case import INPUTS, distance
+from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.runtime.opencl import find_devices
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from shading_atlas_bench.kernels.case import Case, Result
+    from shading_atlas_bench.kernels.case import Case
 
 LIMIT = 180.0  # seconds for opening a device, and for each case with all that it compiles
 TIMINGS = 3
@@ -33,7 +29,7 @@ LONGEST = 300  # letters of an error
 
 
 @dataclass(frozen=True)
-class Finding:
+class CaseOutcome:
     """What a device made of a case on one input.
 
     over: the worst error over its bound; None if nothing could be compared. wrong: what must not be, in words; None
@@ -63,7 +59,7 @@ def examine_device(key: str, lines: TextIO) -> None:
         with time_limit(LIMIT, "opening it"):
             device = Device(next(found for found in find_devices() if found.key == key))
     except Exception as error:
-        _write(lines, Finding("opening it", "", wrong=_sentence(error)))
+        _write(lines, CaseOutcome("opening it", "", wrong=_sentence(error)))
         return
     well = True
     for case in find_cases():
@@ -75,31 +71,20 @@ def examine_device(key: str, lines: TextIO) -> None:
         device.remember_built()
 
 
-def examine_case(device: Device, case: Case, kind: str) -> Finding:
+def examine_case(device: Device, case: Case, kind: str) -> CaseOutcome:
     """Run a case on one of its inputs, and judge it; never raises."""
     over, wrong, milliseconds, record = None, None, None, None
     try:
         with time_limit(LIMIT, f"{case.name}, {kind}"), device.record() as record:
-            trial = case.make(device, kind, case.checked)
-            trial.run()  # the first leaves something that later ones forget
-            results = trial.results()
-            apart = distance(results, case.bounds[kind])
+            apart = against_twin(device, case, kind)
             over, wrong = apart.over, apart.what if apart.over > 1 else None
-            if not _same(results, trial.results()):
-                wrong = "a second run gives other values"
             if kind == INPUTS[0]:
                 milliseconds = _time(device, case, kind)
     except PackTimeoutError:
         wrong = f"it did not end within {LIMIT:.0f} s"
     except Exception as error:
         wrong = _sentence(error)
-    return Finding(case.name, kind, over, wrong, tuple(record.kernels) if record else (), milliseconds)
-
-
-def _same(first: Sequence[Result], second: Sequence[Result]) -> bool:
-    """Whether a device gave the same bytes twice."""
-    pairs = zip(first, second, strict=True)
-    return all(np.array(one.found).tobytes() == np.array(other.found).tobytes() for one, other in pairs)
+    return CaseOutcome(case.name, kind, over, wrong, tuple(record.kernels) if record else (), milliseconds)
 
 
 def _time(device: Device, case: Case, kind: str) -> float:
@@ -119,7 +104,7 @@ def _sentence(error: Exception) -> str:
     return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
 
 
-def _write(lines: TextIO, finding: Finding) -> None:
+def _write(lines: TextIO, finding: CaseOutcome) -> None:
     lines.write(json.dumps(asdict(finding)) + "\n")
 
 

@@ -19,7 +19,7 @@ from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import RUNS, locked
-from shading_atlas_bench.harness.run.plan import FREE, duration, expected_pace
+from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT, duration, expected_pace
 from shading_atlas_bench.harness.run.run import run
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS
 from shading_atlas_bench.harness.workload.session import find_methods
@@ -57,7 +57,7 @@ WAITING = "It has not been run yet: the same command goes on."
 
 
 @dataclass(frozen=True)
-class Wanted:
+class ClaimsRequest:
     """What `bench claims` is asked for. file: claims other than those that come with the suite."""
 
     ids: tuple[str, ...] = ()
@@ -109,7 +109,7 @@ def scene_file(name: str) -> str:
     raise SceneError(f"The scene {name} is not in {real_scenes()}: let BENCH_SCENES name the folder that has it.")
 
 
-def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
+def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:
     """The claims asked for, and the runs that they take, in the file's order. Raises InputError."""
     file = wanted.file or DEFAULT_FILE
     try:
@@ -124,13 +124,13 @@ def needs(wanted: Wanted) -> tuple[Claims, list[NamedRun]]:
         if ids:
             device = {"device": wanted.device} if wanted.device else {}
             quick = claims.quick if wanted.quick else {}
-            found.append(NamedRun(name, _shortened(_beside(file, options) | device, quick, specs), ids))
+            found.append(NamedRun(name, _shortened(_in_threads(file, options) | device, quick, specs), ids))
     for named in found:
         _check(named)
     return claims, found
 
 
-def _beside(file: Path, options: dict[str, Any]) -> dict[str, Any]:
+def _in_threads(file: Path, options: dict[str, Any]) -> dict[str, Any]:
     """The options of a run, a file of poses found beside the file of claims."""
     poses = file.parent / str(options.get("path", ""))
     return options | {"path": str(poses)} if poses.is_file() else options
@@ -166,7 +166,7 @@ def _variant(spec: str) -> tuple[str, str]:
     return packer.name, variant_string(packer)
 
 
-def run_claims(wanted: Wanted, out: Path | None) -> bool:
+def run_claims(wanted: ClaimsRequest, out: Path | None) -> bool:
     """Make or reuse the runs into sub-folders of `out` (a new folder below runs/ if None), and write the table; whether
     all was measured that can be. Finished runs are kept, and the same command with the same `out` goes on.
 
@@ -178,7 +178,7 @@ def run_claims(wanted: Wanted, out: Path | None) -> bool:
     check_folder(folder)
     console = make_console(stderr=True)
     with locked(folder):
-        work = Work(wanted, folder, runs, variants)
+        work = ClaimRuns(wanted, folder, runs, variants)
         work.begin()
         for name, run_of in work.state["runs"].items():
             if run_of["note"]:
@@ -198,10 +198,11 @@ def run_claims(wanted: Wanted, out: Path | None) -> bool:
     show_results(results, causes, folder)
     if stopped:
         raise StoppedError(f"Finished runs are kept: the same command with --out {folder} goes on.")
-    return not any(result.verdict == NOT_MEASURED for result in (*results, *causes))
+    verdicts = [*(result.verdict for result in results), *(cause.verdict for cause in causes)]
+    return NOT_MEASURED not in verdicts
 
 
-class Work:
+class ClaimRuns:
     """The runs on their way: what is done, in `folder`/claims.json, from which the table can be made at any time.
 
     An entry of a run holds its command, its folder (below `folder`, or a reused one), why it has no rows, and `made`,
@@ -209,7 +210,7 @@ class Work:
     """
 
     def __init__(
-        self, wanted: Wanted, folder: Path, runs: list[NamedRun], variants: dict[str, tuple[str, str]]
+        self, wanted: ClaimsRequest, folder: Path, runs: list[NamedRun], variants: dict[str, tuple[str, str]]
     ) -> None:
         self.wanted, self.folder, self.runs, self.variants = wanted, folder, runs, variants
         self.device = Device.open(wanted.device).name
@@ -301,7 +302,7 @@ def _misfit(named: NamedRun, folder: Path) -> str:
     except SceneError as error:
         return str(error)
     ours, other = own.to_json(), theirs.to_json()
-    apart = {*FREE, "crf", "device", "scene"}
+    apart = {*WITHOUT_EFFECT, "crf", "device", "scene"}
     if own.codec == "none":  # every run also shows its planes without loss
         apart |= {"codec", "display_crf"}
     names = [name for name in ours if name not in apart and ours[name] != other[name]]
@@ -336,7 +337,7 @@ def check_folder(folder: Path) -> None:
         raise InputError(f"The folder {folder} holds other things than claims: give a new or empty one for --out.")
 
 
-def show_needs(wanted: Wanted, out: Path | None) -> None:
+def show_needs(wanted: ClaimsRequest, out: Path | None) -> None:
     """Print the claims, and the runs that they take with their commands; runs nothing."""
     if out:
         check_folder(out)

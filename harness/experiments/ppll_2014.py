@@ -55,6 +55,7 @@ TAKEN = ("method", "frames", "size", "device")  # options of bench run that chan
 SET = ("mode", "layers", "layout", "preblend")  # parameters that its modes set, or that not all of them can have
 
 Row = dict[str, Any]
+Group = tuple[str, str, int, int]  # mode, model, width and height
 
 
 @dataclass(frozen=True)
@@ -123,8 +124,10 @@ def half_transparent(name: str) -> Scene:
     """A model, else the shells of another seed for each, alpha 0.5."""
     file, seed = model_file(name), list(MODELS).index(name)
     scene = load_scene(str(file) if file.is_file() else "shells", seed=seed, cache=cache_root() / "scenes")
-    look = {"alpha_mode": "blend", "double_sided": True}
-    materials = [replace(m, base_colour=(*m.base_colour[:3], ALPHA), **look) for m in scene.materials]
+    materials = [
+        replace(m, base_colour=(*m.base_colour[:3], ALPHA), alpha_mode="blend", double_sided=True)
+        for m in scene.materials
+    ]
     scene = replace(scene, materials=materials, lights=[replace(light, shadows=False) for light in scene.lights])
     scene.features = find_features(scene)
     scene.content_hash = content_digest(scene)
@@ -146,7 +149,7 @@ def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Fr
 
 def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], wanted: Experiment) -> Iterator[Row]:
     """One row per frame of a mode: sizes in both layouts, times, fragments, and how the display's picture differs."""
-    chosen = {"mode": mode, "layers": LAYERS if mode == "depth-limited" else 0}
+    chosen: dict[str, Any] = {"mode": mode, "layers": LAYERS if mode == "depth-limited" else 0}
     chosen |= {"merge": "paper" if mode == "bilateral" else "exact", **wanted.parameters}
     packer, other = PerPixelLinkedLists(**chosen), PerPixelLinkedLists(**chosen | {"layout": "shuffled"})
     scene = packer.scene_shaded(scene)
@@ -166,7 +169,8 @@ def measure(scene: ServerScene, name: str, mode: str, size: tuple[int, int], wan
         with scene.device.record() as merging:
             display.receive(Decoded({}, payload.blobs, b"", payload.lists))
             image = display.draw(frame.server)
-        header, statistics = payload.statistics["header_bytes"], payload.statistics
+        statistics = payload.statistics
+        header = int(statistics["header_bytes"])
         compressed = [len(pack_lz4(each.lists)["lists"]) for each in (payload, shuffled)]
         yield {
             "model": name,
@@ -258,9 +262,9 @@ PUBLISHED_TIMES = {
 }
 
 
-def grouped(frames: list[Row]) -> dict[tuple, list[Row]]:
-    """Rows by mode, model, width and height, in order; the first frame, which sends everything, only where alone."""
-    groups: dict[tuple, list[Row]] = {}
+def grouped(frames: list[Row]) -> dict[Group, list[Row]]:
+    """Rows by group, in order; the first frame, which sends everything, only where alone."""
+    groups: dict[Group, list[Row]] = {}
     for row in frames:
         groups.setdefault((row["mode"], row["model"], row["width"], row["height"]), []).append(row)
     return {key: rows[1:] or rows for key, rows in groups.items()}
@@ -269,15 +273,16 @@ def grouped(frames: list[Row]) -> dict[tuple, list[Row]]:
 def sizes_table(frames: list[Row]) -> list[Row]:
     """Table A.1: mean KiB per frame, and what share of them LZ4 leaves, beside the published share."""
     table = []
-    for (mode, model, *size), rows in grouped(frames).items():
+    for (mode, model, width, height), rows in grouped(frames).items():
         plain, padded = (fmean(row[name] for row in rows) / 1024 for name in ("raw_bytes", "padded_bytes"))
         packed, shuffled = (fmean(row[name] for row in rows) / 1024 for name in ("lz4_bytes", "lz4_shuffled_bytes"))
-        published = PUBLISHED_SIZES[mode, model][SIZES.index(tuple(size))] if tuple(size) in SIZES else None
+        size = (width, height)
+        published = PUBLISHED_SIZES[mode, model][SIZES.index(size)] if size in SIZES else None
         table.append(
             {
                 "mode": mode,
                 "model": model,
-                "size": f"{size[0]}x{size[1]}",
+                "size": f"{width}x{height}",
                 "uncompressed_kib": plain,
                 "padded_kib": padded,
                 "lz4_kib": packed,
@@ -299,20 +304,20 @@ def times_table(frames: list[Row]) -> list[Row]:
     over that of drawing the same triangles opaque, layers per covered pixel, and the time of encoding over building."""
     groups = grouped(frames)
 
-    def sending(key: tuple) -> float:
+    def sending(key: Group) -> float:
         return fmean(row["network_ms"] for row in groups[key])
 
-    def rate(key: tuple) -> float:
+    def rate(key: Group) -> float:
         return 1000 / fmean(row["server_ms"] + row["network_ms"] + row["client_ms"] for row in groups[key])
 
     table = []
     for key in groups:
-        mode, model, *size = key
-        first = ("depth-limited", *key[1:])
+        mode, model, width, height = key
+        first = ("depth-limited", model, width, height)
         row = {
             "mode": mode,
             "model": model,
-            "size": f"{size[0]}x{size[1]}",
+            "size": f"{width}x{height}",
             "sending_ms": sending(key),
             "frames_per_second": rate(key),
             "sending_ratio": sending(key) / sending(first),
@@ -323,8 +328,8 @@ def times_table(frames: list[Row]) -> list[Row]:
             "layers": _median(groups[key], "fragments_built", "pixels_covered"),
             "encoding_over_building": _median(groups[key], "encoding_ms", "building_ms") or None,  # none to do
         }
-        if tuple(size) in SIZES:
-            at = SIZES.index(tuple(size))
+        if (width, height) in SIZES:
+            at = SIZES.index((width, height))
             ours, base = PUBLISHED_TIMES[mode, model][at], PUBLISHED_TIMES["depth-limited", model][at]
             row |= {"sending_ratio_published": ours[0] / base[0], "rate_ratio_published": ours[1] / base[1]}
         table.append(row)
@@ -332,7 +337,7 @@ def times_table(frames: list[Row]) -> list[Row]:
 
 
 def _median(rows: list[Row], name: str, over: str) -> float:
-    return median(row[name] / row[over] for row in rows)
+    return float(median(row[name] / row[over] for row in rows))
 
 
 def as_csv(rows: list[Row]) -> str:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.csv_files import replace_file
 
@@ -39,6 +41,27 @@ NAMES = ("mode", "model", "size")
 PUBLISHED_SENT = {"difference": 47, "bilateral": 52}
 
 
+@dataclass(frozen=True)
+class Line:
+    """One line of a figure; its dash is a name of Plotly's."""
+
+    name: str
+    x: list[str | int]
+    y: list[float]
+    colour: str
+    dash: str
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure, with the titles of its axes."""
+
+    title: str
+    lines: list[Line]
+    x: str
+    y: str
+
+
 def write_report(folder: Path, tables: dict[str, list[Row]], note: str = "") -> Path:
     """Write report.html into `folder` from the rows of its CSV files, `note` on top; returns its path."""
     import plotly.graph_objects as go
@@ -49,17 +72,29 @@ def write_report(folder: Path, tables: dict[str, list[Row]], note: str = "") -> 
         ("Table A.2: time of sending at 1 Gbit/s, and frame rate", _table(tables["table_a2"], without=BUILDING)),
         ("Time of building and encoding", _table(tables["table_a2"], only=BUILDING)),
     ]
-    for title, lines, x, y in _figures(tables):
-        figure = go.Figure(
-            [go.Scatter(x=xs, y=ys, name=name, mode="lines+markers", line=look) for name, xs, ys, look in lines]
+    for figure in _figures(tables):
+        chart = go.Figure(
+            [
+                go.Scatter(
+                    x=line.x,
+                    y=line.y,
+                    name=line.name,
+                    mode="lines+markers",
+                    line={"color": line.colour, "dash": line.dash},
+                )
+                for line in figure.lines
+            ]
         )
-        figure.update_layout(height=360, margin={"t": 20}, xaxis_title=x, yaxis_title=y, template="plotly_white")
-        figure.update_yaxes(rangemode="tozero")
-        if x in ("frame", "layers"):
-            figure.update_xaxes(dtick=1 if len(lines[0][1]) <= 20 else None)
-        parts.append((title, figure.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False})))
+        chart.update_layout(
+            height=360, margin={"t": 20}, xaxis_title=figure.x, yaxis_title=figure.y, template="plotly_white"
+        )
+        chart.update_yaxes(rangemode="tozero")
+        if figure.x in ("frame", "layers"):
+            chart.update_xaxes(dtick=1 if len(figure.lines[0].x) <= 20 else None)
+        content = chart.to_html(full_html=False, include_plotlyjs=False, config={"displayModeBar": False})
+        parts.append((figure.title, content))
     note = f'<ul class="warnings" role="note"><li>{escape(note)}</li></ul>' if note else ""
-    style = files("reports").joinpath("page.css").read_text(encoding="utf-8")
+    style = page_style()
     body = "\n".join(f"<section><h2>{escape(title)}</h2>{content}</section>" for title, content in parts)
     page = (
         '<!doctype html><html lang="en"><head><meta charset="utf-8"><title>ppll-2014</title>'
@@ -79,20 +114,20 @@ def write_report(folder: Path, tables: dict[str, list[Row]], note: str = "") -> 
 def _table(rows: list[Row], only: tuple[str, ...] = (), without: tuple[str, ...] = ()) -> str:
     names = [name for name in rows[0] if name not in without and (not only or name in (*NAMES, *only))]
 
-    def text(value: Any) -> str:
+    def text(value: str | float | None) -> str:
         return NONE if value is None else value if isinstance(value, str) else number(value)
 
     lines = [[text(row[name]) for name in names] for row in rows]
     return table([HEADINGS.get(name, name) for name in names], lines, texts=len(NAMES))
 
 
-def _figures(tables: dict[str, list[Row]]) -> list[tuple[str, list, str, str]]:
-    """Title, lines (name, x, y, look) and axis titles of each figure."""
+def _figures(tables: dict[str, list[Row]]) -> list[Figure]:
+    """Those of the thesis, in its order."""
     frames, layers = tables["frames"], tables["layers"]
     saved = _lines(tables["table_a1"], ("model", "mode"), "size", lambda row: 100 * (1 - row["ratio"]))
     figures = [
-        ("Figure 6.1: saved by LZ4", saved, "size", "%"),
-        (
+        Figure("Figure 6.1: saved by LZ4", saved, "size", "%"),
+        Figure(
             "Figure 6.2: bad pixels of depth-limited lists",
             _lines(layers, ("model", "width"), "layers", lambda row: 100 * row["bad_pixels"]),
             "layers",
@@ -108,24 +143,29 @@ def _figures(tables: dict[str, list[Row]]) -> list[tuple[str, list, str, str]]:
             rows, ("model", "width"), "frame", lambda row: 100 * row["fragments_sent"] / row["fragments_built"]
         )
         across = list(dict.fromkeys(row["frame"] for row in rows))
-        lines.append(("published", across, [PUBLISHED_SENT[mode]] * len(across), {"color": "#888888", "dash": "dash"}))
-        figures.append((title, lines, "frame", "% of the fragments built"))
+        lines.append(Line("published", across, [PUBLISHED_SENT[mode]] * len(across), "#888888", "dash"))
+        figures.append(Figure(title, lines, "frame", "% of the fragments built"))
     for mode in ("depth-limited", "difference", "bilateral"):
         rows = [row for row in frames if row["mode"] == mode]
         lines = _lines(rows, ("model", "width"), "frame", lambda row: row["lz4_bytes"] / 1024)
-        figures.append((f"Figures A.2 to A.10: network traffic, {mode}", lines, "frame", "KiB"))
+        figures.append(Figure(f"Figures A.2 to A.10: network traffic, {mode}", lines, "frame", "KiB"))
     return figures
 
 
-def _lines(rows: list[Row], names: tuple[str, ...], x: str, y: Any) -> list[tuple[str, list, list, dict]]:
-    """One line for each combination of the named values, in order."""
-    lines: dict[tuple, tuple[list, list]] = {}
+def _lines(rows: list[Row], names: tuple[str, str], x: str, y: Callable[[Row], float]) -> list[Line]:
+    """One line for each combination of the two named values, in order: a colour for each first, a dash for each second
+    one."""
+    groups: dict[tuple[str, str | int], list[Row]] = {}
     for row in rows:
-        xs, ys = lines.setdefault(tuple(row[name] for name in names), ([], []))
-        xs.append(row[x])
-        ys.append(y(row))
-    seconds = list(dict.fromkeys(key[1] for key in lines))
+        groups.setdefault((row[names[0]], row[names[1]]), []).append(row)
+    seconds = list(dict.fromkeys(second for _, second in groups))
     return [
-        (" ".join(map(str, key)), xs, ys, {"color": COLOURS[key[0]], "dash": DASHES[seconds.index(key[1]) % 3]})
-        for key, (xs, ys) in lines.items()
+        Line(
+            f"{first} {second}",
+            [row[x] for row in own],
+            [y(row) for row in own],
+            COLOURS[first],
+            DASHES[seconds.index(second) % 3],
+        )
+        for (first, second), own in groups.items()
     ]

@@ -247,7 +247,7 @@ def _settings(command: str, folder: Path) -> dict[str, Any] | None:
     for name in (RUN_FILE, SWEEP_FILE):
         if (folder / name).is_file():
             content = json.loads((folder / name).read_text(encoding="utf-8"))
-            settings = content["settings"]
+            settings: dict[str, Any] = content["settings"]
             named = re.search(r"--scene (\S+)", command)
             return settings | ({"scene": named[1]} if named else {})
     return None

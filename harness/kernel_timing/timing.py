@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles
 from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
@@ -24,7 +25,7 @@ Row = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Wanted:
+class TimingRequest:
     """What to measure: kernels (names, or parts of them; all if empty), build variants, timings of each kernel."""
 
     kernels: tuple[str, ...] = ()
@@ -64,8 +65,8 @@ def _names_of(kernel: str) -> set[str]:
 
 def errors_of(results: list[Result]) -> Row:
     """The error columns of a stage: real numbers by their distance, whole ones by whether they differ."""
-    real: list[tuple[np.ndarray, ...]] = []
-    whole: list[np.ndarray] = []
+    real: list[tuple[Doubles, Doubles, Doubles]] = []
+    whole: list[Bools] = []
     for result in results:
         if result.found.shape != result.expected.shape:  # another number of them is that many wrong
             whole.append(np.ones(max(result.found.size, result.expected.size), bool))
@@ -74,7 +75,7 @@ def errors_of(results: list[Result]) -> Row:
             real.append((result.found.astype(np.float64).ravel(), expected, last_places(expected)))
         else:
             whole.append(result.found.ravel() != np.rint(np.asarray(result.expected, np.float64)).ravel())
-    row = dict.fromkeys(("max_error", "mean_error", "p999_error", "max_ulp", "mean_ulp", "p999_ulp", "broken"))
+    row: Row = dict.fromkeys(("max_error", "mean_error", "p999_error", "max_ulp", "mean_ulp", "p999_ulp", "broken"))
     row |= {"values": 0, "whole_values": None, "misassigned": None}
     if whole:
         row |= {"whole_values": sum(map(len, whole)), "misassigned": int(sum(part.sum() for part in whole))}
@@ -84,16 +85,17 @@ def errors_of(results: list[Result]) -> Row:
     return row
 
 
-def last_places(values: np.ndarray) -> np.ndarray:
+def last_places(values: Doubles) -> Doubles:
     """Units of the last place of float32, float64 (n): of each value, but of at least 2^-10 of the largest, because
     what cancels to nothing has no digits of its own."""
     size = np.abs(values)
     largest = size[np.isfinite(size)].max(initial=0.0)
     size = np.clip(size, 2.0**-10 * largest, 2.0**127)
-    return np.spacing(np.nan_to_num(size).astype(np.float32)).astype(np.float64)
+    places: Doubles = np.spacing(np.nan_to_num(size).astype(np.float32)).astype(np.float64)
+    return places
 
 
-def _distances(found: np.ndarray, expected: np.ndarray, places: np.ndarray) -> Row:
+def _distances(found: Doubles, expected: Doubles, places: Doubles) -> Row:
     finite = np.isfinite(found) & np.isfinite(expected)
     broken = int((np.isfinite(found) != np.isfinite(expected)).sum())
     if not finite.any():
@@ -132,7 +134,7 @@ def measure_case(case: Case, kind: str, devices: dict[str, Device], repeat: int)
     rows = []
     for kernel, cost in case.costs.items():
         for variant, trial in trials.items():
-            row = {"kernel": kernel, "case": case.name, "input": kind, "variant": variant}
+            row: Row = {"kernel": kernel, "case": case.name, "input": kind, "variant": variant}
             spent = times.get((kernel, variant))
             row |= _speed(cost, trial.counts, median(spent) if spent else None) | errors[variant]
             rows.append(row)
@@ -165,7 +167,7 @@ def add_shares(rows: list[Row], roofline: Roofline) -> None:
             row[share] = row[work] * 1e3 / row["ms"] / best if known else None
 
 
-def bench_kernels(wanted: Wanted, out: Path) -> None:
+def bench_kernels(wanted: TimingRequest, out: Path) -> None:
     """Measure, print a table, and write kernels.csv and kernels.html into `out`.
 
     Raises InputError for unknown kernels and variants, DeviceError for unknown devices.

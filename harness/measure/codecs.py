@@ -10,9 +10,15 @@ from dataclasses import dataclass, replace
 from fractions import Fraction
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes
+
+if TYPE_CHECKING:
+    from av import VideoFrame
+    from av.video.reformatter import ColorRange, Interpolation
 
 CODECS = ("h264", "jpeg", "none")
 LARGEST_SIDE = 8192
@@ -43,28 +49,28 @@ class Picture:
     A contiguous (H, W, 4) picture goes to H.264 as it is, without a copy. Raises CodecError for any other array.
     """
 
-    def __init__(self, pixels: np.ndarray) -> None:
+    def __init__(self, pixels: Array) -> None:
         if pixels.dtype != np.uint8 or pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
             raise CodecError(
                 f"A picture of {pixels.dtype} {pixels.shape} cannot be encoded: give uint8 (H, W, 3 or 4)."
             )
-        self.pixels = pixels
+        self.pixels: Bytes = pixels
         self.height, self.width = pixels.shape[:2]
         self.conversion_ms = 0.0  # processor time of making `yuv`
 
     @cached_property
-    def rgb(self) -> np.ndarray:
+    def rgb(self) -> Bytes:
         """Without alpha, contiguous."""
         return np.ascontiguousarray(self.pixels[..., :3])
 
     @cached_property
-    def grey(self) -> np.ndarray:
+    def grey(self) -> Bytes:
         """Red alone, uint8 (H, W), contiguous, both sides padded to MULTIPLE by repeating the last row and column."""
         extra = [(0, _padded(self.height) - self.height), (0, _padded(self.width) - self.width)]
         return np.pad(self.pixels[..., 0], extra, "edge")
 
     @cached_property
-    def yuv(self) -> np.ndarray:
+    def yuv(self) -> Bytes:
         """Planar 4:2:0, uint8 (H/2*3, W), both sides padded to MULTIPLE by repeating the last row and column."""
         started = time.thread_time()
         extra = [(0, _padded(self.height) - self.height), (0, _padded(self.width) - self.width), (0, 0)]
@@ -82,10 +88,17 @@ class EncodedFrame:
     """
 
     bytes: int
-    decoded: np.ndarray | None
+    decoded: Bytes | None
     encode_ms: float
     decode_ms: float
     clocked_ms: float
+
+    @property
+    def shown(self) -> Bytes:
+        """What the client sees. Raises CodecError for a frame of a stream that does not decode."""
+        if self.decoded is None:
+            raise CodecError("A frame is shown that was not decoded: open its stream with decode=True.")
+        return self.decoded
 
 
 class _Coder(Protocol):
@@ -93,7 +106,7 @@ class _Coder(Protocol):
 
     def encode(self, picture: Picture) -> bytes: ...
 
-    def decode(self, data: bytes, picture: Picture) -> np.ndarray: ...
+    def decode(self, data: bytes, picture: Picture) -> Bytes: ...
 
 
 class VideoStream:
@@ -126,10 +139,6 @@ class VideoStream:
             raise CodecError(
                 f"A plane of {width}x{height} texels cannot be encoded: sides go from 1 to {LARGEST_SIDE}."
             )
-        if codec == "h264" and (crf is None or not 0 <= crf <= 51):
-            raise CodecError(f"The H.264 rate factor is {crf}: give a whole number from 0 to 51.")
-        if codec == "jpeg" and not 1 <= quality <= 100:
-            raise CodecError(f"The JPEG quality is {quality}: give a whole number from 1 to 100.")
         self.codec, self.crf, self.quality = codec, crf, quality
         self.width, self.height, self.grey = width, height, grey
         self.wants_decoded = decode
@@ -150,7 +159,7 @@ class VideoStream:
             return _H264(self.crf, *size, self.wants_decoded, self.grey)
         return _Jpeg(self.quality, self.grey) if self.codec == "jpeg" else _Plain(self.grey)
 
-    def encode(self, rgb: np.ndarray | Picture) -> EncodedFrame:
+    def encode(self, rgb: Array | Picture) -> EncodedFrame:
         """Encode the next frame, uint8 (height, width, 3 or 4), sRGB; decode it as the client would if asked to."""
         began = time.thread_time()
         picture = rgb if isinstance(rgb, Picture) else Picture(rgb)
@@ -166,7 +175,7 @@ class VideoStream:
         return EncodedFrame(len(data), decoded, *milliseconds)
 
 
-def encode_all(streams: Sequence[VideoStream], rgb: np.ndarray) -> list[EncodedFrame]:
+def encode_all(streams: Sequence[VideoStream], rgb: Array) -> list[EncodedFrame]:
     """Encode one frame with every stream, two at a time (the codecs leave Python's lock); in the order of `streams`.
 
     rgb: uint8 (H, W, 3 or 4); a contiguous (H, W, 4) array saves a copy. The conversion to YUV is made once, and its
@@ -195,31 +204,33 @@ def _padded(side: int) -> int:
     return -(-side // MULTIPLE) * MULTIPLE
 
 
-def _av() -> Any:
+def _quieten_av() -> None:
+    """Have PyAV print errors only. Raises CodecError where it cannot be imported."""
     try:
-        import av
-        from av.video import reformatter
+        from av import logging
     except ImportError as error:
         raise CodecError(f"PyAV cannot be imported ({error}): run pip install -e . again.") from error
-    av.logging.set_level(av.logging.ERROR)
-    return av, reformatter
+    logging.set_level(logging.ERROR)
 
 
-def rgb_to_yuv(rgb: np.ndarray) -> np.ndarray:
+def rgb_to_yuv(rgb: Bytes) -> Bytes:
     """Full-range sRGB, uint8 (H, W, 3 or 4) of even size, to limited-range BT.709 4:2:0: Y, Cb, Cr, uint8 (H/2*3, W).
 
     Chroma is the mean of 2x2 texels, so that nothing is mixed across the even borders of an atlas's blocks. Values are
     within 0.52 of exact ones, on average within 0.01.
     """
-    av, form = _av()
-    frame = av.VideoFrame.from_numpy_buffer(np.ascontiguousarray(rgb), "rgba" if rgb.shape[2] == 4 else "rgb24")
-    return _convert(frame, "yuv420p", form.ColorRange.JPEG, form.ColorRange.MPEG, form.Interpolation.AREA)
+    from av import VideoFrame
+    from av.video.reformatter import ColorRange, Interpolation
+
+    frame = VideoFrame.from_numpy_buffer(np.ascontiguousarray(rgb), "rgba" if rgb.shape[2] == 4 else "rgb24")
+    return _convert(frame, "yuv420p", ColorRange.JPEG, ColorRange.MPEG, Interpolation.AREA)
 
 
-def yuv_to_rgb(frame: Any) -> np.ndarray:
+def yuv_to_rgb(frame: VideoFrame) -> Bytes:
     """The inverse for a decoded frame of even size, each chroma value standing for its 2x2 texels; uint8 (H, W, 3)."""
-    _, form = _av()
-    rgb = _convert(frame, "rgb24", form.ColorRange.MPEG, form.ColorRange.JPEG, form.Interpolation.POINT)
+    from av.video.reformatter import ColorRange, Interpolation
+
+    rgb = _convert(frame, "rgb24", ColorRange.MPEG, ColorRange.JPEG, Interpolation.POINT)
     # Coding makes bluer than blue of white beside blue; from 512 levels on swscale's integers overflow and give 0.
     very_blue = _plane(frame, 1) >= 232
     if very_blue.any():
@@ -227,31 +238,32 @@ def yuv_to_rgb(frame: Any) -> np.ndarray:
     return rgb
 
 
-def _plane(frame: Any, number: int) -> np.ndarray:
+def _plane(frame: VideoFrame, number: int) -> Bytes:
     """One plane of a frame, uint8 (H, W), not copied."""
     plane = frame.planes[number]
-    return np.frombuffer(plane, np.uint8).reshape(-1, plane.line_size)[: plane.height, : plane.width]
+    return np.frombuffer(memoryview(plane), np.uint8).reshape(-1, plane.line_size)[: plane.height, : plane.width]
 
 
-def _convert(frame: Any, to: str, from_range: Any, to_range: Any, chroma: Any) -> np.ndarray:
+def _convert(frame: VideoFrame, to: str, from_range: ColorRange, to_range: ColorRange, chroma: Interpolation) -> Bytes:
     """The frame in the format `to`, both in BT.709; `chroma`: how its samples are thinned out or repeated."""
-    _, form = _av()
+    from av.video.reformatter import Colorspace, Interpolation, VideoReformatter
+
     for name in EXACT:
-        chroma |= form.Interpolation[name]
-    converted = form.VideoReformatter().reformat(
+        chroma |= Interpolation[name]
+    converted = VideoReformatter().reformat(
         frame,
         format=to,
-        src_colorspace=form.Colorspace.ITU709,
-        dst_colorspace=form.Colorspace.ITU709,
+        src_colorspace=Colorspace.ITU709,
+        dst_colorspace=Colorspace.ITU709,
         src_color_range=from_range,
         dst_color_range=to_range,
         interpolation=chroma,
         threads=THREADS,
     )
-    return converted.to_ndarray()
+    return np.asarray(converted.to_ndarray(), np.uint8)
 
 
-def as_grey(values: np.ndarray) -> np.ndarray:
+def as_grey(values: Bytes) -> Bytes:
     """uint8 (H, W, 3) of one value per texel, (H, W)."""
     return np.repeat(values[..., None], 3, axis=2)
 
@@ -259,10 +271,15 @@ def as_grey(values: np.ndarray) -> np.ndarray:
 class _H264:
     """x264 through PyAV, and FFmpeg's decoder behind it; `width` and `height` are multiples of 4."""
 
-    def __init__(self, crf: int, width: int, height: int, decode: bool, grey: bool) -> None:
-        av, form = _av()
-        self.grey, self.range = grey, form.ColorRange.JPEG if grey else form.ColorRange.MPEG
-        self.encoder = av.CodecContext.create("libx264", "w")
+    def __init__(self, crf: int | None, width: int, height: int, decode: bool, grey: bool) -> None:
+        if crf is None or not 0 <= crf <= 51:
+            raise CodecError(f"The H.264 rate factor is {crf}: give a whole number from 0 to 51.")
+        _quieten_av()
+        from av import CodecContext
+        from av.video.reformatter import ColorRange
+
+        self.grey, self.range = grey, ColorRange.JPEG if grey else ColorRange.MPEG
+        self.encoder = CodecContext.create("libx264", "w")
         self.encoder.width, self.encoder.height = width, height
         self.encoder.pix_fmt = "gray" if grey else "yuv420p"
         self.encoder.time_base, self.encoder.framerate = Fraction(1, RATE), Fraction(RATE)
@@ -272,37 +289,45 @@ class _H264:
         params = X264_GREY if grey else X264
         self.encoder.options = {"preset": "veryfast", "tune": "zerolatency", "crf": str(crf), "x264-params": params}
         self.encoder.open()
-        self.decoder = av.CodecContext.create("h264", "r") if decode else None
+        self.decoder = CodecContext.create("h264", "r") if decode else None
         if self.decoder is not None:
             self.decoder.thread_count = THREADS
         self.count = 0
 
     def encode(self, picture: Picture) -> bytes:
-        av, form = _av()
+        from av import VideoFrame
+        from av.video.reformatter import Colorspace
+
         pixels = (picture.grey, "gray") if self.grey else (picture.yuv, "yuv420p")
-        frame = av.VideoFrame.from_numpy_buffer(*pixels)
+        frame = VideoFrame.from_numpy_buffer(*pixels)
         frame.pts, frame.time_base = self.count, Fraction(1, RATE)
-        frame.colorspace, frame.color_range = form.Colorspace.ITU709, self.range
+        frame.colorspace, frame.color_range = Colorspace.ITU709, self.range
         self.count += 1
         packets = self.encoder.encode(frame)
         if len(packets) != 1:
             raise CodecError(f"x264 gave {len(packets)} packets for one frame: this build delays frames.")
         return bytes(packets[0])
 
-    def decode(self, data: bytes, picture: Picture) -> np.ndarray:
-        av, _ = _av()
-        frames = self.decoder.decode(av.Packet(data))
+    def decode(self, data: bytes, picture: Picture) -> Bytes:
+        from av import Packet
+
+        if self.decoder is None:
+            raise CodecError("A stream without a decoder cannot decode: open it with decode=True.")
+        frames = self.decoder.decode(Packet(data))
         if len(frames) != 1:
             raise CodecError(f"The H.264 decoder gave {len(frames)} frames for one packet: this build delays frames.")
+        (frame,) = frames
         if self.grey:
-            return as_grey(frames[0].to_ndarray()[: frames[0].height, : frames[0].width])
-        return yuv_to_rgb(frames[0])
+            return as_grey(np.asarray(frame.to_ndarray(), np.uint8)[: frame.height, : frame.width])
+        return yuv_to_rgb(frame)
 
 
 class _Jpeg:
     """Baseline JPEG with 4:2:0 chroma through OpenImageIO, whose Python writes to files only."""
 
     def __init__(self, quality: int, grey: bool) -> None:
+        if not 1 <= quality <= 100:
+            raise CodecError(f"The JPEG quality is {quality}: give a whole number from 1 to 100.")
         self.quality, self.grey = quality, grey
 
     def encode(self, picture: Picture) -> bytes:
@@ -321,16 +346,16 @@ class _Jpeg:
             output.close()
             return file.read_bytes()
 
-    def decode(self, data: bytes, picture: Picture) -> np.ndarray:
+    def decode(self, data: bytes, picture: Picture) -> Bytes:
         import OpenImageIO
 
         with tempfile.TemporaryDirectory() as folder:
             file = Path(folder) / "frame.jpg"
             file.write_bytes(data)
             source = OpenImageIO.ImageInput.open(str(file))
-            if source is None:
+            pixels = source.read_image(format="uint8") if source else None
+            if source is None or pixels is None:
                 raise CodecError(f"OpenImageIO cannot read back its own JPEG: {OpenImageIO.geterror()}")
-            pixels = source.read_image(format="uint8")
             source.close()
             return as_grey(pixels[..., 0]) if self.grey else pixels
 
@@ -344,7 +369,7 @@ class _Plain:
     def encode(self, picture: Picture) -> bytes:
         return picture.pixels[..., 0].tobytes() if self.grey else picture.rgb.tobytes()
 
-    def decode(self, data: bytes, picture: Picture) -> np.ndarray:
+    def decode(self, data: bytes, picture: Picture) -> Bytes:
         return as_grey(picture.pixels[..., 0]) if self.grey else picture.rgb
 
 

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
+
 
 @dataclass(frozen=True)
 class AtlasUse:
@@ -20,10 +22,10 @@ class AtlasHistory:
     """Remembers one packer's last atlas, to compare the next with."""
 
     def __init__(self) -> None:
-        self._owner: np.ndarray | None = None
-        self._plane: np.ndarray | None = None
+        self._owner: Ints | None = None
+        self._plane: Bytes | None = None
 
-    def update(self, owner: np.ndarray, plane: np.ndarray) -> AtlasUse:
+    def update(self, owner: Ints, plane: Bytes) -> AtlasUse:
         """Compare a frame's atlas with the last one, and remember it; the arrays must not be changed afterwards.
 
         owner: int32 (H, W), triangle of each texel, -1 where none. plane: uint8 (H, W, C).
@@ -44,7 +46,7 @@ class AtlasHistory:
         return AtlasUse(count / owner.size, coherence, coherence_bytes)
 
 
-def _equal_colour_bytes(plane: np.ndarray, last: np.ndarray) -> int:
+def _equal_colour_bytes(plane: Bytes, last: Bytes) -> int:
     """Bytes of the first three channels that are equal; whole rows of memory first, because strides are slow."""
     equal = plane == last
     return int(np.count_nonzero(equal)) - sum(int(np.count_nonzero(equal[..., c])) for c in range(3, plane.shape[2]))

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Floats, Ints
 from shading_atlas_bench.harness.plugins import folder_name
 
 if TYPE_CHECKING:
     from shading_atlas_bench.packers.interface import Owners, View
     from shading_atlas_bench.scenes.model import Scene
+
+Number = TypeVar("Number", bound=np.generic)
 
 PNG_SUB = 16  # libpng's name for the filter `sub` alone: trying all of them takes most of the time
 
@@ -43,14 +47,14 @@ def dump_frame(
     variant: str,
     index: int,
     *,
-    atlas: np.ndarray | None,
+    atlas: Bytes | None,
     owners: Owners | None,
-    client: np.ndarray,
-    reference: np.ndarray,
-    visibility: np.ndarray,
+    client: Bytes,
+    reference: Bytes,
+    visibility: Ints,
     novel: View,
-    details: Mapping[str, np.ndarray] | None = None,
-    alpha: np.ndarray | None = None,
+    details: Mapping[str, Array] | None = None,
+    alpha: Bytes | None = None,
 ) -> Path:
     """Write `folder/METHOD-HASH/frame_0000.npz` and its pictures, and return the path of the former.
 
@@ -64,7 +68,7 @@ def dump_frame(
     The file holds these (`alpha` as (H, W)), `owner` int32 (H, W) with -1 where no triangle owns a texel, `bary`
     float32 (H, W, 2), and `view` and `projection` float64 (4, 4).
     """
-    arrays = {
+    arrays: dict[str, Array] = {
         "client": _picture(client),
         "reference": _picture(reference),
         "visibility": np.asarray(visibility, np.int32),
@@ -81,7 +85,7 @@ def dump_frame(
     target = folder / folder_name(method, variant)
     target.mkdir(parents=True, exist_ok=True)
     path = target / f"frame_{index:04d}.npz"
-    np.savez(path, **arrays)
+    np.savez(path, **arrays)  # type: ignore[arg-type]  # NumPy's stub takes each for its switch allow_pickle, too
     for name in ("atlas", "client", "reference"):
         if name in arrays:
             write_png(target / f"frame_{index:04d}_{name}.png", arrays[name][..., :3])
@@ -90,7 +94,7 @@ def dump_frame(
     return path
 
 
-def owner_plane(owners: Owners, width: int, height: int) -> np.ndarray:
+def owner_plane(owners: Owners, width: int, height: int) -> Ints:
     """The triangle that owns each texel, int32 (height, width), -1 where none.
 
     Samples outside the plane are left out; of two owners of one texel the last counts.
@@ -98,12 +102,12 @@ def owner_plane(owners: Owners, width: int, height: int) -> np.ndarray:
     return _scatter(owners, owners.triangle, np.full(width * height, -1, np.int32)).reshape(height, width)
 
 
-def bary_plane(owners: Owners, width: int, height: int) -> np.ndarray:
+def bary_plane(owners: Owners, width: int, height: int) -> Floats:
     """Barycentrics of each texel's surface point, float32 (height, width, 2), as `owner_plane`; 0 where none."""
     return _scatter(owners, owners.bary, np.zeros((width * height, 2), np.float32)).reshape(height, width, 2)
 
 
-def _scatter(owners: Owners, values: np.ndarray, plane: np.ndarray) -> np.ndarray:
+def _scatter(owners: Owners, values: NDArray[Number], plane: NDArray[Number]) -> NDArray[Number]:
     texel = owners.texel
     if len(texel) and (texel.min() < 0 or texel.max() >= len(plane)):
         inside = (texel >= 0) & (texel < len(plane))
@@ -112,7 +116,7 @@ def _scatter(owners: Owners, values: np.ndarray, plane: np.ndarray) -> np.ndarra
     return plane
 
 
-def write_png(path: Path, rgb: np.ndarray) -> None:
+def write_png(path: Path, rgb: Array) -> None:
     """Write a picture, uint8 (h, w, 3), sRGB, as PNG. Raises OSError, naming the file, if that fails."""
     import OpenImageIO
 
@@ -131,5 +135,5 @@ def write_png(path: Path, rgb: np.ndarray) -> None:
     output.close()
 
 
-def _picture(image: np.ndarray) -> np.ndarray:
+def _picture(image: Bytes) -> Bytes:
     return np.ascontiguousarray(np.asarray(image, np.uint8)[..., :3])

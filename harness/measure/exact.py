@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.rasteriser import ScreenTriangles
 from shading_atlas_bench.kernels.shade.shade import shade_twin
@@ -33,12 +34,12 @@ class ExactPicture:
     bary: float64 (h, w, 2), weights of vertices 1 and 2. screen: what decided coverage and depth.
     """
 
-    rgb: np.ndarray
-    triangle: np.ndarray
-    bary: np.ndarray
+    rgb: Bytes
+    triangle: Ints
+    bary: Doubles
     screen: ScreenTriangles
 
-    def wrong(self, triangle: np.ndarray) -> np.ndarray:
+    def wrong(self, triangle: Ints) -> Bools:
         """bool (h, w): pixels whose id in another picture differs by more than rounding can explain.
 
         Explained is what moving corners by SHIFT, or a depth by DEPTH, can change: another triangle that comes as near
@@ -49,7 +50,7 @@ class ExactPicture:
             wrong[row, column] = not self._explained(row, column, int(triangle[row, column]))
         return wrong
 
-    def holes(self, drawn: np.ndarray) -> np.ndarray:
+    def holes(self, drawn: Bools) -> Bools:
         """bool (h, w): pixels that are not `drawn` (bool) and lie well inside what is seen."""
         holes = np.zeros(drawn.shape, bool)
         for row, column in np.argwhere(~drawn & (self.triangle >= 0)):
@@ -69,19 +70,21 @@ class ExactPicture:
         robust = (self._margins(best, centre) > SHIFT).all() and self._depths(best, centre)[1] < 1
         return not robust or self._depths(best, centre)[0] <= nearest
 
-    def _margins(self, number: int, centre: np.ndarray) -> np.ndarray:
+    def _margins(self, number: int, centre: Doubles) -> Doubles:
         """Pixels to each edge, positive inside; NaN (no margin) for a triangle without area on screen."""
         edges = self.screen.edges[number]
         length = np.hypot(edges[:, 0], edges[:, 1])
-        return edges @ centre / np.where(length > 0, length, np.nan)
+        margins: Doubles = edges @ centre / np.where(length > 0, length, np.nan)
+        return margins
 
-    def _depths(self, number: int, centre: np.ndarray) -> tuple[float, float]:
+    def _depths(self, number: int, centre: Doubles) -> tuple[float, float]:
         plane = self.screen.depth[number]
-        reach = np.hypot(plane[0], plane[1]) * SHIFT + DEPTH * abs(plane @ centre)
-        return plane @ centre - reach, plane @ centre + reach
+        depth = float(plane @ centre)
+        reach = float(np.hypot(plane[0], plane[1])) * SHIFT + DEPTH * abs(depth)
+        return depth - reach, depth + reach
 
 
-def draw_exact(scene: ServerScene, view: View, eye: np.ndarray) -> ExactPicture:
+def draw_exact(scene: ServerScene, view: View, eye: Doubles) -> ExactPicture:
     """The picture of `view`, shaded for highlights seen from `eye` (float64 (3)): every number float64.
 
     Opaque scenes without masks only. Levels of textures are the finest.
@@ -100,13 +103,14 @@ def draw_exact(scene: ServerScene, view: View, eye: np.ndarray) -> ExactPicture:
     return ExactPicture(np.ascontiguousarray(rgb[..., :3]), triangle, bary, screen)
 
 
-def _visible(triangles: Triangles, camera: Camera) -> tuple[np.ndarray, np.ndarray, ScreenTriangles]:
+def _visible(triangles: Triangles, camera: Camera) -> tuple[Ints, Doubles, ScreenTriangles]:
     """Ids int32 (h, w) and barycentrics float64 (h, w, 2) of what is nearest; of equal depths the lowest id."""
     screen = ScreenTriangles.of(triangles, camera)
     rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
     centres = np.stack([columns, rows, np.ones_like(rows)], axis=-1)
-    triangle, nearest = np.full(rows.shape, -1, np.int32), np.zeros(rows.shape)
-    bary = np.zeros((*rows.shape, 2))
+    triangle: Ints = np.full(rows.shape, -1, np.int32)
+    nearest: Doubles = np.zeros(rows.shape)
+    bary: Doubles = np.zeros((*rows.shape, 2))
     for number, box in _boxes(triangles, camera, screen):
         at = centres[box]
         depth, edges = at @ screen.depth[number], at @ screen.edges[number].T
@@ -122,12 +126,12 @@ def _boxes(triangles: Triangles, camera: Camera, screen: ScreenTriangles) -> Ite
     """Drawn triangles in order, with the rows and columns that they can cover."""
     corners = camera.project(triangles.host_positions[triangles.host_indices])
     size = np.array([camera.width, camera.height])
-    before_eye = (corners[..., 3] > 0).all(axis=1)
+    before_eye: Bools = np.all(corners[..., 3] > 0, axis=1)
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         place = corners[..., :2] / corners[..., 3:] / 256 + size / 2
-        low = np.where(before_eye[:, None], np.clip(np.floor(place.min(axis=1) - 1), 0, size), 0)
-        high = np.where(before_eye[:, None], np.clip(np.ceil(place.max(axis=1) + 1), 0, size), size)
-    low, high = low.astype(int), high.astype(int)
+        lowest = np.where(before_eye[:, None], np.clip(np.floor(place.min(axis=1) - 1), 0, size), 0)
+        highest = np.where(before_eye[:, None], np.clip(np.ceil(place.max(axis=1) + 1), 0, size), size)
+    low, high = lowest.astype(int), highest.astype(int)
     for number in np.flatnonzero(screen.drawn & (low < high).all(axis=1)):
-        (left, top), (right, bottom) = low[number], high[number]
+        (left, top), (right, bottom) = low[number].tolist(), high[number].tolist()
         yield int(number), (slice(top, bottom), slice(left, right))

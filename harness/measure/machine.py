@@ -15,10 +15,12 @@ STATUS = Path("/proc/self/status")
 
 def peak_memory() -> int:
     """The most memory that this process has had resident so far, in bytes."""
-    if STATUS.is_file():  # Linux; its ru_maxrss would begin with the peak of the process that started this one
-        return int(re.search(r"^VmHWM:\s*(\d+) kB$", STATUS.read_text(encoding="utf-8"), re.MULTILINE)[1]) * 1024
+    status = STATUS.read_text(encoding="utf-8") if STATUS.is_file() else ""
+    # Linux; its ru_maxrss would begin with the peak of the process that started this one.
+    if peak := re.search(r"^VmHWM:\s*(\d+) kB$", status, re.MULTILINE):
+        return int(peak[1]) * 1024
     if sys.platform == "win32":
-        return psutil.Process().memory_info().peak_wset
+        return int(psutil.Process().memory_info().peak_wset)
     import resource
 
     unit = 1 if sys.platform == "darwin" else 1024  # bytes on macOS, kibibytes on the BSDs
@@ -27,7 +29,7 @@ def peak_memory() -> int:
 
 def load() -> float:
     """Processes that ran or waited for a core in the last minute, on average; 0 on Windows for the first seconds."""
-    return psutil.getloadavg()[0]
+    return float(psutil.getloadavg()[0])
 
 
 def commit() -> str:

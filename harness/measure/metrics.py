@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Collection
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from shading_atlas_bench.harness.workload.settings import METRIC_NAMES
 from shading_atlas_bench.kernels.metrics.ciede2000 import Ciede2000
 from shading_atlas_bench.kernels.metrics.flip import Flip, magma
@@ -19,6 +17,7 @@ from shading_atlas_bench.kernels.metrics.ssim import Ssim
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Bytes
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.skips import Skips
 
@@ -44,6 +43,11 @@ class Metrics:
         self.device, self.wanted, self.computed = device, frozenset(wanted), {*wanted, *computed}
         self.reasons: dict[str, str] = {}
         self._size: tuple[int, int] | None = None
+        self._flip: Flip | None = None
+        self._delta_e: Ciede2000 | None = None
+        self._error: SquaredError | None = None
+        self._ssim: Ssim | None = None
+        self._iwssim: IwSsim | None = None
 
     @classmethod
     def asked_for(cls, device: Device, names: Collection[str], skips: Skips) -> Metrics:
@@ -53,20 +57,15 @@ class Metrics:
         return cls(device, wanted, PICTURE_METRICS if forced else (), skips.take())
 
     def _allocate(self, width: int, height: int) -> None:
-        device = self.device
-        self._size = (width, height)
-        side = min(width, height)
-        self._flip, self._delta_e, self._error, self._ssim, self._iwssim = (
-            metric(device, width, height) if name in self.computed and side >= least else None
-            for name, metric, least in (
-                ("flip", Flip, 1),
-                ("delta_e", Ciede2000, 1),
-                ("psnr", SquaredError, 1),
-                ("dssim", Ssim, SSIM_SIDE),
-                ("iwssim", IwSsim, IWSSIM_SIDE),
-            )
-        )
+        device, side = self.device, min(width, height)
         smallest = {"dssim": SSIM_SIDE, "iwssim": IWSSIM_SIDE}
+        computed = {name for name in self.computed if side >= smallest.get(name, 1)}
+        self._size = (width, height)
+        self._flip = Flip(device, width, height) if "flip" in computed else None
+        self._delta_e = Ciede2000(device, width, height) if "delta_e" in computed else None
+        self._error = SquaredError(device, width, height) if "psnr" in computed else None
+        self._ssim = Ssim(device, width, height) if "dssim" in computed else None
+        self._iwssim = IwSsim(device, width, height) if "iwssim" in computed else None
         self.reasons = {
             name: f"{name} needs {least} pixels a side, and the picture has {width}x{height}"
             for name, least in smallest.items()
@@ -99,21 +98,23 @@ class Metrics:
         if self._error:
             self._error.compare(test, self._reference)
         values = {
-            "flip": self._flip and self._flip.mean(),
-            "dssim": self._ssim and self._ssim.loss() / 2,
-            "iwssim": self._iwssim and self._iwssim.score(),
-            "psnr": self._error and psnr(self._error.mean()),
-            "delta_e": self._delta_e and self._delta_e.mean(),
+            "flip": self._flip.mean() if self._flip else None,
+            "dssim": self._ssim.loss() / 2 if self._ssim else None,
+            "iwssim": self._iwssim.score() if self._iwssim else None,
+            "psnr": psnr(self._error.mean()) if self._error else None,
+            "delta_e": self._delta_e.mean() if self._delta_e else None,
         }
         return {name: value if name in self.wanted else None for name, value in values.items()}
 
     def flip(self, test: Array) -> float | None:
         """Mean FLIP of `test`, uint8 (h, w, 4), alone; None if FLIP is not wanted."""
-        if "flip" not in self.wanted:
+        if self._flip is None or "flip" not in self.wanted:
             return None
         self._flip.compare(test)
         return self._flip.mean()
 
-    def flip_map(self) -> np.ndarray | None:
+    def flip_map(self) -> Bytes | None:
         """The FLIP errors of the last compared picture in FLIP's colours, uint8 (h, w, 3); None if not wanted."""
-        return magma(self._flip.error_map()) if "flip" in self.wanted else None
+        if self._flip is None or "flip" not in self.wanted:
+            return None
+        return magma(self._flip.error_map())

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.kernels.raster.resolve import resolve
@@ -29,10 +30,10 @@ class Seen:
     """
 
     view: View
-    visibility: np.ndarray
-    pixel: np.ndarray
-    triangle: np.ndarray
-    bary: np.ndarray
+    visibility: Ints
+    pixel: Ints
+    triangle: Ints
+    bary: Floats
 
     @classmethod
     def of(cls, view: View, visibility: Visibility, samples: Samples) -> Seen:
@@ -52,7 +53,7 @@ class NovelView(Seen):
     covered pixel, None without any. metrics_ms: host time of what metrics need of it, once per frame.
     """
 
-    rgb: np.ndarray
+    rgb: Bytes
     missing: float
     view_dependence: float | None
     milliseconds: float
@@ -85,7 +86,11 @@ def draw_novel_view(
     moved = not np.array_equal(eye, other)
     view_dependence = metrics.flip(forward.draw(view, other)[0].rgb if moved else image.rgb)
     return NovelView(
-        **vars(seen),
+        view=seen.view,
+        visibility=seen.visibility,
+        pixel=seen.pixel,
+        triangle=seen.triangle,
+        bary=seen.bary,
         rgb=image.rgb.get(),
         missing=missing,
         view_dependence=view_dependence,

@@ -47,9 +47,12 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
+from typing import Any, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles, Floats, Ints, Longs
 from shading_atlas_bench.arithmetic.functions import log2
 from shading_atlas_bench.packers.interface import Client, Frame, Owners, Payload
 
@@ -74,7 +77,8 @@ FIRST = 8  # offenders named per violation
 UNOWNED, BORDER = -1, -2  # in the owner plane
 ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
 
-Located = tuple[np.ndarray, np.ndarray, np.ndarray]  # triangles (n), barycentrics (n, 2), atlas positions (n, 2)
+Whole: TypeAlias = NDArray[np.integer[Any]]  # whole numbers of any width
+Located: TypeAlias = tuple[Ints, Floats, Doubles]  # triangles (n), barycentrics (n, 2), atlas positions (n, 2)
 
 
 @dataclass(frozen=True)
@@ -161,15 +165,17 @@ def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
     if not bad.size:
         return []
     sentence = f"{bad.size} samples name a triangle that the scene of {count} triangles does not have."
-    return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+    return [
+        Violation("barycentrics", bad.size, sentence, first_few(owners.triangle[bad]), first_few(owners.texel[bad]))
+    ]
 
 
-def _check_unplaced(frame: Frame, payload: Payload, placed: np.ndarray | None) -> list[Violation]:
-    """placed: bool, by place in the PVS; None if the method places nothing in an atlas."""
+def _check_unplaced(frame: Frame, payload: Payload, placed: Bools | None) -> list[Violation]:
+    """placed: by place in the PVS; None if the method places nothing in an atlas."""
     listed = np.fromiter(payload.unplaced, np.int64, len(payload.unplaced))
     silent = np.array([triangle for triangle, reason in payload.unplaced.items() if not reason], np.int64)
     foreign = listed[~np.isin(listed, frame.pvs)]
-    cases = [
+    cases: list[tuple[Whole, str]] = [
         (silent, "are listed as unplaced without a reason"),
         (foreign, "are listed as unplaced and are not potentially visible"),
     ]
@@ -180,7 +186,7 @@ def _check_unplaced(frame: Frame, payload: Payload, placed: np.ndarray | None) -
             (frame.pvs[placed & excused], "are listed as unplaced and have a place"),
         ]
     return [
-        Violation("placed", len(bad), f"{len(bad)} triangles {what}.", _first(np.sort(bad)))
+        Violation("placed", len(bad), f"{len(bad)} triangles {what}.", first_few(np.sort(bad)))
         for bad, what in cases
         if len(bad)
     ]
@@ -215,19 +221,19 @@ class _Atlas:
         self.bary[:, :count] = owners.bary.T
 
     @property
-    def owned(self) -> np.ndarray:
-        """bool (height, width)."""
+    def owned(self) -> Bools:
+        """(height, width)."""
         return self.sample.reshape(self.height + 2, self.stride)[1:-1, 1:-1] < self._count
 
-    def owner(self, at: np.ndarray) -> np.ndarray:
+    def owner(self, at: Whole) -> Ints:
         """Triangles of texels in the plane with its border."""
         return self.triangle[self.sample[at]]
 
-    def unpadded(self, padded: np.ndarray) -> np.ndarray:
+    def unpadded(self, padded: Whole) -> Whole:
         """row * width + column of texels in the plane with its border."""
         return (padded // self.stride - 1) * self.width + padded % self.stride - 1
 
-    def beside(self, texel: np.ndarray, triangle: np.ndarray, others: np.ndarray) -> np.ndarray:
+    def beside(self, texel: Longs, triangle: Ints, others: Longs) -> Bools:
         """Whether one of the four texels next to each texel (n) is among `others` and has the same owner: bool (n)."""
         at, other = (self.padded(inside[self._contains(inside)]) for inside in (texel, others))
         among = np.zeros(self.sample.size, bool)
@@ -238,9 +244,7 @@ class _Atlas:
             found[kept] |= among[at + step] & (self.owner(at + step) == triangle[kept])
         return found
 
-    def towards_neighbours(
-        self, triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray
-    ) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+    def towards_neighbours(self, triangle: Ints, bary: Floats, texel: Longs) -> Iterator[tuple[Floats, Doubles]]:
         """Surface points a little off samples (n), between the directions to two neighbours of the same triangle, and
         where they should be looked up: float32 (n, 2) and float64 (n, 2), for each of eight directions."""
         if not len(texel):
@@ -255,7 +259,7 @@ class _Atlas:
                 moved += np.where(own, count * PART * (self.bary[:, beside] - bary.T), 0).T
             yield moved.astype(np.float32), centre + PART * np.array([across, down])
 
-    def near_inside(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    def near_inside(self, texel: Longs, triangle: Ints) -> Bools:
         """Whether a sample inside the triangle is within 1 + MARGIN texels of each texel (n): bool (n)."""
         row, column, reach = texel // self.width, texel % self.width, int(1 + MARGIN)
         found = np.zeros(len(texel), bool)
@@ -267,7 +271,7 @@ class _Atlas:
             found |= inside & (self.triangle[beside] == triangle)
         return found
 
-    def is_smooth(self, texel: np.ndarray, triangle: np.ndarray) -> np.ndarray:
+    def is_smooth(self, texel: Longs, triangle: Ints) -> Bools:
         """Whether each texel (n) continues three neighbours of its triangle, in a row or a square, as a plane does, to
         half of their differences: bool (n)."""
         at, sides = self.padded(texel), (1, -1, self.stride, -self.stride)
@@ -281,14 +285,14 @@ class _Atlas:
             smooth |= (self.triangle[three] == triangle).all(axis=0) & (off <= step / 2)
         return smooth
 
-    def centre(self, texel: np.ndarray) -> np.ndarray:
+    def centre(self, texel: Longs) -> Doubles:
         """Column and row of texels' centres, float64 (n, 2)."""
-        return np.stack([texel % self.width, texel // self.width], axis=1) + 0.5
+        return np.stack([texel % self.width, texel // self.width], axis=1, dtype=np.float64) + 0.5
 
-    def _contains(self, texel: np.ndarray) -> np.ndarray:
+    def _contains(self, texel: Longs) -> Bools:
         return (texel >= 0) & (texel < self.width * self.height)
 
-    def padded(self, texel: np.ndarray) -> np.ndarray:
+    def padded(self, texel: Longs) -> Longs:
         """Of texels row * width + column, the index in the plane with its border."""
         return texel + (texel // self.width) * 2 + (self.stride + 1)
 
@@ -299,40 +303,42 @@ class _Atlas:
         if self._listed < len(texel):
             out = np.flatnonzero(~self._inside)
             sentence = f"{out.size} samples lie outside the atlas of {self.width} x {self.height} texels."
-            found.append(Violation("inside", out.size, sentence, _first(triangle[out]), _first(texel[out])))
+            found.append(Violation("inside", out.size, sentence, first_few(triangle[out]), first_few(texel[out])))
         if np.count_nonzero(self.sample < self._count) < self._listed:
             values, counts = np.unique(texel[self._inside], return_counts=True)
             twice = values[counts > 1]
             culprits = triangle[np.isin(texel, twice[:FIRST])]
             sentence = f"{twice.size} texels are listed more than once."
-            found.append(Violation("single owner", twice.size, sentence, _first(np.unique(culprits)), _first(twice)))
+            found.append(
+                Violation("single owner", twice.size, sentence, first_few(np.unique(culprits)), first_few(twice))
+            )
         return found
 
 
-def _check_planes(planes: dict[str, np.ndarray], atlas: _Atlas) -> list[Violation]:
+def _check_planes(planes: dict[str, Array], atlas: _Atlas) -> list[Violation]:
     found = []
     for position, (name, plane) in enumerate(planes.items()):
         if plane.dtype.kind == "f" and not np.isfinite(plane).all():
             bad = np.flatnonzero(~np.isfinite(plane).all(axis=-1))
             sentence = f"{bad.size} texels of the plane {name!r} are not finite."
-            found.append(Violation("finite", bad.size, sentence, texels=_first(bad)))
+            found.append(Violation("finite", bad.size, sentence, texels=first_few(bad)))
         if position == 0:
             wrong = np.flatnonzero(plane[..., 3] != atlas.owned * np.uint8(255))
             if wrong.size:
                 sentence = (
                     f"{wrong.size} texels have an alpha that is not 255 where they are listed, or not 0 elsewhere."
                 )
-                found.append(Violation("alpha", wrong.size, sentence, texels=_first(wrong)))
+                found.append(Violation("alpha", wrong.size, sentence, texels=first_few(wrong)))
     return found
 
 
 class _Table:
     """What the lookups need of each triangle of the PVS, by its place in the PVS (its row)."""
 
-    def __init__(self, frame: Frame, anchors: np.ndarray) -> None:
+    def __init__(self, frame: Frame, anchors: Doubles) -> None:
         self.pvs = frame.pvs
         self.anchors = anchors
-        self.placed = np.isfinite(anchors).all(axis=(1, 2))
+        self.placed: Bools = np.all(np.isfinite(anchors), axis=(1, 2))
         self.row = np.full(frame.scene.triangles.count, -1, np.int32)
         self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
         corners = anchors[:, :3]
@@ -340,30 +346,32 @@ class _Table:
         self.jacobian = np.ascontiguousarray((corners[:, 1:] - corners[:, :1]).transpose(2, 0, 1))
         self._frame = frame
 
-    def corners(self, triangles: np.ndarray) -> np.ndarray:
+    def corners(self, triangles: Ints) -> Doubles:
         """Positions float64 (n, 3, 3)."""
         scene = self._frame.scene.host
         return scene.positions[scene.indices[triangles]].astype(np.float64)
 
     @cached_property
-    def edges(self) -> np.ndarray:
+    def edges(self) -> Doubles:
         """Lengths in the atlas, in texels, of the edges opposite corners 0, 1 and 2: float64 (n, 3)."""
         corners = self.anchors[:, :3]
-        return np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+        lengths: Doubles = np.linalg.norm(corners[:, [2, 0, 1]] - corners[:, [1, 2, 0]], axis=2)
+        return lengths
 
-    def heights(self, rows: np.ndarray) -> np.ndarray:
+    def heights(self, rows: Ints) -> Doubles:
         """Heights in the atlas over the edges opposite corners 0, 1 and 2, in texels: float64 (n, 3)."""
         area = np.abs(self.determinant[rows])
         return area[:, None] / np.maximum(self.edges[rows], 1e-9)
 
     @cached_property
-    def determinant(self) -> np.ndarray:
+    def determinant(self) -> Doubles:
         """Twice the signed area in the atlas, in texels: float64 (n)."""
         column, row = self.jacobian
-        return column[:, 0] * row[:, 1] - column[:, 1] * row[:, 0]
+        area: Doubles = column[:, 0] * row[:, 1] - column[:, 1] * row[:, 0]
+        return area
 
     @cached_property
-    def texel_size(self) -> np.ndarray:
+    def texel_size(self) -> Doubles:
         """Longest extent on the surface of one texel, in scene units, at most the longest edge: float64 (n).
 
         The largest singular value of the map from the atlas to the surface (edges times the inverse Jacobian).
@@ -378,10 +386,11 @@ class _Table:
             a, c = (along_column * along_column).sum(axis=1), (along_row * along_row).sum(axis=1)
             b = (along_column * along_row).sum(axis=1)
             size = np.sqrt((a + c + np.sqrt((a - c) * (a - c) + 4 * b * b)) / 2)
-        return np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
+        at_most: Doubles = np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
+        return at_most
 
 
-def _outside(owners: Owners, table: _Table) -> np.ndarray:
+def _outside(owners: Owners, table: _Table) -> Longs:
     """Samples whose barycentrics are not finite or lie too far outside their triangle, as one of one height."""
     found = [np.empty(0, np.int64)]
     for start in range(0, len(owners.triangle), CHUNK):
@@ -396,22 +405,24 @@ def _outside(owners: Owners, table: _Table) -> np.ndarray:
     return np.concatenate(found)
 
 
-def _check_barycentrics(owners: Owners, outside: np.ndarray, atlas: _Atlas, client: Client) -> list[Violation]:
+def _check_barycentrics(owners: Owners, outside: Longs, atlas: _Atlas, client: Client) -> list[Violation]:
     centre = atlas.centre(owners.texel[outside])
     outside = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
     bad = outside[~_continues(owners.triangle[outside], owners.bary[outside], owners.texel[outside], atlas)]
     if not bad.size:
         return []
     sentence = f"{bad.size} samples have barycentrics that are not finite or lie too far outside their triangle."
-    return [Violation("barycentrics", bad.size, sentence, _first(owners.triangle[bad]), _first(owners.texel[bad]))]
+    return [
+        Violation("barycentrics", bad.size, sentence, first_few(owners.triangle[bad]), first_few(owners.texel[bad]))
+    ]
 
 
-def _close_by(triangle: np.ndarray, bary: np.ndarray, centre: np.ndarray, client: Client) -> np.ndarray:
+def _close_by(triangle: Ints, bary: Floats, centre: Doubles, client: Client) -> Bools:
     """Whether samples (n) lie within 1 + MARGIN texels of where they, and a point inside their triangle, are looked up.
 
     A triangle in parts has no one height in the atlas: a texel beside a small part of it may be far outside.
     """
-    close = np.isfinite(bary).all(axis=1)
+    close: Bools = np.all(np.isfinite(bary), axis=1)
     if not close.any():
         return close
     own = bary[close].astype(np.float64)[:, None]
@@ -419,17 +430,25 @@ def _close_by(triangle: np.ndarray, bary: np.ndarray, centre: np.ndarray, client
     clamped = (weights / weights.sum(axis=2, keepdims=True))[..., 1:]
     points = np.concatenate([own, clamped, np.broadcast_to(ANCHORS, (len(own), *ANCHORS.shape))], axis=1)
     count = points.shape[1]
-    places = client.locate(np.repeat(triangle[close], count), points.reshape(-1, 2).astype(np.float32))
+    places = _locate(client, np.repeat(triangle[close], count), points.reshape(-1, 2).astype(np.float32))
     near = np.abs(places.reshape(-1, count, 2) - centre[close][:, None]).max(axis=2) <= 1 + MARGIN
     close[close] = near[:, 0] & near[:, 1:].any(axis=1)
     return close
 
 
-def _continues(triangle: np.ndarray, bary: np.ndarray, texel: np.ndarray, atlas: _Atlas) -> np.ndarray:
+def _continues(triangle: Ints, bary: Floats, texel: Longs, atlas: _Atlas) -> Bools:
     """Whether samples (n) continue a low part of their triangle: near a sample inside it, and not far outside."""
     weights = np.stack([1 - bary.sum(axis=1), *bary.T])
     low = (weights >= -2 * (1 + MARGIN)).all(axis=0)
     return low & atlas.near_inside(texel, triangle) & atlas.is_smooth(texel, triangle)
+
+
+def _locate(client: Client, triangles: Ints, bary: Floats) -> Doubles:
+    """Where a client looks points up that said so of the corners."""
+    located = client.locate(triangles, bary)
+    if located is None:
+        raise TypeError("The client's `locate` gives positions of some points, and None for others.")
+    return located
 
 
 def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
@@ -441,16 +460,16 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
     within = (np.minimum(b1, b2) >= -1e-4) & (b1 + b2 <= 1 + 1e-4)
     triangle, bary, texel = triangle[within], bary[within], texel[within]
     centre = atlas.centre(texel)
-    distance = _apart(client.locate(triangle, bary), centre)
+    distance = _apart(_locate(client, triangle, bary), centre)
     stray = distance > DISTANCE  # False where a triangle has no place
     for side in SIDES:
         strays = np.flatnonzero(stray)
-        beside = client.locate(triangle[strays], bary[strays] + side) if strays.size else centre[strays]
+        beside = _locate(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
         distance[strays] = np.fmin(distance[strays], _apart(beside, centre[strays]))
         stray[strays] = distance[strays] > DISTANCE
     strays = np.flatnonzero(stray)
     for point, at in atlas.towards_neighbours(triangle[strays], bary[strays], texel[strays]):
-        beside = client.locate(triangle[strays], point)
+        beside = _locate(client, triangle[strays], point)
         distance[strays] = np.fmin(distance[strays], _apart(beside, at))
     stray[strays] = distance[strays] > DISTANCE
     stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
@@ -461,7 +480,7 @@ def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, bud
         if twice.size:
             texels = texel[stray & np.isin(triangle, twice)]
             sentence = f"{twice.size} triangles have samples over {DISTANCE:g} texel from where a client looks them up."
-            return [Violation("once", twice.size, sentence, _first(twice), _first(texels))]
+            return [Violation("once", twice.size, sentence, first_few(twice), first_few(texels))]
     return []
 
 
@@ -477,20 +496,18 @@ def _points(
         part = chosen[start : start + CHUNK // anchors]
         yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
     for triangles, bary in _grids(frame, table, rows, budget):
-        yield triangles, bary, client.locate(triangles, bary)
+        yield triangles, bary, _locate(client, triangles, bary)
     if visible is None:
         return
-    turns = _turns(len(visible[0]), budget)
-    seen = [array[frame.index % turns :: turns] for array in visible]
-    for start in range(0, len(seen[0]), CHUNK):
-        triangles, bary, located = (array[start : start + CHUNK] for array in seen)
-        known = np.isfinite(located[:, 0]) & (table.row[triangles] >= 0)
-        yield triangles[known], bary[known], located[known]
+    triangles, bary, located = visible
+    turns = _turns(len(triangles), budget)
+    for start in range(frame.index % turns, len(triangles), turns * CHUNK):
+        some = slice(start, start + turns * CHUNK, turns)
+        known = np.isfinite(located[some, 0]) & (table.row[triangles[some]] >= 0)
+        yield triangles[some][known], bary[some][known], located[some][known]
 
 
-def _grids(
-    frame: Frame, table: _Table, rows: np.ndarray, budget: int | None
-) -> Iterator[tuple[np.ndarray, np.ndarray]]:
+def _grids(frame: Frame, table: _Table, rows: Whole, budget: int | None) -> Iterator[tuple[Ints, Floats]]:
     """Triangles and barycentrics of the grids of as many triangles as the budget allows in this frame."""
     longest = np.maximum(table.edges[rows].max(axis=1, initial=1), 1)
     level = np.minimum(np.ceil(log2(longest)), FINEST).astype(np.int64)
@@ -508,7 +525,7 @@ def _grids(
             yield np.repeat(part, len(pattern)), np.tile(pattern, (len(part), 1))
 
 
-def _pattern(steps: int) -> np.ndarray:
+def _pattern(steps: int) -> Floats:
     """Barycentrics of a grid of `steps` along each edge, and of 2 * `steps` on the edges; float32 (n, 2).
 
     The corners are left out, because they are looked up for every triangle.
@@ -529,10 +546,10 @@ class _Lookups:
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
         self._misplaced = np.zeros(len(frame.pvs), bool)
         self._incomplete = np.zeros(len(frame.pvs), bool)
-        self._unwritten: list[np.ndarray] = []  # texels
+        self._unwritten: list[Whole] = []  # texels
 
     @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
-    def examine(self, triangles: np.ndarray, bary: np.ndarray, located: np.ndarray) -> None:
+    def examine(self, triangles: Ints, bary: Floats, located: Doubles) -> None:
         """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2).
 
         Several threads may do so: each only sets flags.
@@ -556,7 +573,7 @@ class _Lookups:
         whole = own.all(axis=0)
         if self._gaps:
             excused = ~own & (owner != BORDER) & _far(x, y)
-            self._gaps.count(np.count_nonzero(touched), np.count_nonzero(excused))
+            self._gaps.count(int(np.count_nonzero(touched)), int(np.count_nonzero(excused)))
             touched, own = touched & ~excused, own | excused
         if owner.min() < 0:
             self._note_gaps(rows, texels, owner, touched)
@@ -564,15 +581,13 @@ class _Lookups:
         if not own.all():
             self._check_others(rows, bary, samples, ~own & (owner >= 0))
 
-    def _note_gaps(self, rows: np.ndarray, texels: np.ndarray, owner: np.ndarray, touched: np.ndarray) -> None:
+    def _note_gaps(self, rows: Ints, texels: Ints, owner: Ints, touched: Bools) -> None:
         self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
         gaps = touched & (owner == UNOWNED)
         self._incomplete[rows[gaps.any(axis=0)]] = True
         self._unwritten.append(np.unique(texels[gaps]))
 
-    def _check_location(
-        self, rows: np.ndarray, bary: np.ndarray, samples: np.ndarray, weights: np.ndarray, whole: np.ndarray
-    ) -> None:
+    def _check_location(self, rows: Ints, bary: Floats, samples: Ints, weights: Doubles, whole: Bools) -> None:
         """Lookups whose texels are all the triangle's own: interpolated against true barycentrics, in texels."""
         total = weights.sum(axis=0)
         off1, off2 = (
@@ -592,13 +607,14 @@ class _Lookups:
             steps = self._steps(samples[:, bad], touched)
             self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
 
-    def _torn(self, samples: np.ndarray) -> np.ndarray:
+    def _torn(self, samples: Ints) -> Bools:
         """Whether the four samples (4, n) around a lookup are of several parts of a triangle: bool (n)."""
         bary = self._atlas.bary[:, samples]
         twist = np.abs(bary[:, 0] - bary[:, 1] - bary[:, 2] + bary[:, 3])  # 0 on one plane, gentle in perspective
-        return (twist > np.ptp(bary, axis=1) / 2).any(axis=0)
+        torn: Bools = np.any(twist > np.ptp(bary, axis=1) / 2, axis=0)
+        return torn
 
-    def _steps(self, samples: np.ndarray, touched: np.ndarray) -> np.ndarray:
+    def _steps(self, samples: Ints, touched: Bools) -> Doubles:
         """Changes of both barycentrics from a texel to the next column and to the next row: float64 (n, 2, 2).
 
         The larger of those between the four samples (4, n) around a lookup that it touches, because one may be a copy
@@ -617,7 +633,7 @@ class _Lookups:
             steps[alone, :, axis] = steps[alone, :, 1 - axis][:, ::-1] * [-1, 1]
         return steps
 
-    def _check_others(self, rows: np.ndarray, bary: np.ndarray, samples: np.ndarray, other: np.ndarray) -> None:
+    def _check_others(self, rows: Ints, bary: Floats, samples: Ints, other: Bools) -> None:
         """Samples of other owners, `other` (4, n): the distance between their surface point and the one looked up."""
         table = self._table
         corner, point = np.nonzero(other)
@@ -638,33 +654,35 @@ class _Lookups:
         )
         if outside.size:
             sentence = f"Lookups in {outside.size} triangles touch texels outside the atlas."
-            found.append(Violation("inside", outside.size, sentence, _first(outside)))
+            found.append(Violation("inside", outside.size, sentence, first_few(outside)))
         if incomplete.size:
             unwritten = np.unique(np.concatenate(self._unwritten))
             count = unwritten.size
             sentence = f"Lookups in {incomplete.size} triangles touch {count} texels that were not written."
             texels = self._atlas.unpadded(unwritten[:FIRST])
-            found.append(Violation("written", count, sentence, _first(incomplete), _first(texels)))
+            found.append(Violation("written", count, sentence, first_few(incomplete), first_few(texels)))
         if misplaced.size:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
-            found.append(Violation("surface", misplaced.size, sentence, _first(misplaced)))
+            found.append(Violation("surface", misplaced.size, sentence, first_few(misplaced)))
         return found
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _apart(one: Doubles, other: Doubles) -> Doubles:
     """Texels between positions (n, 2), in the direction where it is more: (n)."""
     column, row = np.abs(one - other).T  # NumPy's reductions are slow over axes of two
-    return np.maximum(column, row)
+    apart: Doubles = np.maximum(column, row)
+    return apart
 
 
-def _far(x: np.ndarray, y: np.ndarray) -> np.ndarray:
+def _far(x: Doubles, y: Doubles) -> Bools:
     """Whether each of the four texels around a lookup is more than NEAR away, by its place (n) between their centres:
     bool (4, n)."""
     across, down = np.stack([x, 1 - x] * 2), np.stack([y, y, 1 - y, 1 - y])
-    return across * across + down * down > NEAR * NEAR
+    far: Bools = across * across + down * down > NEAR * NEAR
+    return far
 
 
-def _distance(off: np.ndarray, steps: np.ndarray) -> np.ndarray:
+def _distance(off: Doubles, steps: Doubles) -> Doubles:
     """Texels, in the worse direction, that make up barycentrics `off` (n, 2) at `steps` (n, 2, 2) per texel."""
     determinant = steps[:, 0, 0] * steps[:, 1, 1] - steps[:, 0, 1] * steps[:, 1, 0]
     column = off[:, 0] * steps[:, 1, 1] - off[:, 1] * steps[:, 0, 1]
@@ -673,7 +691,7 @@ def _distance(off: np.ndarray, steps: np.ndarray) -> np.ndarray:
         return np.maximum(np.abs(column), np.abs(row)) / np.abs(determinant)
 
 
-def _surface_points(corners: np.ndarray, bary: np.ndarray) -> np.ndarray:
+def _surface_points(corners: Doubles, bary: Floats) -> Doubles:
     """corners (n, 3, 3) and barycentrics (n, 2) to points float64 (n, 3)."""
     b1, b2 = bary[:, 0, None].astype(np.float64), bary[:, 1, None].astype(np.float64)
     return corners[:, 0] + b1 * (corners[:, 1] - corners[:, 0]) + b2 * (corners[:, 2] - corners[:, 0])
@@ -684,5 +702,6 @@ def _turns(count: int, budget: int | None) -> int:
     return 1 if budget is None else max(1, -(-count // budget))
 
 
-def _first(values: np.ndarray) -> tuple[int, ...]:
+def first_few(values: Whole) -> tuple[int, ...]:
+    """The offenders that a `Violation` names, of all."""
     return tuple(int(value) for value in values[:FIRST])

@@ -10,6 +10,8 @@ from shading_atlas_bench.packers.interface import Packer
 from shading_atlas_bench.reports.store.csv_files import summarise
 from shading_atlas_bench.reports.store.results import Store
 
+Rows = dict[tuple[str, int | None], dict[str, Any]]  # of summary.csv, by codec and rate
+
 NOTES = "published"  # where the store keeps the sentences
 MATTERS = 0.05  # relative difference from which on it is told
 TIME = "server_ms"  # of which only medians with separate intervals are told
@@ -41,8 +43,8 @@ def differences(summaries: list[dict[str, Any]], packers: list[Packer]) -> dict[
     return found
 
 
-def _of_variant(summaries: list[dict[str, Any]], method: str, variant: str) -> dict[tuple[str, int | None], Any]:
-    """A variant's rows of summary.csv by codec and rate."""
+def _of_variant(summaries: list[dict[str, Any]], method: str, variant: str) -> Rows:
+    """A variant's rows."""
     return {
         (row["codec"], row["crf"]): row
         for row in summaries
@@ -50,7 +52,7 @@ def _of_variant(summaries: list[dict[str, Any]], method: str, variant: str) -> d
     }
 
 
-def _sentence(method: str, usual: dict, published: dict) -> str:
+def _sentence(method: str, usual: Rows, published: Rows) -> str:
     changes, compared = _slower(usual, published), False
     for coding in (each for each in usual if each in published):
         for name, meaning in MEASURES.items():
@@ -66,7 +68,7 @@ def _sentence(method: str, usual: dict, published: dict) -> str:
     return f"{method}@published against {method}: {told or alike}."
 
 
-def _slower(usual: dict, published: dict) -> list[str]:
+def _slower(usual: Rows, published: Rows) -> list[str]:
     """The change of the server's time, which all codings share, where the machine's noise leaves no doubt of it."""
     pairs = [(usual[coding], published[coding]) for coding in usual if coding in published]
     for own, other in pairs[:1]:

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
-from shading_atlas_bench.harness.measure.lane import Lane
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import draw_novel_view
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.workload.frames import FrameSource
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.session import Session, find_methods
@@ -33,6 +33,11 @@ class Explained:
     with_ms: float | None = None
     without_ms: float | None = None
 
+    @property
+    def saved_ms(self) -> float | None:
+        """What the skip saves, where it applies."""
+        return None if self.with_ms is None or self.without_ms is None else self.without_ms - self.with_ms
+
 
 class Probe:
     """Some frames of a session, worked through again and again: milliseconds per frame of each part of the work."""
@@ -45,9 +50,9 @@ class Probe:
         self.metrics = Metrics.asked_for(session.device, settings.metrics, scene.skips)
         self.applied = scene.skips.always | self.metrics.skipped
         packers = [packer for packer in find_methods(settings) if packer.skip(scene.host) is None]
-        self.lanes = [Lane(packer, scene, settings) for packer in packers]
-        for lane in self.lanes:
-            lane.prepare()
+        self.pipelines = [Pipeline(packer, scene, settings) for packer in packers]
+        for pipeline in self.pipelines:
+            pipeline.prepare()
 
     def measure(self) -> dict[str, float]:
         """Device time of drawing the visible set and the reference and of packing, in all and by each method, and host
@@ -67,9 +72,9 @@ class Probe:
             spent[SET] += work.pvs_ms
             spent[PICTURE] += novel.milliseconds
             self.applied |= work.skipped
-            for lane in self.lanes:
-                packed = lane.pack(work.frame)
-                own = f"{PACKING} by {lane.method}"
+            for pipeline in self.pipelines:
+                packed = pipeline.pack(work.frame)
+                own = f"{PACKING} by {pipeline.method}"
                 spent[own] = spent.get(own, 0.0) + sum(packed.stages.values())
                 spent[PACKING] += sum(packed.stages.values())
                 self.applied |= packed.skipped
@@ -90,8 +95,10 @@ def explain(session: Session, progress: Callable[[str], None] = lambda text: Non
         forced = Probe(session, (skip.name,))
         forced.measure()
         rounds = [(base.measure(), forced.measure()) for _ in range(ROUNDS)]
-        spent = [median(sum(run[part] for part in skip.parts) for run in runs) for runs in zip(*rounds, strict=True)]
-        found.append(Explained(skip, True, *spent))
+        with_ms, without_ms = (
+            median(sum(run[part] for part in skip.parts) for run in runs) for runs in zip(*rounds, strict=True)
+        )
+        found.append(Explained(skip, True, with_ms, without_ms))
     return found
 
 
@@ -106,7 +113,7 @@ def rows_of(explained: list[Explained]) -> list[dict[str, Any]]:
             "parts": ", ".join(one.skip.parts),
             "with_ms": one.with_ms,
             "without_ms": one.without_ms,
-            "saved_ms": one.without_ms - one.with_ms if one.applies else None,
+            "saved_ms": one.saved_ms,
         }
         for one in explained
     ]

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.workload.session import (
     Session,
@@ -16,17 +16,19 @@ from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.cache import VERSION, cache_root, read_checked, write_checked
 
 # Settings that change no result, so a run may be resumed with others.
-FREE = ("timeout", "dump", "methods")
+WITHOUT_EFFECT = ("timeout", "dump", "methods")
 # Host seconds of one frame before anything was measured here: per million pixels, texels and PVS pixels, and fixed.
 FIRST_GUESS = {"pixels": 0.9, "texels": 0.25, "pvs_pixels": 0.012, "fixed": 0.3}
 
 
-def make_plan(session: Session, lanes: list[Lane]) -> dict[str, Any]:
+def make_plan(session: Session, pipelines: list[Pipeline]) -> dict[str, Any]:
     """Everything that results of one folder must have in common, as JSON values."""
-    settings = {key: value for key, value in session.settings.to_json().items() if key not in FREE}
+    settings = {key: value for key, value in session.settings.to_json().items() if key not in WITHOUT_EFFECT}
     return {
         "settings": settings,
-        "methods": {f"{lane.method}[{lane.variant}]": method_digest(type(lane.packer)) for lane in lanes},
+        "methods": {
+            f"{pipeline.method}[{pipeline.variant}]": method_digest(type(pipeline.packer)) for pipeline in pipelines
+        },
         "scene_hash": session.scene.host.content_hash,
         "path_hash": session.path_hash,
         "device": session.device.name,

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.measure.verification.truth import Truth
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.explain import explain, rows_of
@@ -54,12 +54,12 @@ def run(
     progress = progress or Progress()
     check_folder(out)
     progress.say(f"Opening {settings.scene} ...")
-    lanes_of = find_methods(settings)
-    check_names(settings.no_skip, lanes_of)
+    packers = find_methods(settings)
+    check_names(settings.no_skip, packers)
     session = open_session(settings)
     truth = Truth(session.scene, settings.seed)
-    lanes = [Lane(packer, session.scene, settings, truth) for packer in lanes_of]
-    plan = make_plan(session, lanes)
+    pipelines = [Pipeline(packer, session.scene, settings, truth) for packer in packers]
+    plan = make_plan(session, pipelines)
     folder = out or folder_for(plan, Path(settings.scene).stem)
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
@@ -71,7 +71,7 @@ def run(
         rows = None
         with stops_kept(again):
             write_notes(store, session)
-            Run(session, lanes, store, folder).all_frames(progress)
+            Run(session, pipelines, store, folder).all_frames(progress)
             if explained:
                 rows = _explain(session, store, progress)
         csv_files.write_all(folder)

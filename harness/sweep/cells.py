@@ -5,13 +5,13 @@ from __future__ import annotations
 import itertools
 from pathlib import Path
 
-from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.loop import Run
 from shading_atlas_bench.harness.run.plan import make_plan
 from shading_atlas_bench.harness.sweep.grid import Cell, Grid, shuffled
+from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.timing import Timed, note_of
-from shading_atlas_bench.harness.sweep.wanted import Wanted
 from shading_atlas_bench.harness.workload.session import Session, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.store.results import Store
@@ -36,7 +36,7 @@ class Sessions:
 class SweepRun:
     """A sweep on its way in one process: where its cells go, and what is shared between them."""
 
-    def __init__(self, wanted: Wanted, grid: Grid, folder: Path, sessions: Sessions, progress: Progress) -> None:
+    def __init__(self, wanted: SweepRequest, grid: Grid, folder: Path, sessions: Sessions, progress: Progress) -> None:
         self.wanted, self.grid, self.folder, self.sessions = wanted, grid, folder, sessions
         self.folders = grid.folders()
         self.progress = progress
@@ -54,8 +54,9 @@ class SweepRun:
 
     def _repetitions(self, cells: list[Cell]) -> None:
         """Time the cells of a scene again until each has a reason to stop."""
-        known = {id(cell): Timed.read(cell, self.folder_of(cell)) for cell in cells}
-        going = [cell for cell in cells if known[id(cell)] and known[id(cell)].goes_on(self.wanted.rule)]
+        read = {id(cell): Timed.read(cell, self.folder_of(cell)) for cell in cells}
+        known = {number: timed for number, timed in read.items() if timed is not None}
+        going = [cell for cell in cells if id(cell) in known and known[id(cell)].goes_on(self.wanted.rule)]
         with self.progress.task("timing again", len(going)) as task:
             for turn in itertools.count(1):
                 for cell in shuffled(going, self.wanted.settings.seed, turn):
@@ -77,9 +78,11 @@ class SweepRun:
                 return
             session = self.sessions.at(cell.settings)
             siblings = [other for other in self.grid.cells if other.settings == cell.settings]
-            store.set_plan(make_plan(session, [Lane(other.packer, session.scene, cell.settings) for other in siblings]))
-            lane = Lane(cell.fresh(), session.scene, cell.settings)
-            Run(session, [lane], store, folder, pictures=False).all_frames(self.progress)
+            store.set_plan(
+                make_plan(session, [Pipeline(other.packer, session.scene, cell.settings) for other in siblings])
+            )
+            pipeline = Pipeline(cell.fresh(), session.scene, cell.settings)
+            Run(session, [pipeline], store, folder, pictures=False).all_frames(self.progress)
             if not self.wanted.timed:
                 store.notes[note_of(cell)] = NOT_TIMED
             self._warm.add(id(cell))

@@ -227,7 +227,7 @@ def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> Ce
     return Cell(contender, _made(packer, parameters), replace(settings, **fields), varied, work)
 
 
-def _parameter(packer: Packer, name: str, text: str) -> Any:
+def _parameter(packer: Packer, name: str, text: str) -> bool | int | float | str:
     try:
         return parse_value(packer.name, name, packer.parameters[name], text)
     except ValueError as error:
@@ -258,7 +258,7 @@ def _one_by_one(packers: list[Packer], settings: Settings) -> list[Cell]:
 def _once(cells: list[Cell], left_out: list[tuple[str, str]]) -> Grid:
     """Each method, variant and settings once, in their order. What two contenders have is of the one in which nothing
     is varied, else of the first; the other's is left out."""
-    owners: dict[tuple, Cell] = {}
+    owners: dict[tuple[tuple[str, str], Settings], Cell] = {}
     for cell in sorted(cells, key=lambda cell: bool(cell.varied)):
         owners.setdefault((cell.key, cell.settings), cell)
     shared = []

@@ -10,12 +10,12 @@ from typing import Any
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import check_folder, folder_for, locked, stops_kept
-from shading_atlas_bench.harness.run.plan import FREE
+from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT
 from shading_atlas_bench.harness.run.provenance import write_notes
 from shading_atlas_bench.harness.run.run import tell_device
 from shading_atlas_bench.harness.sweep.cells import Sessions, SweepRun
 from shading_atlas_bench.harness.sweep.grid import SETTINGS, Cell, Grid, make_grid
-from shading_atlas_bench.harness.sweep.wanted import Wanted
+from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.workers import run_workers
 from shading_atlas_bench.harness.workload.session import Session, open_path, open_scene
 from shading_atlas_bench.kernels.cache import VERSION
@@ -36,7 +36,7 @@ class Outcome:
     well: bool
 
 
-def sweep(wanted: Wanted, out: Path | None = None, progress: Progress | None = None) -> Outcome:
+def sweep(wanted: SweepRequest, out: Path | None = None, progress: Progress | None = None) -> Outcome:
     """Run the grid into `out` (a new folder below runs/ if None, or that of the same unfinished sweep).
 
     Raises InputError, SettingsError, SceneError, PathError, DeviceError or StoreError for what cannot be used, and
@@ -90,9 +90,11 @@ def check_scenes(grid: Grid) -> dict[str, str]:
     return hashes
 
 
-def make_sweep_plan(wanted: Wanted, grid: Grid, hashes: dict[str, str], session: Session) -> dict[str, Any]:
+def make_sweep_plan(wanted: SweepRequest, grid: Grid, hashes: dict[str, str], session: Session) -> dict[str, Any]:
     """Everything that the cells of one folder must have in common; how precisely they are timed may change."""
-    settings = {key: value for key, value in wanted.settings.to_json().items() if key not in (*FREE, "crf", "repeat")}
+    settings = {
+        key: value for key, value in wanted.settings.to_json().items() if key not in (*WITHOUT_EFFECT, "crf", "repeat")
+    }
     methods = {type(cell.packer): cell.packer.name for cell in grid.cells}
     return {
         "settings": settings,
@@ -107,7 +109,7 @@ def make_sweep_plan(wanted: Wanted, grid: Grid, hashes: dict[str, str], session:
     }
 
 
-def describe(wanted: Wanted, grid: Grid) -> dict[str, Any]:
+def describe(wanted: SweepRequest, grid: Grid) -> dict[str, Any]:
     """The content of sweep.json: what a report needs to know of the grid, in its order."""
     folders = grid.folders()
     return {

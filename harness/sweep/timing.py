@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from statistics import median
 
-from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.sweep.grid import Cell
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
 from shading_atlas_bench.harness.workload.session import Session
@@ -21,7 +21,7 @@ PREPARE = 10  # packings' time that preparing may take, as in a run
 
 
 @dataclass(frozen=True)
-class Rule:
+class StopRule:
     """When a cell has been timed enough.
 
     precision: width of the 95 % interval of the median over the median. repetitions: most passes through the frames.
@@ -35,7 +35,7 @@ class Rule:
     def stop(self, times: Sequence[float], spent: float) -> str | None:
         """Why no further pass is needed after passes of these milliseconds and `spent` seconds; None to go on."""
         low, high = median_interval(sorted(times))
-        if low is not None and high - low <= self.precision * median(times):
+        if low is not None and high is not None and high - low <= self.precision * median(times):
             return "precise"
         if len(times) >= self.repetitions:
             return "repetitions"
@@ -70,7 +70,7 @@ class Timed:
         spent = sum(row["ms"] for row in repeats if row["stage"].startswith("wall/")) / 1000
         return cls(cell, folder, passes(first, repeats), spent)
 
-    def goes_on(self, rule: Rule) -> bool:
+    def goes_on(self, rule: StopRule) -> bool:
         """Whether the rule asks for another pass; otherwise the reason is noted."""
         reason = rule.stop(self.times, self.spent)
         if reason:
@@ -108,20 +108,20 @@ class Timed:
 
 def _one_pass(cell: Cell, session: Session, warm: bool, ended: dict[str, str]) -> list[tuple[int, str, float]]:
     """(frame, stage, milliseconds) of packing all frames with a packer of no past; host times are under `wall/`."""
-    lane = Lane(cell.fresh(), session.scene, session.settings)
-    limit, name = session.settings.timeout, lane.method
+    pipeline = Pipeline(cell.fresh(), session.scene, session.settings)
+    limit, name = session.settings.timeout, pipeline.method
     start = time.perf_counter()
     with time_limit(PREPARE * limit, f"preparing: {name}", ended):
-        lane.packer.prepare(lane.scene)
+        pipeline.packer.prepare(pipeline.scene)
         session.device.finish()
     entries = [(0, "wall/prepare", (time.perf_counter() - start) * 1000)]
     if not warm:
         with time_limit(2 * limit, f"warming up: {name}", ended):
-            lane.warm_up(session.source.work, 0)
+            pipeline.warm_up(session.source.work, 0)
     for index in range(session.settings.frames):
         frame = session.source.work(index).frame
         with time_limit(limit, f"timing frame {index}: {name}", ended):
-            packed = lane.pack(frame)
+            packed = pipeline.pack(frame)
         entries += [(index, stage, ms) for stage, ms in packed.stages.items()]
         entries.append((index, "wall/pack", packed.wall_ms))
     return entries

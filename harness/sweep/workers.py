@@ -27,12 +27,15 @@ from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
 from shading_atlas_bench.reports.store.results import Store
 
 if TYPE_CHECKING:
-    from shading_atlas_bench.harness.sweep.wanted import Wanted
+    from multiprocessing.process import BaseProcess
+    from multiprocessing.queues import Queue
+
+    from shading_atlas_bench.harness.sweep.request import SweepRequest
 
 TICK = 0.5  # seconds between looks at the workers
 
 
-def run_workers(wanted: Wanted, grid: Grid, folder: Path, progress: Progress) -> None:
+def run_workers(wanted: SweepRequest, grid: Grid, folder: Path, progress: Progress) -> None:
     """Measure every unfinished cell once, in as many processes as wanted.
 
     Raises InputError if workers die without getting anything done.
@@ -62,14 +65,15 @@ def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
 
 
 def _work_through(
-    wanted: Wanted, left: list[int], folder: Path, progress: Progress, before: list[dict[str, Any]]
+    wanted: SweepRequest, left: list[int], folder: Path, progress: Progress, before: list[dict[str, Any]]
 ) -> list[dict[str, Any]]:
     """Hand the cells to new workers and wait until all have ended; returns the steps in which some were ended.
 
     before: those in which earlier ones were.
     """
     context = multiprocessing.get_context("spawn")
-    cells, done = context.Queue(), context.Queue()
+    cells: Queue[int | None] = context.Queue()
+    done: Queue[int] = context.Queue()
     count = min(wanted.workers, len(left))
     for number in [*left, *[None] * count]:
         cells.put(number)
@@ -97,10 +101,9 @@ def _work_through(
                     done.get(timeout=TICK)
                     task.advance()
             for worker, journal in zip(workers, journals, strict=True):
-                state = read_journal(journal)
-                if crashed(worker.exitcode) and state:
-                    steps = state["steps"].values()
-                    ended += ended_by(steps, "failed", f"the process crashed ({name_of(worker.exitcode)})")
+                state, code = read_journal(journal), worker.exitcode
+                if state and code is not None and crashed(code):
+                    ended += ended_by(state["steps"].values(), "failed", f"the process crashed ({name_of(code)})")
         finally:
             for worker in workers:
                 worker.terminate()
@@ -110,12 +113,15 @@ def _work_through(
     return ended
 
 
-def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path, known: Path) -> None:
+def _worker(
+    wanted: SweepRequest, folder: Path, cells: Queue[int | None], done: Queue[int], journal: Path, known: Path
+) -> None:
     """Measure cells until there are no more; ends with its parent, however that ends."""
     os.environ |= {VARIABLE: str(journal), ENDED: str(known)}  # its own, not those of its parent
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    if parent := multiprocessing.parent_process():
+        threading.Thread(target=_end_with, args=(parent,), daemon=True).start()
     share = str(max(1, (os.cpu_count() or 1) // wanted.workers))
     for name in ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"):  # of newer and of older PoCL
         os.environ.setdefault(name, share)
@@ -126,6 +132,6 @@ def _worker(wanted: Wanted, folder: Path, cells: Any, done: Any, journal: Path, 
         done.put(number)
 
 
-def _end_with_parent() -> None:
-    multiprocessing.parent_process().join()
+def _end_with(parent: BaseProcess) -> None:
+    parent.join()
     os._exit(1)

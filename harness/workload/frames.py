@@ -12,9 +12,9 @@ from shading_atlas_bench.harness.workload.prediction import predict
 from shading_atlas_bench.harness.workload.pvs import potentially_visible
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.views import (
-    Cell,
     CellFrustum,
     Pose,
+    ViewCell,
     client_view,
     confined,
     multiply,
@@ -68,7 +68,7 @@ class FrameSource:
         self.near = min(0.02 / host.metres_per_unit, 1e-3 * diagonal)
         self.radius = settings.cell_radius / host.metres_per_unit
         self.frustum = CellFrustum.around(
-            Cell(settings.cell_radius, settings.cell_fov), settings.fov, settings.width, settings.height
+            ViewCell(settings.cell_radius, settings.cell_fov), settings.fov, settings.width, settings.height
         )
 
     def work(self, index: int) -> Work:
@@ -76,8 +76,9 @@ class FrameSource:
         settings = self.settings
         pose = self._pose(index)
         novel, moved = self._novel_view(index, pose)
-        cell = (pose, self.radius, self.frustum, self.near)
-        pvs = potentially_visible(self.scene, *cell, settings.pvs_density, self.cached)
+        pvs = potentially_visible(
+            self.scene, pose, self.radius, self.frustum, self.near, settings.pvs_density, self.cached
+        )
         frame = Frame(
             index=index,
             scene=self.scene,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.matrices import product
 from shading_atlas_bench.harness.workload.views import (
     Pose,
@@ -18,9 +19,7 @@ ACCELERATION = (3.0, 10.0)
 TRACKING = (0.0005, 0.001)
 
 
-def _filter(
-    times: np.ndarray, values: np.ndarray, acceleration: float, tracking: float
-) -> tuple[np.ndarray, np.ndarray]:
+def _filter(times: Doubles, values: Doubles, acceleration: float, tracking: float) -> tuple[Doubles, Doubles]:
     """The filtered last value and its velocity per second: `times` in seconds (n), `values` (n, k)."""
     state = np.stack([values[0], np.zeros_like(values[0])])
     covariance = np.diag([tracking * tracking, 4.0])
@@ -37,7 +36,7 @@ def _filter(
     return state[0], state[1]
 
 
-def predict(times_ms: np.ndarray, poses: list[Pose], ahead_ms: list[float], metres_per_unit: float) -> list[Pose]:
+def predict(times_ms: Doubles, poses: list[Pose], ahead_ms: list[float], metres_per_unit: float) -> list[Pose]:
     """Poses expected `ahead_ms` milliseconds after the last of `poses`, from the last 30 of them.
 
     Rotations are filtered as rotation vectors relative to the last pose, so they stay small.

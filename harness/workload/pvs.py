@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Ints
 from shading_atlas_bench.arithmetic.matrices import turned
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, rotation
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
@@ -44,7 +45,7 @@ class PotentiallyVisibleSet:
     milliseconds: device time of drawing them, on this device, perhaps by an earlier run.
     """
 
-    ids: np.ndarray
+    ids: Ints
     views: int
     planned: int
     milliseconds: float
@@ -138,11 +139,11 @@ def _mark(scene: ServerScene, views: list[View], flags: Array) -> int:
     for view in views:
         if scene.skips.leaves_out("set views", _adds_nothing(scene, view, flags)):
             continue
-        camera = (view.view, view.projection, view.width, view.height)
         if scene.layers:
-            scene.layers.mark(*camera, flags, stage="pvs")
+            scene.layers.mark(view.view, view.projection, view.width, view.height, flags, stage="pvs")
         else:
-            mark_visible(scene.device, scene.rasteriser.draw(*camera, stage="pvs"), flags, stage="pvs/mark")
+            visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="pvs")
+            mark_visible(scene.device, visible, flags, stage="pvs/mark")
         drawn += 1
     return drawn
 

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.kernels.raster.resolve import resolve
 from shading_atlas_bench.packers.interface import Image, ServerScene, View
 
@@ -23,7 +24,7 @@ class ForwardRenderer:
     def __init__(self, scene: ServerScene) -> None:
         self.scene = scene
 
-    def draw(self, view: View, eye: np.ndarray | None = None) -> tuple[Image, Visibility]:
+    def draw(self, view: View, eye: Doubles | None = None) -> tuple[Image, Visibility]:
         """The picture of `view`, and its visibility: the nearest triangle of each pixel that is not wholly transparent
         there. Depth is that of opaque triangles only.
 
@@ -37,13 +38,14 @@ class ForwardRenderer:
         if samples.count < view.width * view.height:
             scene.shader.sky(view.view, view.projection, rgb, stage="reference/sky")
         scene.shader.shade(samples, eye, rgb, stage="reference/shade")
-        if fragments:
+        if scene.layers and fragments:
             scene.layers.blend(fragments, visible, scene.shader, eye, rgb, "reference/layers")
         return Image(rgb, visible.triangle), visible
 
     def _surfaces(self, view: View) -> tuple[Visibility, Fragments | None]:
         """The opaque triangles seen, and the fragments of others in front of them."""
-        camera = (view.view, view.projection, view.width, view.height)
-        if self.scene.layers:
-            return self.scene.layers.rasteriser.draw(*camera, stage="reference")
-        return self.scene.rasteriser.draw(*camera, stage="reference/raster"), None
+        scene = self.scene
+        if scene.layers:
+            return scene.layers.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="reference")
+        visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="reference/raster")
+        return visible, None

@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Callable
+from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS, PRESETS
-from shading_atlas_bench.harness.workload.views import Cell
+from shading_atlas_bench.harness.workload.views import ViewCell
 from shading_atlas_bench.scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
-CELLS = {"default": Cell(0.08, 80), "pvs1": Cell(0.10, 90), "pvs2": Cell(0.20, 125), "pvs3": Cell(0.30, 160)}
+CELLS = {
+    "default": ViewCell(0.08, 80),
+    "pvs1": ViewCell(0.10, 90),
+    "pvs2": ViewCell(0.20, 125),
+    "pvs3": ViewCell(0.30, 160),
+}
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
 METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
@@ -136,7 +142,8 @@ class Settings:
 
     def to_json(self) -> dict[str, Any]:
         """As plain JSON values, by field name."""
-        return json.loads(json.dumps(asdict(self)))
+        values: dict[str, Any] = json.loads(json.dumps(asdict(self)))
+        return values
 
     @classmethod
     def from_json(cls, values: dict[str, Any], source: str) -> Settings:
@@ -164,25 +171,9 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
     given = dict(options)
     if "preset" in given:
         base, source = preset_settings(given.pop("preset")).to_json(), "preset"
-    if "method" in given:
-        given["methods"] = tuple(given.pop("method"))
-    if "size" in given:
-        given["width"], given["height"] = parse_size(given.pop("size"), "--size")
-    if "atlas" in given:
-        given["atlas_width"], given["atlas_height"] = parse_size(given.pop("atlas"), "--atlas")
-    if "samples" in given:
-        given["samples_per_pixel"] = given.pop("samples")
-    if "cell" in given:
-        cell = parse_cell(given.pop("cell"))
-        given["cell_radius"], given["cell_fov"] = cell.radius, cell.fov
-    if "crf" in given:
-        given["crf"] = parse_crfs(given["crf"])
-    if "unit" in given:
-        given["unit"] = parse_unit(str(given["unit"]))
-    if "metrics" in given:
-        given["metrics"] = tuple(part.strip() for part in given["metrics"].split(",") if part.strip())
-    if "no_skip" in given:
-        given["no_skip"] = tuple(given["no_skip"])
+    for name in [name for name in given if name in PARSED]:
+        fields_set, parse = PARSED[name]
+        given |= dict(zip(fields_set, parse(given.pop(name)), strict=True))
     codec = given.get("codec", (base or {}).get("codec", Settings.codec))
     if codec != "h264" and ({"crf", "display_crf"} & set(given)):
         raise SettingsError(f"--crf and --display-crf are for --codec h264, not {codec}: leave them out.")
@@ -229,13 +220,13 @@ def parse_size(text: str, option: str) -> tuple[int, int]:
     return int(width), int(height)
 
 
-def parse_cell(text: str) -> Cell:
+def parse_cell(text: str) -> ViewCell:
     """A preset's name, or RADIUS,FOV in metres and degrees."""
     if text in CELLS:
         return CELLS[text]
     if "," not in text:
         raise SettingsError(f"--cell is {text!r}: give RADIUS,FOV like 0.1,90, or one of {', '.join(CELLS)}.")
-    return Cell(*parse_pair(text, ",", "--cell", "0.1,90"))
+    return ViewCell(*parse_pair(text, ",", "--cell", "0.1,90"))
 
 
 def parse_unit(text: str) -> float:
@@ -256,3 +247,22 @@ def parse_crfs(text: str) -> tuple[int, ...]:
         return tuple(int(part) for part in text.split(",") if part.strip())
     except ValueError as error:
         raise SettingsError(f"--crf is {text!r}: give whole numbers like 5,10,25,35.") from error
+
+
+def parse_names(text: str) -> tuple[str, ...]:
+    """A comma-separated list of names."""
+    return tuple(part.strip() for part in text.split(",") if part.strip())
+
+
+# Options that are not written as the setting is: the settings that each sets, and their values of what was written.
+PARSED: dict[str, tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]] = {
+    "method": (("methods",), lambda given: (tuple(given),)),
+    "size": (("width", "height"), lambda text: parse_size(text, "--size")),
+    "atlas": (("atlas_width", "atlas_height"), lambda text: parse_size(text, "--atlas")),
+    "samples": (("samples_per_pixel",), lambda given: (given,)),
+    "cell": (("cell_radius", "cell_fov"), lambda text: astuple(parse_cell(text))),
+    "crf": (("crf",), lambda text: (parse_crfs(text),)),
+    "unit": (("unit",), lambda given: (parse_unit(str(given)),)),
+    "metrics": (("metrics",), lambda text: (parse_names(text),)),
+    "no_skip": (("no_skip",), lambda given: (tuple(given),)),
+}

@@ -35,6 +35,10 @@ def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMa
 def device_key(device: Device, scene: Scene, told: dict[str, str]) -> str:
     """Of everything that is drawn of a scene depends on: what is told of it, its content, the device, and the source of
     `kernels`, `scenes` and `arithmetic`."""
-    said = {"content_hash": scene.content_hash, "device": device.found.key, "variant": device.variant}
+    said: dict[str, object] = {
+        "content_hash": scene.content_hash,
+        "device": device.found.key,
+        "variant": device.variant,
+    }
     folder = Path(kernels.__file__).parent
     return scene_key(said | told, sorted(file for kind in ("*.cl", "*.py") for file in folder.rglob(kind)))

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Floats, Ints
 from shading_atlas_bench.harness.workload.environment import cached_environment_map, standpoint
 from shading_atlas_bench.harness.workload.shadows import cached_shadow_maps
 from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser
@@ -55,8 +56,16 @@ def upload_scene(device: Device, scene: Scene, skips: Skips | None = None) -> Se
         for define in defines
     ]
     triangles = upload_triangles(device, scene)
-    known = (scene.indices, scene.uvs, scene.material_ids, scene.materials, scene.textures)
-    mask = AlphaMask.upload(device, *known, keep_mask, scene.colours[:, 3])
+    mask = AlphaMask.upload(
+        device,
+        scene.indices,
+        scene.uvs,
+        scene.material_ids,
+        scene.materials,
+        scene.textures,
+        keep_mask,
+        scene.colours[:, 3],
+    )
     textures = TextureBuffers.upload(device, scene.textures, hidden_below(scene))
     rasteriser = Rasteriser(device, triangles, mask, cull=culls)
     shadows = _shadow_maps(device, scene, triangles, mask)
@@ -96,13 +105,13 @@ def _shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: Alpha
 def _drawn_shadow_maps(device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None) -> ShadowMaps:
     casters, mask, _ = _not_see_through(device, scene, triangles, mask)
     cameras = [camera.position for camera in scene.cameras]
-    focus = np.mean(cameras, axis=0) if cameras else np.median(scene.positions, axis=0)
+    focus = np.asarray(np.mean(cameras, axis=0) if cameras else np.median(scene.positions, axis=0), np.float64)
     return ShadowMaps.render(device, casters, mask, scene.lights, focus, scene.metres_per_unit)
 
 
 def _not_see_through(
     device: Device, scene: Scene, triangles: Triangles, mask: AlphaMask | None
-) -> tuple[Triangles, AlphaMask | None, np.ndarray | None]:
+) -> tuple[Triangles, AlphaMask | None, Ints | None]:
     """The triangles that are not see-through, with their mask and their numbers in the scene; None where all are."""
     opaque = np.array([not blends(m) for m in scene.materials], bool)
     ids = np.flatnonzero(opaque[scene.material_ids]).astype(np.int32)
@@ -112,7 +121,7 @@ def _not_see_through(
     return part, mask.of_triangles(device, ids) if mask else None, ids
 
 
-def _drawn_environment_map(scene: Scene, triangles: Triangles, mask: AlphaMask | None, shader: Shader) -> np.ndarray:
+def _drawn_environment_map(scene: Scene, triangles: Triangles, mask: AlphaMask | None, shader: Shader) -> Floats:
     """What a place's surfaces reflect is the place, without what is see-through; what an object's do, the sky."""
     point = standpoint(scene)
     if point is None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, arctan2, cos, sin_cos, tan
 from shading_atlas_bench.arithmetic.matrices import dot, product, turned
 from shading_atlas_bench.packers.interface import View
@@ -20,19 +21,19 @@ ONE_VIEW = 4  # times the client's pixels, which one view of a cell may have, ho
 class Pose:
     """Where a camera is: origin-relative position, float64 (3), and camera-to-world quaternion x, y, z, w."""
 
-    position: np.ndarray
-    orientation: np.ndarray
+    position: Doubles
+    orientation: Doubles
 
 
 @dataclass(frozen=True)
-class Cell:
+class ViewCell:
     """A view cell: radius in metres and horizontal field of view in degrees."""
 
     radius: float = 0.08
     fov: float = 80.0
 
 
-def rotation(quaternion: np.ndarray) -> np.ndarray:
+def rotation(quaternion: Doubles) -> Doubles:
     """The rotation matrix, float64 (3, 3), of a quaternion x, y, z, w of any positive length."""
     x, y, z, w = np.asarray(quaternion, np.float64) / np.linalg.norm(quaternion, axis=-1)
     return np.array(
@@ -44,32 +45,32 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
     )
 
 
-def multiply(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def multiply(a: Doubles, b: Doubles) -> Doubles:
     """The quaternion of rotation b followed by rotation a, both x, y, z, w."""
     av, aw, bv, bw = a[:3], a[3], b[:3], b[3]
     return np.append(aw * bv + bw * av + np.cross(av, bv), aw * bw - dot(av, bv))
 
 
-def conjugate(q: np.ndarray) -> np.ndarray:
+def conjugate(q: Doubles) -> Doubles:
     """The inverse of a unit quaternion."""
     return np.append(-q[:3], q[3])
 
 
-def rotation_vector(q: np.ndarray) -> np.ndarray:
+def rotation_vector(q: Doubles) -> Doubles:
     """Axis times angle, radians, of a unit quaternion, the short way round."""
     q = q if q[3] >= 0 else -q
     sine = np.linalg.norm(q[:3], axis=-1)
     return q[:3] * (2.0 if sine < 1e-12 else 2 * arctan2(sine, q[3]) / sine)
 
 
-def from_rotation_vector(v: np.ndarray) -> np.ndarray:
+def from_rotation_vector(v: Doubles) -> Doubles:
     """The unit quaternion of axis times angle in radians."""
     angle = np.linalg.norm(v, axis=-1)
     sine, cosine = sin_cos(angle / 2)
     return np.append(v * (0.5 if angle < 1e-12 else sine / angle), cosine)
 
 
-def view_matrix(pose: Pose) -> np.ndarray:
+def view_matrix(pose: Pose) -> Doubles:
     """World to camera, float64 (4, 4)."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation(pose.orientation).T
@@ -77,7 +78,7 @@ def view_matrix(pose: Pose) -> np.ndarray:
     return matrix
 
 
-def projection_matrix(tan_x: float, tan_y: float, near: float) -> np.ndarray:
+def projection_matrix(tan_x: float, tan_y: float, near: float) -> Doubles:
     """Perspective with half-angle tangents tan_x and tan_y, reversed depth and an infinite far plane."""
     return np.array([[1 / tan_x, 0, 0, 0], [0, 1 / tan_y, 0, 0], [0, 0, 0, near], [0, 0, -1, 0]], np.float64)
 
@@ -99,7 +100,7 @@ class CellFrustum:
     pixels: int
 
     @classmethod
-    def around(cls, cell: Cell, fov: float, width: int, height: int) -> CellFrustum:
+    def around(cls, cell: ViewCell, fov: float, width: int, height: int) -> CellFrustum:
         """The frustum of `cell` for a client of `fov` degrees: the same angle is added on all four sides."""
         half_x = np.radians(fov / 2)
         half_y = arctan(tan(half_x) * height / width)

@@ -6,6 +6,7 @@ import json
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
 from shading_atlas_bench.scenes.cache import scene_key
 from shading_atlas_bench.scenes.model import Scene
@@ -40,7 +41,7 @@ def _to_bytes(path: CameraPath) -> bytes:
     return json.dumps(words).encode() + b"\n" + np.concatenate(tables).tobytes()
 
 
-def _table(poses: CameraPath | Poses) -> np.ndarray:
+def _table(poses: CameraPath | Poses) -> Doubles:
     return np.column_stack([poses.times_ms, poses.positions, poses.orientations])
 
 
@@ -51,4 +52,11 @@ def _from_bytes(data: bytes) -> CameraPath:
         Poses(t[:, 0].copy(), t[:, 1:4].copy(), t[:, 4:].copy()) for t in np.split(table, [words["frames"]])
     )
     end = beyond if len(beyond.times_ms) else None
-    return CameraPath(words["name"], *vars(within).values(), beyond=end, notes=tuple(words["notes"]))
+    return CameraPath(
+        words["name"],
+        within.times_ms,
+        within.positions,
+        within.orientations,
+        beyond=end,
+        notes=tuple(words["notes"]),
+    )

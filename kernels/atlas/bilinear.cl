@@ -2,8 +2,8 @@
 
 // Bilinear lookups in an atlas of 8-bit texels, 8 at a time.
 
-#define MAGIC 12582912.0f  // 1.5 * 2^23: a float of up to 22 bits added to it is rounded to a whole number
-#define FAR 4e6f  // texels
+#define MAGIC 12582912.0f // 1.5 * 2^23: a float of up to 22 bits added to it is rounded to a whole number
+#define FAR 4e6f          // texels
 #define MAGIC_BITS 0x4B400000
 
 // Channel `shift / 8` of packed texels as a float, exactly.
@@ -11,26 +11,31 @@
 
 #define BLEND(a, b, c, d) ((a) + fx * ((b) - (a)) + fy * ((c) + fx * ((d) - (c)) - ((a) + fx * ((b) - (a)))))
 
-INLINE int8 clamped(int8 value, int largest) {
-    const int8 upper = LESSER(value, (int8)(largest));
-    return GREATER(upper, (int8)(0));
+INLINE int8 clamped(int8 value, int largest)
+{
+    const int8 upper = MIN(value, (int8)(largest));
+    return MAX(upper, (int8)(0));
 }
 
-INLINE int8 fetch(__global const int *plane, int8 at) {
+INLINE int8 fetch(__global const int *plane, int8 at)
+{
     int8 texels;
-    for (int k = 0; k < 8; k++) ((int *)&texels)[k] = plane[((int *)&at)[k]];
+    for (int k = 0; k < 8; k++)
+        ((int *)&texels)[k] = plane[((int *)&at)[k]];
     return texels;
 }
 
 // x; far outside any plane, and for what is no number, a place that shows the border: MAGIC rounds only up to 2^22.
-INLINE float8 bounded(float8 x) {
-    const float8 before = LESSER(x, FAR);
-    return GREATER(before, -FAR);
+INLINE float8 bounded(float8 x)
+{
+    const float8 before = MIN(x, FAR);
+    return MAX(before, -FAR);
 }
 
-// Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel; beyond the plane, those of
-// its border.
-INLINE int8 bilinear(__global const int *plane, int width, int height, float8 x, float8 y) {
+// Packed colours, alpha 255, at x, y in texels where (0, 0) is the centre of the first texel; beyond the plane, those
+// of its border.
+INLINE int8 bilinear(__global const int *plane, int width, int height, float8 x, float8 y)
+{
     x = bounded(x);
     y = bounded(y);
     // Rounding x - 0.5 is flooring x, or at whole numbers one less with a fraction of 1, which blends to the same.

@@ -31,15 +31,15 @@ SIDE, TRIANGLES = 2048, 5000
 def location(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: perspective-correct, with weights that almost vanish, and without a place."""
     rng, hard = seeded(kind), kind == "adversarial"
-    corners = rng.uniform(0.5, SIDE - 0.5, (TRIANGLES, 1, 2)) + rng.normal(size=(TRIANGLES, 3, 2)) * 8
+    exact = rng.uniform(0.5, SIDE - 0.5, (TRIANGLES, 1, 2)) + rng.normal(size=(TRIANGLES, 3, 2)) * 8
     if hard:
         weight = 10.0 ** rng.uniform(-6, 0, (TRIANGLES, 3, 1))
-        corners = np.concatenate([corners * weight, weight], axis=2)
-        corners[::50] = np.nan
-    corners = corners.astype(np.float32)
+        exact = np.concatenate([exact * weight, weight], axis=2)
+        exact[::50] = np.nan
+    corners = exact.astype(np.float32)
     triangle = np.sort(rng.integers(0, TRIANGLES, size))
     bary = rng.dirichlet(np.ones(3), size)[:, 1:].astype(np.float32)
-    samples = Samples.upload(device, triangle, *bary.T, np.zeros(size), np.arange(size))
+    samples = Samples.upload(device, triangle, bary[:, 0], bary[:, 1], np.zeros(size), np.arange(size))
     uploaded = device.upload(corners)
 
     def run() -> Array:
@@ -65,12 +65,14 @@ def lookup(device: Device, kind: str, size: int) -> Trial:
         places[:, 1::7] += SIDE // 2
         places[:, ::50] = np.nan
     triangle = np.sort(rng.integers(0, TRIANGLES, size))
-    samples = Samples.upload(device, triangle, *np.zeros((3, size)), np.arange(size))
-    arrays = [device.upload(array) for array in (places, np.arange(TRIANGLES, dtype=np.int32), plane)]
+    nothing = np.zeros(size)
+    samples = Samples.upload(device, triangle, nothing, nothing, nothing, np.arange(size))
+    uploaded, ids = device.upload(places), device.upload(np.arange(TRIANGLES, dtype=np.int32))
+    atlas = device.upload(plane)
     rgb, drawn = device.zeros((1, size, 4), np.uint8), device.zeros((1, size), np.int32)
 
     def run() -> None:
-        look_up(device, samples, *arrays, rgb, drawn, "lookup")
+        look_up(device, samples, uploaded, ids, atlas, rgb, drawn, "lookup")
 
     def results() -> list[Result]:
         run()
@@ -90,10 +92,10 @@ def opacity(device: Device, kind: str, size: int) -> Trial:
     drawn = rng.integers(-1 if hard else 0, 1, size).astype(np.int32)
     constants = np.where(rng.random(TRIANGLES) < (1 if hard else 0.25), VARIES, 128).astype(np.int32)
     alphas = rng.integers(0, 256, (size, 4), np.uint8)
-    arrays = [device.upload(array) for array in (triangle, drawn, constants, alphas)]
+    ids, placed, listed, plane = (device.upload(array) for array in (triangle, drawn, constants, alphas))
 
     def run() -> Array:
-        return fragment_opacity(device, size, *arrays, "opacity")
+        return fragment_opacity(device, size, ids, placed, listed, plane, "opacity")
 
     def results() -> list[Result]:
         return [Result(run().get(), fragment_opacity_twin(triangle, drawn, constants, alphas[:, 0]))]

@@ -4,13 +4,16 @@
 
 // CORNER floats per corner: column and row, or, homogeneous, column times w, row times w, and w.
 __kernel void locate(int count, int room, __global const int *triangle, __global const float *bary1,
-                     __global const float *bary2, __global const float *corners, __global float *places) {
+                     __global const float *bary2, __global const float *corners, __global float *places)
+{
     const int first = 8 * get_global_id(0);
-    if (first >= count) return;
+    if (first >= count)
+        return;
     float8 c[3 * CORNER];
     for (int k = 0; k < 8; k++) {
-        __global const float *corner = corners + 3 * CORNER * triangle[LESSER(first + k, count - 1)];
-        for (int j = 0; j < 3 * CORNER; j++) ((float *)&c[j])[k] = corner[j];
+        __global const float *corner = corners + 3 * CORNER * triangle[MIN(first + k, count - 1)];
+        for (int j = 0; j < 3 * CORNER; j++)
+            ((float *)&c[j])[k] = corner[j];
     }
     const float8 b1 = *(__global const loose_float8 *)(bary1 + first);
     const float8 b2 = *(__global const loose_float8 *)(bary2 + first);

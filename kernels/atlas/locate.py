@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.kernels.samples import WIDTH, Samples
 
 if TYPE_CHECKING:
@@ -31,8 +33,8 @@ def locate(device: Device, samples: Samples, corners: Array, stage: str) -> Arra
     return places
 
 
-def locate_twin(corners: np.ndarray, triangle: np.ndarray, bary: np.ndarray) -> np.ndarray:
+def locate_twin(corners: Floats, triangle: arrays.Array, bary: arrays.Array) -> Doubles:
     """The same, float64 (n, 2). triangle: int (n). bary: (n, 2), weights of corners 1 and 2."""
     weights = np.concatenate([1 - bary.sum(axis=1, keepdims=True), bary], axis=1)
-    place = np.einsum("nk,nkc->nc", weights, corners[triangle].astype(np.float64))
+    place: Doubles = np.einsum("nk,nkc->nc", weights, corners[triangle].astype(np.float64))
     return (place[:, :2] / place[:, 2:] if place.shape[1] == 3 else place) - 0.5

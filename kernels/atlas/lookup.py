@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 from shading_atlas_bench.kernels.samples import Samples
 
 if TYPE_CHECKING:
@@ -39,9 +40,9 @@ def look_up(
     device.launch(stage, kernel, items, samples.count, room, *arrays, width, height, rgb, drawn)
 
 
-def look_up_twin(places: np.ndarray, plane: np.ndarray) -> np.ndarray:
+def look_up_twin(places: Doubles, plane: Bytes) -> Doubles:
     """Colours float64 (n, 3), not rounded, of n lookups at columns and rows (n, 2); NaN without a place."""
-    placed = np.isfinite(places).all(axis=1)
+    placed = np.all(np.isfinite(places), axis=1)
     position = np.where(placed[:, None], places, 0)
     base = np.floor(position)
     fraction = position - base

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
 from shading_atlas_bench.kernels.fragments.opacity import VARIES
 
 if TYPE_CHECKING:
@@ -29,9 +30,7 @@ def fragment_opacity(
     return opacity
 
 
-def fragment_opacity_twin(
-    triangle: np.ndarray, drawn: np.ndarray, constants: np.ndarray, alphas: np.ndarray | None
-) -> np.ndarray:
+def fragment_opacity_twin(triangle: Ints, drawn: Ints, constants: Ints, alphas: Bytes | None) -> Ints:
     """The same; alphas uint8 (n)."""
     opaque = np.full(len(triangle), 255)
     covered = np.where(constants[triangle] == VARIES, opaque if alphas is None else alphas, constants[triangle])

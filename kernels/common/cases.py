@@ -11,6 +11,8 @@ from shading_atlas_bench.kernels.common.rank import rank_by_class, rank_by_class
 from shading_atlas_bench.kernels.common.scan import exclusive_scan, exclusive_scan_twin
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from shading_atlas_bench.kernels.device import Device
 
 
@@ -45,7 +47,7 @@ def rank(device: Device, kind: str, size: int) -> Trial:
         classes, count = np.full(size, 999, np.int32), 1000
     uploaded = device.upload(classes)
 
-    def run() -> tuple:
+    def run() -> tuple[Array, Array]:
         return rank_by_class(device, uploaded, size, count, "rank")
 
     def results() -> list[Result]:

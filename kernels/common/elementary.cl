@@ -3,21 +3,22 @@
 // range, by iteratively reweighted least squares.
 #include "common/wide.cl"
 
-// log2 x for normal x > 0, within 3 units of the last place of max(|log2 x|, 2^-10): x = 2^e m, sqrt(1/2) <= m < sqrt(2).
-#define DEFINE_LOG2(NAME, FLOAT, INT, AS_FLOAT, AS_INT, CONVERT_FLOAT)                                                 \
-    INLINE FLOAT NAME(const FLOAT x)                                                                                   \
-    {                                                                                                                  \
-        const INT exponent = (AS_INT(x) - 0x3f3504f3) >> 23;                                                           \
-        const FLOAT f = AS_FLOAT(AS_INT(x) - (exponent << 23)) - 1.0f;                                                 \
-        FLOAT p = 0.12926393747f * f - 0.20893365145f;                                                                 \
-        p = p * f + 0.21521231532f;                                                                                    \
-        p = p * f - 0.23867571354f;                                                                                    \
-        p = p * f + 0.28793910146f;                                                                                    \
-        p = p * f - 0.36071625352f;                                                                                    \
-        p = p * f + 0.48091027141f;                                                                                    \
-        p = p * f - 0.72134721279f;                                                                                    \
-        p = p * f + 1.44269502163f;                                                                                    \
-        return CONVERT_FLOAT(exponent) + f * p;                                                                        \
+// log2 x for normal x > 0, within 3 units of the last place of max(|log2 x|, 2^-10): x = 2^e m, sqrt(1/2) <= m <
+// sqrt(2).
+#define DEFINE_LOG2(NAME, FLOAT, INT, AS_FLOAT, AS_INT, CONVERT_FLOAT) \
+    INLINE FLOAT NAME(const FLOAT x)                                   \
+    {                                                                  \
+        const INT exponent = (AS_INT(x) - 0x3f3504f3) >> 23;           \
+        const FLOAT f = AS_FLOAT(AS_INT(x) - (exponent << 23)) - 1.0f; \
+        FLOAT p = 0.12926393747f * f - 0.20893365145f;                 \
+        p = p * f + 0.21521231532f;                                    \
+        p = p * f - 0.23867571354f;                                    \
+        p = p * f + 0.28793910146f;                                    \
+        p = p * f - 0.36071625352f;                                    \
+        p = p * f + 0.48091027141f;                                    \
+        p = p * f - 0.72134721279f;                                    \
+        p = p * f + 1.44269502163f;                                    \
+        return CONVERT_FLOAT(exponent) + f * p;                        \
     }
 DEFINE_LOG2(log2_1, float, int, as_float, as_int, convert_float)
 DEFINE_LOG2(log2_8, float8, int8, as_float8, as_int8, convert_float8)

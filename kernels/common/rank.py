@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -31,7 +33,7 @@ def rank_by_class(
     return ranks, totals
 
 
-def rank_by_class_twin(classes: np.ndarray, class_count: int) -> tuple[np.ndarray, np.ndarray]:
+def rank_by_class_twin(classes: arrays.Array, class_count: int) -> tuple[arrays.Array, arrays.Array]:
     """The same on the host."""
     totals = np.bincount(classes[classes >= 0], minlength=class_count)
     order = np.argsort(classes, kind="stable")

@@ -6,6 +6,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Longs
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -39,7 +42,7 @@ def exclusive_scan(device: Device, values: Array, count: int, stage: str = "scan
     return offsets, total
 
 
-def exclusive_scan_twin(values: np.ndarray) -> tuple[np.ndarray, int]:
+def exclusive_scan_twin(values: arrays.Array) -> tuple[Longs, int]:
     """The same for a host array."""
     ends = np.cumsum(values, dtype=np.int64)
     return np.concatenate([[0], ends])[: len(values)], int(ends[-1]) if len(values) else 0

@@ -2,8 +2,8 @@
 // them, depending on the processor, and each call spills all vector registers; operators, casts of pointers and these
 // macros always stay in registers.
 
-#define LESSER(a, b) ((a) < (b) ? (a) : (b))
-#define GREATER(a, b) ((a) > (b) ? (a) : (b))
+#define MIN(a, b) ((a) < (b) ? (a) : (b))
+#define MAX(a, b) ((a) > (b) ? (a) : (b))
 
 // For loads and stores at any address: *(loose_int8 *)pointer.
 typedef int4 __attribute__((aligned(4))) loose_int4;
@@ -37,7 +37,7 @@ INLINE uint bits_of(const int8 mask)
 
 INLINE float smallest_of(const float8 v)
 {
-    const float4 four = LESSER(v.lo, v.hi);
-    const float2 two = LESSER(four.lo, four.hi);
-    return LESSER(two.x, two.y);
+    const float4 four = MIN(v.lo, v.hi);
+    const float2 two = MIN(four.lo, four.hi);
+    return MIN(two.x, two.y);
 }

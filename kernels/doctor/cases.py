@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.doctor.elementary import elementary, elementary_twin
 from shading_atlas_bench.kernels.doctor.smoke import DEGREE, smoke, smoke_twin
@@ -20,12 +21,13 @@ def polynomial(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: about the roots of (x - 1)^12, where terms of up to 924 cancel."""
     rng = seeded(kind)
     x = rng.uniform(-1, 1, size).astype(np.float32)
-    coefficients = rng.uniform(-1, 1, DEGREE + 1)
+    coefficients: Array = rng.uniform(-1, 1, DEGREE + 1)
     if kind == "adversarial":
         x, coefficients = (1 - 0.1 * x**2).astype(np.float32), np.poly(np.ones(DEGREE))[::-1]
 
     def results() -> list[Result]:
-        return [Result(*pair) for pair in zip(smoke(device, x, coefficients), smoke_twin(x, coefficients), strict=True)]
+        (values, hashes), (expected, expected_hashes) = smoke(device, x, coefficients), smoke_twin(x, coefficients)
+        return [Result(values, expected), Result(hashes, expected_hashes)]
 
     return Trial({"n": size}, lambda: smoke(device, x, coefficients), results)
 
@@ -34,10 +36,11 @@ def polynomial(device: Device, kind: str, size: int) -> Trial:
 def functions(device: Device, kind: str, size: int) -> Trial:
     """Adversarial: about 1 for the logarithm, about whole numbers for the power."""
     rng, size = seeded(kind), -(-size // 8) * 8
-    x, y = rng.uniform(-20, 20, size), np.exp2(rng.uniform(-20, 20, size)) * rng.choice([-1, 1], size)
+    first, second = rng.uniform(-20, 20, size), np.exp2(rng.uniform(-20, 20, size)) * rng.choice([-1, 1], size)
     if kind == "adversarial":
-        x, y = np.rint(x) + 1e-6 * rng.normal(size=size), rng.choice([-1, 1], size) * (1 + 1e-6 * rng.normal(size=size))
-    x, y = x.astype(np.float32), y.astype(np.float32)
+        first = np.rint(first) + 1e-6 * rng.normal(size=size)
+        second = rng.choice([-1, 1], size) * (1 + 1e-6 * rng.normal(size=size))
+    x, y = first.astype(np.float32), second.astype(np.float32)
 
     def results() -> list[Result]:
         return [Result(*pair) for pair in zip(elementary(device, x, y), elementary_twin(x, y), strict=True)]

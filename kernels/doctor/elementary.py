@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Floats
+
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
@@ -13,7 +15,7 @@ if TYPE_CHECKING:
 LOG2_ULP, EXP2_ULP, ANGLE_ULP = 3.0, 2.0, 2.0
 
 
-def elementary(device: Device, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def elementary(device: Device, x: Floats, y: Floats) -> tuple[Floats, Floats, Floats]:
     """log2 |y|, 2^x and the angle of (x, y) in -pi..pi.
 
     x, y: float32 (n), n a multiple of 8, -126 <= x < 127, |y| normal. Returns float32 (n) each.
@@ -26,7 +28,7 @@ def elementary(device: Device, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray
     return log2_y, exp2_x, angle
 
 
-def elementary_twin(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def elementary_twin(x: Array, y: Array) -> tuple[Doubles, Doubles, Doubles]:
     """The same in float64."""
     x, y = x.astype(np.float64), y.astype(np.float64)
     return np.log2(np.abs(y)), np.exp2(x), np.arctan2(y, x)

@@ -3,7 +3,8 @@
 #define DEGREE 12
 
 __kernel void smoke(int steps, __global const float *x, __global const float *coefficients, __global float *values,
-                    __global uint *hashes) {
+                    __global uint *hashes)
+{
     int step = get_global_id(0);
     if (step >= steps)
         return;

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Floats, Words
+
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
@@ -13,7 +15,7 @@ DEGREE = 12
 ERROR_BOUND = 4e-6  # absolute, for |x| <= 1 and |coefficients| <= 1: 2 roundings of 2^-24 per step on sums up to 13
 
 
-def smoke(device: Device, x: np.ndarray, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def smoke(device: Device, x: Floats, coefficients: Array) -> tuple[Floats, Words]:
     """The polynomial with `coefficients` (DEGREE + 1, constant first) at each x, and a hash of each place.
 
     x: float32 (n), n a multiple of 8. Returns float32 (n) and uint32 (n).
@@ -25,7 +27,7 @@ def smoke(device: Device, x: np.ndarray, coefficients: np.ndarray) -> tuple[np.n
     return values.get(), hashes.get()
 
 
-def smoke_twin(x: np.ndarray, coefficients: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def smoke_twin(x: Floats, coefficients: Array) -> tuple[Array, Array]:
     """The same in float64."""
     values = np.polynomial.polynomial.polyval(x.astype(np.float64), coefficients.astype(np.float64))
     place = np.arange(len(x), dtype=np.uint32)

@@ -1,10 +1,11 @@
 // Push-pull: colours for texels that nothing owns, from means of owned ones at the finest scale that has any.
 // Texels are 32-bit words (red lowest); alpha 0 marks those without a colour. Work-items are 16 texels of a row.
+#include "common/wide.cl"
 
 #define PIECE 16
 
 // 16 texels from `column` on; outside the plane there are none (0).
-static inline uint16 load_texels(__global const uint *plane, const int width, const int height, const int row,
+INLINE uint16 load_texels(__global const uint *plane, const int width, const int height, const int row,
                           const int column)
 {
     if (row >= height)
@@ -18,7 +19,7 @@ static inline uint16 load_texels(__global const uint *plane, const int width, co
     return vload16(0, lanes);
 }
 
-static inline void store_texels(__global uint *plane, const int width, const int row, const int column, const uint16 values)
+INLINE void store_texels(__global uint *plane, const int width, const int row, const int column, const uint16 values)
 {
     __global uint *texels = plane + (size_t)row * width;
     if (column + PIECE <= width) {
@@ -32,7 +33,7 @@ static inline void store_texels(__global uint *plane, const int width, const int
 }
 
 // The rounded mean of one channel over the owned ones of 4 texels. reciprocal: 65536 / count, rounded up.
-static inline uint16 mean_channel(const uint16 a, const uint16 b, const uint16 c, const uint16 d, const int number,
+INLINE uint16 mean_channel(const uint16 a, const uint16 b, const uint16 c, const uint16 d, const int number,
                            const uint16 half_count, const uint16 reciprocal)
 {
     const uint shift = 8 * number;
@@ -68,7 +69,7 @@ __kernel void pull(const int width, const int height, const int coarse_width, co
     store_texels(coarse, coarse_width, row, column, mean);
 }
 
-static inline uint16 parents(const int coarse_width, const int coarse_height, __global const uint *coarse, const int row,
+INLINE uint16 parents(const int coarse_width, const int coarse_height, __global const uint *coarse, const int row,
                       const int column)
 {
     const uint8 p = load_texels(coarse, coarse_width, coarse_height, row / 2, column / 2).lo;

@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -18,7 +20,8 @@ def _levels(width: int, height: int) -> list[tuple[int, int]]:
     """Widths and heights from the plane down to one texel."""
     sizes = [(width, height)]
     while sizes[-1] != (1, 1) or len(sizes) < 2:
-        sizes.append(tuple(-(-side // 2) for side in sizes[-1]))
+        width, height = sizes[-1]
+        sizes.append((-(-width // 2), -(-height // 2)))
     return sizes
 
 
@@ -59,7 +62,7 @@ class Filler:
         return -(-width // PIECE) * height
 
 
-def fill_twin(atlas: np.ndarray, before: np.ndarray | None) -> np.ndarray:
+def fill_twin(atlas: Bytes, before: Bytes | None) -> Bytes:
     """The filled plane, uint8 (h, w, 4); `before` is the last filled plane with its alpha, None for the first frame."""
     pyramid = [np.where(atlas[..., 3:] > 0, atlas, 0).astype(np.int64)]
     pyramid[0][..., 3] = pyramid[0][..., 3] > 0

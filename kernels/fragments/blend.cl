@@ -1,4 +1,5 @@
 // Compositing each pixel's sorted fragments with the over operator (eq. 1.1), on encoded colours.
+#include "common/wide.cl"
 
 // What a pixel shows of its nearest fragments, and the share of light that they let through.
 typedef struct {
@@ -7,7 +8,7 @@ typedef struct {
 } Over;
 
 // Put the next fragment behind those so far; alpha in 0..1.
-static inline Over put_behind(Over over, const uint colour, const float alpha)
+INLINE Over put_behind(Over over, const uint colour, const float alpha)
 {
     const float share = over.through * alpha;
     over.sum += share * (float4)(colour & 255, (colour >> 8) & 255, (colour >> 16) & 255, 255.0f);
@@ -16,7 +17,7 @@ static inline Over put_behind(Over over, const uint colour, const float alpha)
 }
 
 // The pixel over a background whose alpha is how much it covers.
-static inline uint over_background(const Over over, const uint behind)
+INLINE uint over_background(const Over over, const uint behind)
 {
     const float4 back = (float4)(behind & 255, (behind >> 8) & 255, (behind >> 16) & 255, behind >> 24);
     const float4 sum = over.sum + over.through * back + 0.5f;
@@ -39,8 +40,8 @@ __kernel void blend_lists(const int pixels, __global const int *offsets, __globa
     picture[pixel] = over_background(over, background[pixel]);
 }
 
-// Blend the fragments in front of a picture over it, and note whose is nearest of those that are visible. Pixels without
-// fragments are left alone. opacity: 0..255.
+// Blend the fragments in front of a picture over it, and note whose is nearest of those that are visible. Pixels
+// without fragments are left alone. opacity: 0..255.
 __kernel void blend_layers(const int pixels, __global const int *offsets, __global const uint *colours,
                            __global const int *opacity, __global const int *ids, __global uint *picture,
                            __global int *nearest)

@@ -7,6 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -45,7 +48,7 @@ def blend_layers(
     device.launch(stage, device.build("fragments/blend.cl").blend_layers, fragments.pixels, fragments.pixels, *inputs)
 
 
-def blend_twin(offsets: np.ndarray, rgba: np.ndarray, background: np.ndarray) -> np.ndarray:
+def blend_twin(offsets: arrays.Array, rgba: Bytes, background: Bytes) -> Doubles:
     """float64 (P, 4) of offsets (P + 1), rgba uint8 (n, 4) nearest first, and background uint8 (P, 4): from the
     farthest fragment to the nearest, eq. 1.1 of the thesis."""
     out = background.astype(np.float64)
@@ -56,7 +59,7 @@ def blend_twin(offsets: np.ndarray, rgba: np.ndarray, background: np.ndarray) ->
     return out
 
 
-def nearest_twin(offsets: np.ndarray, opacity: np.ndarray, ids: np.ndarray, behind: np.ndarray) -> np.ndarray:
+def nearest_twin(offsets: arrays.Array, opacity: arrays.Array, ids: arrays.Array, behind: arrays.Array) -> arrays.Array:
     """What `blend_layers` notes, int (P), of offsets (P + 1), opacity and ids (n), and what was there before, (P)."""
     out = behind.copy()
     for pixel, (first, end) in enumerate(itertools.pairwise(offsets)):

@@ -12,7 +12,7 @@
 #if FRONT
 // What is in front of the fragments that count: a picture's triangles and depths. `numbers`: what it calls the
 // triangles, for those of equal depth.
-#define FRONT_PARAMETERS                                                                                               \
+#define FRONT_PARAMETERS \
     , __global const int *front_triangle, __global const float *front_depth, __global const int *numbers
 #define FRONT_ARGUMENTS , front_triangle, front_depth, numbers
 #else
@@ -103,8 +103,8 @@ INLINE int8 bits_per_byte(ulong bits)
     return convert_int8(as_uchar8(bits));
 }
 
-// Add the fragments of a shape in a block, at the pixels and depths that the rasteriser gives it; z0 is its depth at the
-// block's first pixel.
+// Add the fragments of a shape in a block, at the pixels and depths that the rasteriser gives it; z0 is its depth at
+// the block's first pixel.
 INLINE void add_block(Target *target, const Shape *shape, const int bx, const int by,
                       const float z0 ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
@@ -119,19 +119,19 @@ INLINE void add_block(Target *target, const Shape *shape, const int bx, const in
     UNROLL
     for (int i = 0; i < 3; i++) {
         const Edge edge = shape->edges[i];
-        inside[i] = (edge.at + edge.along_x * px + edge.along_y * py) +
-                    (edge.along_x * columns + edge.along_y * rows_down);
+        inside[i] =
+            (edge.at + edge.along_x * px + edge.along_y * py) + (edge.along_x * columns + edge.along_y * rows_down);
     }
     UNROLL
     for (int j = 0; j < BLOCK / 2; j++) {
         z[j] = (z0 + (2 * j + down) * shape->slope_y) + across * shape->slope_x;
-        z[j] = LESSER(z[j], shape->nearest);
-        z[j] = GREATER(z[j], shape->farthest);
+        z[j] = MIN(z[j], shape->nearest);
+        z[j] = MAX(z[j], shape->farthest);
         draw[j] = ((inside[0] | inside[1] | inside[2]) >= 0) & (z[j] > 0.0f) & in_width &
                   (2 * j + rows_down < target->height - target->origin.y - py);
 #if MASKED
         if (shape->is_masked)
-            draw[j] = rows_without_holes(draw[j], &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
+            draw[j] = alpha_tested_rows(draw[j], &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
 #endif
 #if FRONT
         draw[j].lo = in_front(draw[j].lo, target, px, py + 2 * j, z[j].lo, shape->id FRONT_ARGUMENTS);
@@ -169,9 +169,9 @@ INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_
     const int2 centre = target->origin * SUBPIXELS + SUBPIXELS / 2;
     const int8 within = (blocks >= left) & (blocks <= right);
     const double rise_x = AT(&shapes->rise_x, double, lane), rise_y = AT(&shapes->rise_y, double, lane);
-    const double8 along = (double)AT(&shapes->depth, float, lane) +
-                          rise_x * convert_double8(blocks * (BLOCK * SUBPIXELS) +
-                                                   (centre.x - AT(&shapes->corner_x, int, lane)));
+    const double8 along =
+        (double)AT(&shapes->depth, float, lane) +
+        rise_x * convert_double8(blocks * (BLOCK * SUBPIXELS) + (centre.x - AT(&shapes->corner_x, int, lane)));
     const int down = centre.y - AT(&shapes->corner_y, int, lane), id = AT(&shapes->id, int, lane);
     Shape shape;
     shape.id = id & ~MASK_BIT;
@@ -191,7 +191,7 @@ INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_
         const Edge edge = {AT(&shapes->along_x[i], int, lane), AT(&shapes->along_y[i], int, lane),
                            AT(&shapes->at[i], int, lane)};
         shape.edges[i] = edge;
-        reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
+        reach[i] = edge.at + 7 * (MAX(edge.along_x, 0) + MAX(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
     }
     float8 corners[BLOCKS]; // depth at the blocks' first pixels
     ulong touched = 0;      // 8 blocks per row
@@ -213,8 +213,8 @@ INLINE void add_lane(Target *target, const Shapes *shapes, const int lane ALPHA_
 // runs: fragments of each tile's rows, as those follow in the image.
 __kernel void draw_fragments(const int tiles, const int tiles_x, const int width, const int height, const int chunks,
                              __global const int2 *tile_bins, __global const int *entries, __global const int *records,
-                             __global const uchar *members, const int member, const int capacity,
-                             __global int *pages, __global int2 *links, __global int *taken, __global int *firsts,
+                             __global const uchar *members, const int member, const int capacity, __global int *pages,
+                             __global int2 *links, __global int *taken, __global int *firsts,
                              __global int *runs ALPHA_PARAMETERS FRONT_PARAMETERS)
 {
     const int tile = get_global_id(0);
@@ -246,7 +246,7 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
             if (i + 8 < count) // ahead of their use, because they are seldom in the cache
                 fetch_records(&fetched, records, listed + i + 8, count - i - 8);
             set_shapes(&shapes, fields, target.origin);
-            for (int lane = 0; lane < LESSER(count - i, 8); lane++)
+            for (int lane = 0; lane < MIN(count - i, 8); lane++)
                 if (members[AT(&shapes.id, int, lane) & ~MASK_BIT] == member)
                     add_lane(&target, &shapes, lane ALPHA_ARGUMENTS FRONT_ARGUMENTS);
         }
@@ -261,11 +261,11 @@ __kernel void draw_fragments(const int tiles, const int tiles_x, const int width
 // A fragment as a number that is less the nearer it is (the greater its depth, which is positive), and of equal depths
 // the lower its triangle is.
 #define KEY(z, id) ((ulong)~as_uint(z) << 32 | (uint)(id))
-#define ORDER(i, j)                                                                                                    \
-    {                                                                                                                  \
-        const ulong low = LESSER(keys[i], keys[j]), high = GREATER(keys[i], keys[j]);                                  \
-        keys[i] = low;                                                                                                 \
-        keys[j] = high;                                                                                                \
+#define ORDER(i, j)                                                            \
+    {                                                                          \
+        const ulong low = MIN(keys[i], keys[j]), high = MAX(keys[i], keys[j]); \
+        keys[i] = low;                                                         \
+        keys[j] = high;                                                        \
     }
 #define NETWORK 4
 
@@ -275,14 +275,14 @@ INLINE void sort_few(const int count, __global int *ids, __global float *depths)
     ulong keys[NETWORK];
     UNROLL
     for (int i = 0; i < NETWORK; i++)
-        keys[i] = i < count ? KEY(depths[LESSER(i, count - 1)], ids[LESSER(i, count - 1)]) : ~(ulong)0;
+        keys[i] = i < count ? KEY(depths[MIN(i, count - 1)], ids[MIN(i, count - 1)]) : ~(ulong)0;
     ORDER(0, 1)
     ORDER(2, 3)
     ORDER(0, 2)
     ORDER(1, 3)
     ORDER(1, 2)
     for (int i = NETWORK - 1; i >= 0; i--) { // what lies beyond the end becomes the last once more, and is overwritten
-        const int to = LESSER(i, count - 1);
+        const int to = MIN(i, count - 1);
         ids[to] = (int)(uint)keys[i];
         depths[to] = as_float(~(uint)(keys[i] >> 32));
     }
@@ -320,6 +320,37 @@ INLINE void store_pixels(__global int *image, const int width, const int x, cons
             to[lane] = AT(&values, int, lane);
 }
 
+// Count the fragments of each pixel of a tile, whose first page is `first`.
+INLINE void count_in_pixels(const int first, __global const int *pages, __global const int2 *links, int *counts)
+{
+    int2 link;
+    for (int page = first; page >= 0; page = link.x) {
+        link = links[page];
+        for (int i = 0; i < link.y; i++)
+            counts[pages[(size_t)page * (3 * PAGE) + i]]++;
+    }
+}
+
+// Sort the fragments of a tile's pixels that have `several`; `places`: where each pixel's end.
+INLINE void sort_pixels(const int2 origin, const int rows, const int columns, const int width,
+                        __global const int *offsets, int8 *places, const uchar *several, __global int *triangle,
+                        __global float *depth)
+{
+    for (int y = 0; y < rows; y++)
+        for (int x = 0; x < columns; x += BLOCK) {
+            const int at = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
+            for (uint left = several[at]; left; left &= left - 1) {
+                const int lane = 31 - clz(left & (0u - left));
+                const int begin = offsets[(size_t)(origin.y + y) * width + origin.x + x + lane];
+                const int count = AT(&places[at], int, lane) - begin;
+                if (count <= NETWORK)
+                    sort_few(count, triangle + begin, depth + begin);
+                else
+                    sort_list(count, triangle + begin, depth + begin);
+            }
+        }
+}
+
 // Each pixel's fragments from `offsets` on, sorted, and whose they are. starts: where each tile's row of them begins.
 __kernel void place_fragments(const int tiles, const int tiles_x, const int width, const int height,
                               __global const int *pages, __global const int2 *links, __global const int *firsts,
@@ -330,7 +361,7 @@ __kernel void place_fragments(const int tiles, const int tiles_x, const int widt
     if (tile >= tiles)
         return;
     const int2 origin = (int2)(tile % tiles_x, tile / tiles_x) * TILE;
-    const int rows = LESSER(TILE, height - origin.y), columns = LESSER(TILE, width - origin.x);
+    const int rows = MIN(TILE, height - origin.y), columns = MIN(TILE, width - origin.x);
     if (firsts[tile] < 0) {
         for (int y = 0; y < rows; y++)
             for (int x = 0; x < columns; x += BLOCK)
@@ -339,17 +370,12 @@ __kernel void place_fragments(const int tiles, const int tiles_x, const int widt
         return;
     }
 
-    int8 places[TILE * BLOCKS]; // of each pixel, how many fragments, then its next free place
+    int8 places[TILE * BLOCKS];   // of each pixel, how many fragments, then its next free place
     uchar several[TILE * BLOCKS]; // which of 8 pixels have more than one
     for (int i = 0; i < TILE * BLOCKS; i++)
         places[i] = 0;
     int *next = (int *)places;
-    int2 link;
-    for (int page = firsts[tile]; page >= 0; page = link.x) {
-        link = links[page];
-        for (int i = 0; i < link.y; i++)
-            next[pages[(size_t)page * (3 * PAGE) + i]]++;
-    }
+    count_in_pixels(firsts[tile], pages, links, next);
     const int8 none = 0;
     for (int y = 0; y < rows; y++) {
         int start = starts[(size_t)(origin.y + y) * tiles_x + tile % tiles_x];
@@ -367,6 +393,7 @@ __kernel void place_fragments(const int tiles, const int tiles_x, const int widt
         }
     }
     const int corner = origin.y * width + origin.x;
+    int2 link;
     for (int page = firsts[tile]; page >= 0; page = link.x) {
         __global const int *from = pages + (size_t)page * (3 * PAGE);
         link = links[page];
@@ -379,19 +406,7 @@ __kernel void place_fragments(const int tiles, const int tiles_x, const int widt
             owner[to] = corner + y * width + x;
         }
     }
-    for (int y = 0; y < rows; y++)
-        for (int x = 0; x < columns; x += BLOCK) {
-            const int at = (y / BLOCK * BLOCKS + x / BLOCK) * BLOCK + y % BLOCK;
-            for (uint left = several[at]; left; left &= left - 1) {
-                const int lane = 31 - clz(left & (0u - left));
-                const int begin = offsets[(size_t)(origin.y + y) * width + origin.x + x + lane];
-                const int count = AT(&places[at], int, lane) - begin;
-                if (count <= NETWORK)
-                    sort_few(count, triangle + begin, depth + begin);
-                else
-                    sort_list(count, triangle + begin, depth + begin);
-            }
-        }
+    sort_pixels(origin, rows, columns, width, offsets, places, several, triangle, depth);
 }
 
 // members[id] = node[id] + 1 for the listed triangles.

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles, Ints, Longs
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER
-from shading_atlas_bench.kernels.raster.picture import Picture
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, ScreenTriangles, Visibility
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.raster.resolve import locate_samples
 from shading_atlas_bench.kernels.raster.setup import Bins, Scratch, set_up
 from shading_atlas_bench.kernels.samples import Samples
@@ -20,6 +22,7 @@ from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
+    from pyopencl.typing import KernelArg
 
     from shading_atlas_bench.kernels.device import Kernels
     from shading_atlas_bench.kernels.texture.mask import AlphaMask
@@ -53,7 +56,7 @@ class Fragments:
 
 
 @dataclass(frozen=True)
-class Front:
+class OpaqueLayer:
     """A picture that hides fragments behind it, of other triangles.
 
     numbers: int32 (T), what the picture would call the triangles of the fragments: of equal depths the lower is nearer.
@@ -82,18 +85,24 @@ class Builder:
         self.device.launch(stage, self._kernels(None, 0).mark_members, count, count, pvs, nodes, members)
         return members
 
-    def bins(self, camera: Camera, stage: str) -> tuple[Bins, Picture]:
+    def bins(self, camera: Camera, stage: str) -> tuple[Bins, RenderTarget]:
         """The tile lists of everything in the frustum; they serve all nodes until the next call."""
-        picture = Picture.allocate(self.device, camera, TILE)
+        picture = RenderTarget.allocate(self.device, camera, TILE)
         clusters = self.rasteriser.clusters
-        chosen, _ = clusters.choose(camera, 0, EVER, f"{stage}/cull")
+        chosen, _ = clusters.cull_frustum(camera, 0, EVER, f"{stage}/cull")
         while True:
             bins = set_up(self.device, clusters, chosen, picture, False, self._scratch, stage)
             if self._scratch.fits(bins.needed):
                 return bins, picture
 
     def build(
-        self, bins: Bins, picture: Picture, members: Array, member: int, stage: str, front: Front | None = None
+        self,
+        bins: Bins,
+        picture: RenderTarget,
+        members: Array,
+        member: int,
+        stage: str,
+        front: OpaqueLayer | None = None,
     ) -> Fragments:
         """Fragments of the triangles whose entry in `members`, uint8 (T), is `member`, as far as `front` shows them."""
         device, camera, triangles = self.device, picture.camera, self.rasteriser.triangles
@@ -111,14 +120,17 @@ class Builder:
         return Fragments(camera.width, camera.height, samples, depth, offsets)
 
     def _draw(
-        self, bins: Bins, picture: Picture, members: Array, member: int, front: Front | None, stage: str
+        self, bins: Bins, picture: RenderTarget, members: Array, member: int, front: OpaqueLayer | None, stage: str
     ) -> tuple[tuple[Array, ...], Array, int]:
         """Pages of fragments with what place_fragments needs to read them, where each tile's row of them begins in the
         lists, and their number. Where the pool has too few pages, it grows and all is drawn again."""
         device, camera, scratch = self.device, picture.camera, self._scratch
         mask, triangles, tiles = self.rasteriser.mask, self.rasteriser.triangles, picture.tiles
-        alpha = (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments) if mask else ()
-        alpha += (front.visibility.triangle, front.visibility.depth, front.numbers) if front else ()
+        alpha: tuple[KernelArg, ...] = ()
+        if mask:
+            alpha += (*camera.arguments(), triangles.positions, triangles.indices, *mask.arguments)
+        if front:
+            alpha += (front.visibility.triangle, front.visibility.depth, front.numbers)
         kernel = self._kernels(mask, int(front is not None)).draw_fragments
         size = (tiles, picture.tiles_x, camera.width, camera.height)
         listed = (device.chunks, bins.bins, bins.entries, bins.records, members, member)
@@ -141,22 +153,24 @@ class Builder:
         return self.device.build("fragments/build.cl", TILE=TILE, PAGE=PAGE, FRONT=front, **mask_defines(mask))
 
 
-def build_twin(
-    triangles: Triangles, camera: Camera, members: np.ndarray, member: int
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def build_twin(triangles: Triangles, camera: Camera, members: arrays.Array, member: int) -> tuple[Longs, Ints, Doubles]:
     """Offsets int64 (pixels + 1), triangle int32 (n) and depth float64 (n), as `Builder.build` without masks, but
     without snapping: the kernels' may differ where an edge passes within 1/256 pixel of a pixel's centre."""
     screen = ScreenTriangles.of(triangles, camera)
     rows, columns = np.mgrid[: camera.height, : camera.width] + 0.5
     centres = np.stack([columns, rows, np.ones_like(rows)], axis=-1).reshape(-1, 3)
-    found = []
+    pixels: list[Longs] = [np.zeros(0, np.int64)]
+    numbers: list[Longs] = [np.zeros(0, np.int64)]
+    depths: list[Doubles] = [np.zeros(0)]
     for number in np.flatnonzero(screen.drawn & (members == member)):
         depth = centres @ screen.depth[number]
         inside = (centres @ screen.edges[number].T >= 0).all(axis=-1) & (depth > 0) & (depth <= 1)
-        pixel = np.flatnonzero(inside)
-        found.append((pixel, np.full(len(pixel), number), depth[pixel]))
-    pixel, triangle, depth = (np.concatenate(part) for part in zip(*found, strict=True)) if found else np.zeros((3, 0))
-    order = np.lexsort((triangle, -depth, pixel))
-    counts = np.bincount(pixel.astype(np.int64), minlength=len(centres))
+        covered = np.flatnonzero(inside).astype(np.int64)
+        pixels.append(covered)
+        numbers.append(np.full(len(covered), number, np.int64))
+        depths.append(depth[covered])
+    pixel, triangle, every_depth = np.concatenate(pixels), np.concatenate(numbers), np.concatenate(depths)
+    order = np.lexsort((triangle, -every_depth, pixel))
+    counts = np.bincount(pixel, minlength=len(centres))
     offsets = np.concatenate([[0], np.cumsum(counts)])
-    return offsets, triangle[order].astype(np.int32), depth[order]
+    return offsets, triangle[order].astype(np.int32), every_depth[order]

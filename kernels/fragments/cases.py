@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Floats, Ints
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.fragments.blend import blend_layers, blend_lists, blend_twin, nearest_twin
 from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, build_twin
@@ -32,7 +33,7 @@ def fragments_of(device: Device, kind: str, width: int) -> tuple[Triangles, Frag
     )
 
 
-def host(fragments: Fragments) -> tuple[np.ndarray, ...]:
+def host(fragments: Fragments) -> tuple[Ints, Ints, Floats, Ints]:
     """Offsets, triangle, depth and pixel."""
     n, samples = fragments.count, fragments.samples
     return fragments.offsets.get(), samples.triangle.get()[:n], fragments.depth.get()[:n], samples.texel.get()[:n]

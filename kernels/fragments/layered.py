@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, Front
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles
+from shading_atlas_bench.kernels.fragments.build import Builder, Fragments, OpaqueLayer
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, Visibility
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -35,22 +37,27 @@ class LayeredRasteriser:
         self._builder = Builder(part)
         self._members = device.upload(np.ones(part.triangles.count, np.uint8))
 
-    def _part(self, triangles: Triangles, mask: AlphaMask | None, chosen: np.ndarray) -> tuple[Rasteriser, Array]:
+    def _part(self, triangles: Triangles, mask: AlphaMask | None, chosen: arrays.Array) -> tuple[Rasteriser, Array]:
         """A rasteriser of some triangles, and what they are called among all."""
         indices, flags = triangles.host_indices[chosen], triangles.host_flags[chosen]
-        shared = {"positions": triangles.positions, "host_positions": triangles.host_positions}
-        uploaded = {"indices": self.device.upload(indices), "flags": self.device.upload(flags)}
-        part = Triangles(len(chosen), **shared, **uploaded, host_indices=indices, host_flags=flags)
+        part = replace(
+            triangles,
+            count=len(chosen),
+            indices=self.device.upload(indices),
+            flags=self.device.upload(flags),
+            host_indices=indices,
+            host_flags=flags,
+        )
         mask = mask.of_triangles(self.device, chosen) if mask else None
         return Rasteriser(self.device, part, mask, cull=self.cull), self.device.upload(chosen.astype(np.int32))
 
     def draw(
-        self, view: np.ndarray, projection: np.ndarray, width: int, height: int, stage: str
+        self, view: Doubles, projection: Doubles, width: int, height: int, stage: str
     ) -> tuple[Visibility, Fragments]:
         """The opaque triangles, and the fragments in front of them; arguments as for Rasteriser.draw."""
         visible = self.opaque.draw(view, projection, width, height, f"{stage}/raster")
         self._renumber(self._opaque_numbers, visible.triangle, width * height, f"{stage}/layers")
-        front = Front(visible, self._blended_numbers)
+        front = OpaqueLayer(visible, self._blended_numbers)
         bins, picture = self._builder.bins(Camera.of(view, projection, width, height), f"{stage}/layers")
         fragments = self._builder.build(bins, picture, self._members, 1, f"{stage}/layers", front)
         self._renumber(self._blended_numbers, fragments.samples.triangle, fragments.count, f"{stage}/layers")

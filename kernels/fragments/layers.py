@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 from shading_atlas_bench.kernels.fragments.blend import blend_layers
 from shading_atlas_bench.kernels.fragments.layered import LayeredRasteriser
 from shading_atlas_bench.kernels.fragments.order import order_fragments
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
 
-def shade_fragments(shader: Shader, fragments: Fragments, eye: np.ndarray, stage: str) -> Array:
+def shade_fragments(shader: Shader, fragments: Fragments, eye: Doubles, stage: str) -> Array:
     """The colour of every fragment, uint8 (1, n, 4), sRGB with alpha 255; eye: float64 (3), see Shader.shade.
 
     They are shaded in another order than that of the lists, because it is faster: see order_fragments.
@@ -45,7 +47,7 @@ class Layers:
         return Layers(self.rasteriser, replace(self.opacity, textures=textures))
 
     def blend(
-        self, fragments: Fragments, visible: Visibility, shader: Shader, eye: np.ndarray, picture: Array, stage: str
+        self, fragments: Fragments, visible: Visibility, shader: Shader, eye: Doubles, picture: Array, stage: str
     ) -> None:
         """Shade the fragments and blend them over `picture`, uint8 (h, w, 4), which shows the opaque triangles.
 
@@ -58,7 +60,7 @@ class Layers:
         seen = (fragments.samples.triangle, picture, visible.triangle)
         blend_layers(self.device, fragments, colours, opacity, *seen, f"{stage}/blend")
 
-    def mark(self, view: np.ndarray, projection: np.ndarray, width: int, height: int, flags: Array, stage: str) -> None:
+    def mark(self, view: Doubles, projection: Doubles, width: int, height: int, flags: Array, stage: str) -> None:
         """Set `flags`, uint8 (T), to 1 for every triangle that makes up 1/255 or more of a pixel; others stay."""
         visible, fragments = self.rasteriser.draw(view, projection, width, height, stage)
         opacity = self.opacity.of(fragments.samples, f"{stage}/opacity")
@@ -68,8 +70,8 @@ class Layers:
 
 
 def mark_layers_twin(
-    offsets: np.ndarray, triangle: np.ndarray, opacity: np.ndarray, opaque: np.ndarray, flags: np.ndarray
-) -> np.ndarray:
+    offsets: arrays.Array, triangle: arrays.Array, opacity: arrays.Array, opaque: arrays.Array, flags: Bytes
+) -> Bytes:
     """The flags after marking what contributes 1/255 or more: offsets (P + 1) into triangle and opacity (0..255),
     nearest first; opaque (P), what is behind them, -1 for nothing."""
     marked = flags.copy()

@@ -2,13 +2,12 @@
 #define WRAP_MODES 1
 #include "texture/sample.cl"
 
-// surfaces: per material, alpha, texture (0: none), what blends it (0: nothing, 1: light let through, 2: alpha), share of
-// light kept. Opaque ones cover all.
+// surfaces: per material, alpha, texture (0: none), what blends it (0: nothing, 1: light let through, 2: alpha), share
+// of light kept. Opaque ones cover all.
 __kernel void fragment_opacity(const int count, __global const int *triangle, __global const float *bary1,
                                __global const float *bary2, __global const float *footprint,
-                               __global const int *indices, __global const int2 *faces,
-                               __global const float4 *surfaces, __global const float4 *corners,
-                               __global int *opacity, TEXTURE_PARAMETERS)
+                               __global const int *indices, __global const int2 *faces, __global const float4 *surfaces,
+                               __global const float4 *corners, __global int *opacity, TEXTURE_PARAMETERS)
 {
     const int first = get_global_id(0) * 8;
     if (first >= count)
@@ -17,7 +16,7 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
     int texture[8];
     int textured = 0;
     for (int lane = 0; lane < 8; lane++) {
-        const int i = LESSER(first + lane, count - 1), id = triangle[i];
+        const int i = MIN(first + lane, count - 1), id = triangle[i];
         const float b1 = bary1[i], b2 = bary2[i];
         const float4 a = corners[indices[3 * id]], b = corners[indices[3 * id + 1]], c = corners[indices[3 * id + 2]];
         const float4 at = a + b1 * (b - a) + b2 * (c - a); // u, v, alpha of the vertex colour

@@ -7,7 +7,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints
 from shading_atlas_bench.kernels.texture.sample import bilinear
 
 if TYPE_CHECKING:
@@ -20,7 +23,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.triangles import Triangles
 
 VARIES = 256  # in place of a material's opacity: it is not the same all over its triangles
-LET_THROUGH = 0.9  # of the light that a material transmits; the rest keeps clear glass visible
+TRANSMITTANCE = 0.9  # of the light that a material transmits; the rest keeps clear glass visible
 
 
 class BlendedMaterial(Protocol):
@@ -36,12 +39,23 @@ class BlendedScene(Protocol):
     """What opacity reads of a scene: uvs float32 (V, 2), colours float32 (V, 4), indices int32 (T, 3), material_ids
     int32 (T)."""
 
-    uvs: np.ndarray
-    colours: np.ndarray
-    indices: np.ndarray
-    material_ids: np.ndarray
-    materials: Sequence[BlendedMaterial]
-    textures: Sequence[TextureImage]
+    @property
+    def uvs(self) -> Floats: ...
+
+    @property
+    def colours(self) -> Floats: ...
+
+    @property
+    def indices(self) -> Ints: ...
+
+    @property
+    def material_ids(self) -> Ints: ...
+
+    @property
+    def materials(self) -> Sequence[BlendedMaterial]: ...
+
+    @property
+    def textures(self) -> Sequence[TextureImage]: ...
 
 
 def blends(material: BlendedMaterial) -> bool:
@@ -49,7 +63,7 @@ def blends(material: BlendedMaterial) -> bool:
     return material.alpha_mode == "blend" or material.transmission > 0
 
 
-def constant_opacities(scene: BlendedScene) -> np.ndarray:
+def constant_opacities(scene: BlendedScene) -> NDArray[np.uint16]:
     """uint16 (M): the opacity of each material, 0..255; VARIES where it has a texture or vertex colours whose alpha is
     not the same everywhere. 255 for materials that no triangle has, and for those that do not blend."""
     constants = np.full(len(scene.materials), 255, np.uint16)
@@ -72,12 +86,12 @@ def constant_opacities(scene: BlendedScene) -> np.ndarray:
     return constants
 
 
-def _surface_row(material: BlendedMaterial) -> np.ndarray:
+def _surface_row(material: BlendedMaterial) -> Floats:
     """A row of `Opacity.surfaces`."""
     has_alpha = material.alpha_mode == "blend"
     alpha, texture = (material.base_colour[3], material.base_texture + 1) if has_alpha else (1, 0)
     kind = 2 if has_alpha else int(blends(material))
-    return np.array([alpha, texture, kind, 1 - LET_THROUGH * material.transmission], np.float32)
+    return np.array([alpha, texture, kind, 1 - TRANSMITTANCE * material.transmission], np.float32)
 
 
 @dataclass(frozen=True)
@@ -96,7 +110,7 @@ class Opacity:
     textures: TextureBuffers
     surfaces: Array
     corners: Array
-    constants: np.ndarray
+    constants: NDArray[np.uint16]
 
     @property
     def varies(self) -> bool:
@@ -110,8 +124,15 @@ class Opacity:
         surfaces = np.array([_surface_row(material) for material in materials], np.float32)
         alphas = np.stack([scene.colours[:, 3], np.zeros(len(scene.uvs))], axis=1)
         corners = np.concatenate([scene.uvs, alphas], axis=1).astype(np.float32)
-        uploaded = (device.upload(array) for array in (surfaces, corners))
-        return cls(device, triangles.indices, shader.faces, shader.textures, *uploaded, constant_opacities(scene))
+        return cls(
+            device,
+            triangles.indices,
+            shader.faces,
+            shader.textures,
+            device.upload(surfaces),
+            device.upload(corners),
+            constant_opacities(scene),
+        )
 
     def of(self, samples: Samples, stage: str) -> Array:
         """int32 (n), 0 (invisible) to 255 (hides what is behind): alpha times texture alpha times vertex alpha for
@@ -130,7 +151,7 @@ class Opacity:
         self.device.launch(stage, kernel, samples.count, samples.count, samples.texel, self.of(samples, stage), target)
 
 
-def opacity_twin(opacity: Opacity, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+def opacity_twin(opacity: Opacity, triangle: arrays.Array, bary: Doubles, footprint: Doubles) -> Doubles:
     """The same for triangle int (n), bary (n, 2), footprint (n), before rounding: float64 (n), 0 to 255.
 
     A texture is looked up at one mip level, that nearest to the footprint.

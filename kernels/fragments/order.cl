@@ -1,5 +1,5 @@
-// Fragments tile by tile and triangle by triangle, which is how they are shaded fastest: those shaded at once then mostly
-// share a triangle, and those shaded next need the same texels. In the lists they are the layers of one pixel.
+// Fragments tile by tile and triangle by triangle, which is how they are shaded fastest: those shaded at once then
+// mostly share a triangle, and those shaded next need the same texels. In the lists they are the layers of one pixel.
 
 // One work-item per tile of TILE x TILE pixels sorts its fragments by their triangles' last digit to the base BUCKETS;
 // those of one bucket stay in the order of the lists. to_place: where each fragment is in the lists.

@@ -6,9 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.kernels.samples import Samples
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.fragments.build import Fragments
 
@@ -28,11 +31,11 @@ def order_fragments(device: Device, fragments: Fragments, stage: str) -> Samples
     return ordered
 
 
-def _arrays(samples: Samples) -> tuple:
+def _arrays(samples: Samples) -> tuple[Array, Array, Array, Array]:
     return samples.triangle, samples.bary1, samples.bary2, samples.footprint
 
 
-def order_twin(offsets: np.ndarray, triangle: np.ndarray, width: int) -> np.ndarray:
+def order_twin(offsets: arrays.Array, triangle: arrays.Array, width: int) -> arrays.Array:
     """int64 (n), which fragment comes where: offsets int (P + 1) and triangle int (n) of lists in rows of `width`."""
     pixel = np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     row, column = pixel // width, pixel % width

@@ -1,9 +1,13 @@
 """Atlases with texels that nothing owns."""
 
+from __future__ import annotations
+
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 
-def random_atlas(rng, height, width, owned):
+
+def random_atlas(rng: np.random.Generator, height: int, width: int, owned: float) -> Bytes:
     """Random colours, uint8 (h, w, 4); squares of texels owned or not, garbage in those that are not."""
     cells = rng.random((-(-height // 4), -(-width // 4))) < owned
     alpha = cells.repeat(4, axis=0).repeat(4, axis=1)[:height, :width] * 255

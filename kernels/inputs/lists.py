@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Longs, Words
+
 
 def random_rows(
     rng: np.random.Generator, width: int = 24, height: int = 16, most: int = 6, words: int = 2
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Longs, Words]:
     """Offsets, int64 (width * height + 1), and rows, uint32 (n, words): a colour, a depth and what else there is room
     for, nearest first; a fifth of them opaque."""
     counts = rng.integers(0, most, width * height) * (rng.random(width * height) < 0.7)

@@ -1,9 +1,20 @@
 """Pictures for the metrics: something like a rendering, kinds of damage, and the cases that break metrics."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 
-def rendering(height, width, seed=0):
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from shading_atlas_bench.kernels.device import Device
+
+
+def rendering(height: int, width: int, seed: int = 0) -> Bytes:
     """Uint8 (h, w, 3): smooth shading, hard edges, fine texture, saturated and flat parts."""
     rng = np.random.default_rng(seed)
     y, x = np.mgrid[0:height, 0:width] / 64
@@ -15,17 +26,19 @@ def rendering(height, width, seed=0):
     image[blocky] = cells[:height, :width][blocky]
     image[: height // 5, : width // 4] = [255, 0, 0]
     image[: height // 8, -width // 3 :] = 17
-    return np.clip(image + rng.normal(0, 3, image.shape), 0, 255).astype(np.uint8)
+    grainy: Doubles = image + rng.normal(0, 3, image.shape)
+    return np.clip(grainy, 0, 255).astype(np.uint8)
 
 
-def damaged(image, kind, seed=0):
+def damaged(image: Bytes, kind: str, seed: int = 0) -> Bytes:
     """The picture with noise, blur, a shift, a wrong brightness, blocks of one colour, or one wrong pixel."""
     rng = np.random.default_rng(seed)
-    values = image.astype(np.float64)
+    values: Doubles = image.astype(np.float64)
     if kind == "noise":
         values += rng.normal(0, 12, image.shape)
     elif kind == "blur":
-        values = sum(np.roll(values, s, axis=a) for a in (0, 1) for s in (-2, -1, 0, 1, 2)) / 10
+        rolled = (np.roll(values, s, axis=a) for a in (0, 1) for s in (-2, -1, 0, 1, 2))
+        values = sum(rolled, np.zeros(image.shape)) / 10
     elif kind == "shift":
         values = np.roll(values, (1, 2), axis=(0, 1))
     elif kind == "bright":
@@ -40,12 +53,12 @@ def damaged(image, kind, seed=0):
 KINDS = ("noise", "blur", "shift", "bright", "blocks", "pixel")
 
 
-def flat(height, width, colour):
+def flat(height: int, width: int, colour: tuple[int, int, int]) -> Bytes:
     """One colour everywhere."""
     return np.broadcast_to(np.array(colour, np.uint8), (height, width, 3)).copy()
 
 
-def on_device(device, image):
+def on_device(device: Device, image: Bytes) -> Array:
     """The picture as the metrics take it: uint8 (h, w, 4), with an alpha that must not matter."""
     height, width = image.shape[:2]
     alpha = np.random.default_rng(5).integers(0, 256, (height, width, 1)).astype(np.uint8)

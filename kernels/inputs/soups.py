@@ -2,15 +2,22 @@
 
 from __future__ import annotations
 
-import numpy as np
+from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.kernels.triangles import Triangles
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.kernels.device import Device
 
 NEAR = 0.1
 FAR_EYE = np.array([1000.5, -20.25, 300.125])
 
 
-def look_at(eye, target, up=(0.0, 1.0, 0.0)) -> np.ndarray:
+def look_at(eye: ArrayLike, target: ArrayLike, up: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> Doubles:
     """A view matrix."""
     eye = np.asarray(eye, np.float64)
     back = eye - np.asarray(target, np.float64)
@@ -23,7 +30,7 @@ def look_at(eye, target, up=(0.0, 1.0, 0.0)) -> np.ndarray:
     return view
 
 
-def perspective(fov_x=90.0, aspect=1.5, shift=(0.0, 0.0)) -> np.ndarray:
+def perspective(fov_x: float = 90.0, aspect: float = 1.5, shift: tuple[float, float] = (0.0, 0.0)) -> Doubles:
     """Reversed depth, infinite far plane, optionally off-centre."""
     projection = np.zeros((4, 4))
     projection[0, 0] = 1 / np.tan(np.radians(fov_x) / 2)
@@ -34,28 +41,29 @@ def perspective(fov_x=90.0, aspect=1.5, shift=(0.0, 0.0)) -> np.ndarray:
     return projection
 
 
-def orthographic(half_width, half_height, length) -> np.ndarray:
+def orthographic(half_width: float, half_height: float, length: float) -> Doubles:
     """Depth 1 at the camera, 0 at `length`."""
     projection = np.diag([1 / half_width, 1 / half_height, 1 / length, 1.0])
     projection[2, 3] = 1
     return projection
 
 
-def pixel_points(pixels, width, height, distance=1.0) -> np.ndarray:
+def pixel_points(pixels: ArrayLike, width: int, height: int, distance: float = 1.0) -> Doubles:
     """Points that an identity view with perspective(90, width / height) projects to pixel positions (..., 2)."""
     pixels = np.asarray(pixels, np.float64)
     tangent = np.stack([2 * pixels[..., 0] / width - 1, (1 - 2 * pixels[..., 1] / height) * height / width], axis=-1)
-    return np.concatenate([tangent, np.full((*pixels.shape[:-1], 1), -1.0)], axis=-1) * distance
+    points: Doubles = np.concatenate([tangent, np.full((*pixels.shape[:-1], 1), -1.0)], axis=-1) * distance
+    return points
 
 
-def soup(device, corners, flags=0) -> Triangles:
+def soup(device: Device, corners: ArrayLike, flags: ArrayLike = 0) -> Triangles:
     """Triangles (T, 3, 3) that share no corners."""
     corners = np.asarray(corners, np.float32).reshape(-1, 3)
     indices = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     return Triangles.upload(device, corners, indices, np.full(len(indices), flags, np.uint8))
 
 
-def random_soup(device, rng, count, flags=Triangles.DOUBLE_SIDED) -> Triangles:
+def random_soup(device: Device, rng: np.random.Generator, count: int, flags: int = Triangles.DOUBLE_SIDED) -> Triangles:
     """Triangles of sizes from 1e-3 to 10 around the origin, some far away, some slivers."""
     centres = rng.normal(0, 3, (count, 1, 3)) * 10.0 ** rng.uniform(0, 1, (count, 1, 1))
     sides = rng.normal(0, 1, (count, 3, 3)) * 10.0 ** rng.uniform(-3, 1, (count, 1, 1))
@@ -64,7 +72,7 @@ def random_soup(device, rng, count, flags=Triangles.DOUBLE_SIDED) -> Triangles:
     return soup(device, centres + sides, flags)
 
 
-def far_soup(rng: np.random.Generator, count: int = 400) -> np.ndarray:
+def far_soup(rng: np.random.Generator, count: int = 400) -> Floats:
     """Triangles float32 (n, 3, 3) around a camera at FAR_EYE: of all sizes, behind it, through it, slivers, points."""
     size = 10.0 ** rng.uniform(-2.5, 1.2, (count, 1, 1))
     corners = FAR_EYE + rng.normal(size=(count, 1, 3)) * 6 + size * rng.normal(size=(count, 3, 3))
@@ -77,7 +85,7 @@ def far_soup(rng: np.random.Generator, count: int = 400) -> np.ndarray:
     return corners.astype(np.float32)
 
 
-def mixed_soup(rng: np.random.Generator, count: int, offset: float = 0.0) -> np.ndarray:
+def mixed_soup(rng: np.random.Generator, count: int, offset: float = 0.0) -> Floats:
     """Triangles (n, 3, 3) of all sizes, ahead, beside and behind; slivers, points and equilateral ones among them."""
     middle = rng.normal(size=(count, 1, 3)) * [2, 1, 4] - [0, 0, 3]
     corners = middle + rng.normal(size=(count, 3, 3)) * 10.0 ** rng.uniform(-3, 0.7, (count, 1, 1))

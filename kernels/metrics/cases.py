@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.kernels.case import EXACT, Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.inputs.pictures import damaged, on_device, rendering
 from shading_atlas_bench.kernels.metrics.ciede2000 import Ciede2000, ciede2000, ciede2000_twin
@@ -17,13 +19,15 @@ from shading_atlas_bench.kernels.metrics.ssim import RADIUS, Ssim, similarity_tw
 from shading_atlas_bench.kernels.metrics.stretch import stretch, stretch_twin
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from shading_atlas_bench.kernels.device import Device
 
 WHOLE = Filters.at(PIXELS_PER_DEGREE)
 SHARP, BLUR, FEATURE = (len(taps) for taps in (WHOLE.luminance, WHOLE.yellow_1, WHOLE.smooth))
 
 
-def _pictures(kind: str, size: int) -> tuple[np.ndarray, np.ndarray]:
+def _pictures(kind: str, size: int) -> tuple[Bytes, Bytes]:
     """Reference and test, 16:9 and `size` wide. Adversarial: black and white at random, and its opposite in places."""
     height, width = size * 9 // 16, size
     if kind == "typical":
@@ -34,7 +38,24 @@ def _pictures(kind: str, size: int) -> tuple[np.ndarray, np.ndarray]:
     return reference, np.where(rng.random((height, width, 1)) < 0.3, 255 - reference, reference)
 
 
-def _trial(device: Device, kind: str, size: int, metric: type, results) -> Trial:
+class Metric(Protocol):
+    """What the metrics have that compare pictures with a reference."""
+
+    def reference(self, image: Array) -> None: ...
+
+    def compare(self, test: Array) -> None: ...
+
+
+AnyMetric = TypeVar("AnyMetric", bound=Metric)
+
+
+def _trial(
+    device: Device,
+    kind: str,
+    size: int,
+    metric: Callable[[Device, int, int], AnyMetric],
+    results: Callable[[AnyMetric, Bytes, Bytes], list[Result]],
+) -> Trial:
     """Both halves of a metric: the reference's and the comparison's. results: of the metric and the host's pictures."""
     reference, test = _pictures(kind, size)
     height, width = reference.shape[:2]
@@ -55,7 +76,8 @@ def _trial(device: Device, kind: str, size: int, metric: type, results) -> Trial
 def mse(device: Device, kind: str, size: int) -> Trial:
     reference, test = _pictures(kind, size)
     height, width = reference.shape[:2]
-    error, uploaded = SquaredError(device, width, height), [on_device(device, image) for image in (test, reference)]
+    error = SquaredError(device, width, height)
+    uploaded = on_device(device, test), on_device(device, reference)
 
     def results() -> list[Result]:
         error.compare(*uploaded)
@@ -78,7 +100,7 @@ SSIM = {
 def ssim(device: Device, kind: str, size: int) -> Trial:
     """Compares the sums of rows of 16 pixels: the error of single pixels, which the mean hides, shows."""
 
-    def results(ours: Ssim, reference: np.ndarray, test: np.ndarray) -> list[Result]:
+    def results(ours: Ssim, reference: Bytes, test: Bytes) -> list[Result]:
         expected = 1 - np.prod(similarity_twin(luma(reference), luma(test)), axis=0)
         pieces = ours.layout.pieces
         padded = np.pad(expected, ((0, -len(expected) % 4), (RADIUS, 16 * pieces - expected.shape[1] - RADIUS)))
@@ -100,7 +122,7 @@ FLIP = {
 # Powers of 0.7 of colour differences near 0 enlarge them.
 @case(FLIP, 960, 480, typical=Bound(1000), adversarial=Bound(15_000))
 def flip(device: Device, kind: str, size: int) -> Trial:
-    def results(ours: Flip, reference: np.ndarray, test: np.ndarray) -> list[Result]:
+    def results(ours: Flip, reference: Bytes, test: Bytes) -> list[Result]:
         return [Result(ours.error_map(), flip_twin(test, reference))]
 
     return _trial(device, kind, size, Flip, results)
@@ -115,7 +137,7 @@ def flip(device: Device, kind: str, size: int) -> Trial:
 def delta_e(device: Device, kind: str, size: int) -> Trial:
     """Compares the sums of pieces of 16 pixels."""
 
-    def results(ours: Ciede2000, reference: np.ndarray, test: np.ndarray) -> list[Result]:
+    def results(ours: Ciede2000, reference: Bytes, test: Bytes) -> list[Result]:
         expected = ciede2000_twin(lab_from_srgb(reference), lab_from_srgb(test))
         pieces = ours.layout.pieces
         padded = np.pad(expected, ((0, 0), (0, 16 * pieces - expected.shape[1])))
@@ -161,7 +183,7 @@ IWSSIM = {
 def iwssim(device: Device, kind: str, size: int) -> Trial:
     """Compares the bands of the reference and the score."""
 
-    def results(ours: IwSsim, reference: np.ndarray, test: np.ndarray) -> list[Result]:
+    def results(ours: IwSsim, reference: Bytes, test: Bytes) -> list[Result]:
         bands = bands_twin(luma(reference))[:-1]
         found = [band.layout.image(band.plane)[0] for band in ours.bands]
         score = Result(np.array([ours.score()]), np.array([iwssim_twin(test, reference)]))
@@ -185,7 +207,7 @@ def stretching(device: Device, kind: str, size: int) -> Trial:
     if hard:
         maps[::3, 1] = maps[::3, 0] * (1 + 10.0 ** rng.uniform(-7, -3, (len(maps[::3]), 1)))
     texels = (np.einsum("hwij,hwj->hwi", maps[triangle], grid % 1000) + 500).astype(np.float32)
-    uploaded = [device.upload(array) for array in (triangle, texels)]
+    uploaded = device.upload(triangle), device.upload(texels)
 
     def results() -> list[Result]:
         found, expected = stretch(device, *uploaded), stretch_twin(triangle, texels)

@@ -1,5 +1,6 @@
 // The colour difference CIEDE2000 (Sharma, Wu and Dalal 2005), without trigonometric calls: hues stay unit vectors.
 
+#include "common/wide.cl"
 #include "metrics/colour.cl"
 
 // CIELAB planes (3) of a picture.
@@ -20,7 +21,7 @@ __kernel void lab_planes(const int width, const int height, const int stride, __
 }
 
 // sqrt(c^7 / (c^7 + 25^7)), with c in units of 25.
-static inline float16 chroma_weight(const float16 chroma)
+INLINE float16 chroma_weight(const float16 chroma)
 {
     const float16 c = chroma * 0.04f;
     const float16 c2 = c * c;
@@ -29,26 +30,29 @@ static inline float16 chroma_weight(const float16 chroma)
 }
 
 // The angle in degrees of the vector (x, y) with x > 0, from the half-angle tangent (error 1e-4).
-static inline float16 degrees_from_axis(const float16 x, const float16 y, const float16 length)
+INLINE float16 degrees_from_axis(const float16 x, const float16 y, const float16 length)
 {
     const float16 t = y / (x + length);
     const float16 s = t * t;
-    const float16 series = 1.0f + s * (-0.33332977f + s * (0.19980379f + s * (-0.14120324f + s * (0.10336555f
-        + s * (-0.06533923f + s * (0.02867911f + s * -0.00600352f))))));
+    const float16 series =
+        1.0f +
+        s * (-0.33332977f +
+             s * (0.19980379f +
+                  s * (-0.14120324f + s * (0.10336555f + s * (-0.06533923f + s * (0.02867911f + s * -0.00600352f))))));
     return 2.0f * 57.2957795f * t * series;
 }
 
 // sin of x in 0..pi/3 (error 1e-7).
-static inline float16 small_sine(const float16 x)
+INLINE float16 small_sine(const float16 x)
 {
     const float16 s = x * x;
     return x * (1.0f + s * (-1.0f / 6 + s * (1.0f / 120 + s * (-1.0f / 5040 + s * (1.0f / 362880)))));
 }
 
 // The rotation R_T of mean hue (c, s): -sin(2 * 30 exp(-((h - 275) / 25)^2)) times 2 sqrt(C^7 / (C^7 + 25^7)).
-static inline float16 rotation_term(const float16 c, const float16 s, const float16 chroma)
+INLINE float16 rotation_term(const float16 c, const float16 s, const float16 chroma)
 {
-    const float cosine = 0.08715574f, sine = -0.99619470f;  // of 275 degrees
+    const float cosine = 0.08715574f, sine = -0.99619470f; // of 275 degrees
     const float16 x = c * cosine + s * sine, y = s * cosine - c * sine;
     // Beyond 90 degrees from the axis the term is below 1e-4 of what it is on it; there the angle is taken as 90.
     const float16 angle = x > 0.0f ? degrees_from_axis(larger(x, 1e-6f), y, (float16)(1.0f)) : (float16)(90.0f);
@@ -58,13 +62,13 @@ static inline float16 rotation_term(const float16 c, const float16 s, const floa
 }
 
 // Unfused, so that it is exactly 0 for equal and for opposite hues.
-static inline float16 cross_product(const wide3 p, const wide3 q)
+INLINE float16 cross_product(const wide3 p, const wide3 q)
 {
-    #pragma OPENCL FP_CONTRACT OFF
+#pragma OPENCL FP_CONTRACT OFF
     return p.y * q.z - q.y * p.z;
 }
 
-static inline float16 ciede2000(const wide3 p, const wide3 q)
+INLINE float16 ciede2000(const wide3 p, const wide3 q)
 {
     const float16 mean_ab = 0.5f * (sqrt(p.y * p.y + p.z * p.z) + sqrt(q.y * q.y + q.z * q.z));
     const float16 stretch = 1.5f - 0.5f * chroma_weight(mean_ab);
@@ -83,7 +87,8 @@ static inline float16 ciede2000(const wide3 p, const wide3 q)
     const float16 hue_size = dot_pq > -0.5f * safe ? fabs(near_hue) : far_hue;
     const float16 dh = grey ? (float16)(0.0f) : (cross_pq < 0.0f ? -hue_size : hue_size);
 
-    // Mean hue as a unit vector: the sum of both hues, or, for nearly opposite ones, at right angles to their difference.
+    // Mean hue as a unit vector: the sum of both hues, or, for nearly opposite ones, at right angles to their
+    // difference.
     const float16 pi = 1.0f / larger(pc, 1e-12f), qi = 1.0f / larger(qc, 1e-12f);
     const float16 px = pa * pi, py = p.z * pi, qx = qa * qi, qy = q.z * qi;
     const float16 sx = px + qx, sy = py + qy, dx = px - qx, dy = py - qy;

@@ -6,10 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.kernels.metrics.colour import RGB_TO_RELATIVE, linear_values
 from shading_atlas_bench.kernels.metrics.planes import PIECE, Layout, total
 
 if TYPE_CHECKING:
+    from pyopencl import Kernel
     from pyopencl.array import Array
 
     from shading_atlas_bench.kernels.device import Device
@@ -26,7 +29,7 @@ class Ciede2000:
         self.lab = self.layout.empty(device, 3)
         self.partial = device.empty(self.layout.items, np.float32)
 
-    def _launch(self, kernel: object, image: Array, *rest: Array) -> None:
+    def _launch(self, kernel: Kernel, image: Array, *rest: Array) -> None:
         at = self.layout
         colour = (image, self.linear, self.to_xyz)
         self.device.launch("metrics/delta_e", kernel, at.items, at.width, at.height, at.stride, *colour, *rest)
@@ -44,7 +47,7 @@ class Ciede2000:
         return total(self.partial) / (self.layout.width * self.layout.height)
 
 
-def ciede2000(device: Device, a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def ciede2000(device: Device, a: arrays.Array, b: arrays.Array) -> Floats:
     """The difference of each pair of CIELAB colours, (n, 3) and (n, 3), as the kernel computes it: float32 (n)."""
     count = -(-len(a) // PIECE) * PIECE
     columns = [np.zeros((3, count), np.float32) for _ in range(2)]
@@ -56,12 +59,13 @@ def ciede2000(device: Device, a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return out.get()[: len(a)]
 
 
-def ciede2000_twin(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def ciede2000_twin(a: Doubles, b: Doubles) -> Doubles:
     """The difference of CIELAB colours, float64 (..., 3) each; hue angles in degrees as the standard writes them."""
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
 
-    def weight(chroma: np.ndarray) -> np.ndarray:
-        return np.sqrt(chroma**7 / (chroma**7 + 25.0**7))
+    def weight(chroma: Doubles) -> Doubles:
+        share: Doubles = np.sqrt(chroma**7 / (chroma**7 + 25.0**7))
+        return share
 
     stretch = 1.5 - 0.5 * weight((np.hypot(a1, b1) + np.hypot(a2, b2)) / 2)
     c1, c2 = np.hypot(stretch * a1, b1), np.hypot(stretch * a2, b2)
@@ -75,11 +79,13 @@ def ciede2000_twin(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     mean_h = np.where(grey, total_h, mean_h)
     mean_l, mean_c = (l1 + l2) / 2, (c1 + c2) / 2
 
-    def cosine(times: int, plus: int) -> np.ndarray:
-        return np.cos(np.radians(times * mean_h + plus))
+    def cosine(times: int, plus: int) -> Doubles:
+        value: Doubles = np.cos(np.radians(times * mean_h + plus))
+        return value
 
     t = 1 - 0.17 * cosine(1, -30) + 0.24 * cosine(2, 0) + 0.32 * cosine(3, 6) - 0.20 * cosine(4, -63)
     lightness = (l2 - l1) / (1 + 0.015 * (mean_l - 50) ** 2 / np.sqrt(20 + (mean_l - 50) ** 2))
     chroma, hue = (c2 - c1) / (1 + 0.045 * mean_c), delta_h / (1 + 0.015 * mean_c * t)
     rotation = -2 * weight(mean_c) * np.sin(np.radians(60 * np.exp(-(((mean_h - 275) / 25) ** 2))))
-    return np.sqrt(np.maximum(lightness**2 + chroma**2 + hue**2 + rotation * chroma * hue, 0))
+    difference: Doubles = np.sqrt(np.maximum(lightness**2 + chroma**2 + hue**2 + rotation * chroma * hue, 0))
+    return difference

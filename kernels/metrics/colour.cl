@@ -7,7 +7,7 @@ typedef struct {
 } wide3;
 
 // 16 pixels from `column` on, as 32-bit words; columns outside the row repeat its first or last pixel.
-static inline uint16 load_pixels(__global const uint *image, const int width, const int row, const int column)
+INLINE uint16 load_pixels(__global const uint *image, const int width, const int row, const int column)
 {
     __global const uint *pixels = image + (size_t)row * width;
     if (column >= 0 && column + PIECE <= width)
@@ -18,18 +18,18 @@ static inline uint16 load_pixels(__global const uint *image, const int width, co
     return vload16(0, lanes);
 }
 
-static inline float16 channel(const uint16 pixels, const int number)
+INLINE float16 channel(const uint16 pixels, const int number)
 {
     return convert_float16((pixels >> (uint)(8 * number)) & 255u);
 }
 
 // BT.601 luma of the sRGB values, 0..255: the grey picture that SSIM and IW-SSIM are defined on.
-static inline float16 luma(const uint16 pixels)
+INLINE float16 luma(const uint16 pixels)
 {
     return 0.299f * channel(pixels, 0) + 0.587f * channel(pixels, 1) + 0.114f * channel(pixels, 2);
 }
 
-static inline float16 linear_channel(const uint16 pixels, const int number, __global const float *linear)
+INLINE float16 linear_channel(const uint16 pixels, const int number, __global const float *linear)
 {
     const uint16 c = (pixels >> (uint)(8 * number)) & 255u;
     return (float16)(linear[c.s0], linear[c.s1], linear[c.s2], linear[c.s3], linear[c.s4], linear[c.s5], linear[c.s6],
@@ -38,27 +38,27 @@ static inline float16 linear_channel(const uint16 pixels, const int number, __gl
 }
 
 // `linear`: the 256 linear values of an sRGB byte.
-static inline wide3 linear_rgb(const uint16 pixels, __global const float *linear)
+INLINE wide3 linear_rgb(const uint16 pixels, __global const float *linear)
 {
     return (wide3){linear_channel(pixels, 0, linear), linear_channel(pixels, 1, linear),
                    linear_channel(pixels, 2, linear)};
 }
 
 // Row-major 3x3 `m` times v.
-static inline wide3 transform(__global const float *m, const wide3 v)
+INLINE wide3 transform(__global const float *m, const wide3 v)
 {
     return (wide3){m[0] * v.x + m[1] * v.y + m[2] * v.z, m[3] * v.x + m[4] * v.y + m[5] * v.z,
                    m[6] * v.x + m[7] * v.y + m[8] * v.z};
 }
 
-static inline float16 lab_curve(const float16 t)
+INLINE float16 lab_curve(const float16 t)
 {
     const float16 bend = 216.0f / 24389.0f;
     return t > bend ? cube_root(larger(t, bend)) : t * (841.0f / 108.0f) + 4.0f / 29.0f;
 }
 
 // CIELAB of tristimulus values relative to white.
-static inline wide3 lab_of(const wide3 xyz)
+INLINE wide3 lab_of(const wide3 xyz)
 {
     const float16 fx = lab_curve(xyz.x), fy = lab_curve(xyz.y), fz = lab_curve(xyz.z);
     return (wide3){116.0f * fy - 16.0f, 500.0f * (fx - fy), 200.0f * (fy - fz)};

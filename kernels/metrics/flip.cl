@@ -1,7 +1,8 @@
 // FLIP for low dynamic range (Andersson et al. 2020): colours after the eye's contrast sensitivity in a Hunt-adjusted
 // CIELAB, features as edges and points of luminance, and the difference of both.
 //
-// Defined by the launcher: SHARP_RADIUS (luminance and red-green), BLUR_RADIUS (blue-yellow), FEATURE_RADIUS, in pixels.
+// Defined by the launcher: SHARP_RADIUS (luminance and red-green), BLUR_RADIUS (blue-yellow), FEATURE_RADIUS, in
+// pixels.
 
 #include "metrics/colour.cl"
 
@@ -33,7 +34,7 @@ __kernel void opponents(const int width, const int height, const int stride, __g
 }
 
 // One symmetric filter along `step` elements (1: the row).
-static inline float16 filtered(__global const float *p, const int radius, __global const float *taps)
+INLINE float16 filtered(__global const float *p, const int radius, __global const float *taps)
 {
     float16 sum = taps[0] * vload16(0, p);
     for (int k = 1; k <= radius; k++)
@@ -80,7 +81,7 @@ __kernel void filter_rows(const int width, const int height, const int stride, _
 }
 
 // Filtered opponents to Hunt-adjusted CIELAB: out of gamut colours are clamped to the display's.
-static inline wide3 hunt_lab(const wide3 opponents, __global const float *to_rgb, __global const float *to_xyz)
+INLINE wide3 hunt_lab(const wide3 opponents, __global const float *to_rgb, __global const float *to_xyz)
 {
     const wide3 xyz = {opponents.x + opponents.y, opponents.x, opponents.x - opponents.z};
     wide3 rgb = transform(to_rgb, xyz);

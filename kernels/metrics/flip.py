@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import exp, hypot, log, power
 from shading_atlas_bench.arithmetic.matrices import inverse
 from shading_atlas_bench.kernels.metrics.colour import RGB_TO_RELATIVE, lab_from_relative, linear_values
@@ -39,14 +41,14 @@ class Filters:
     they fall below 1e-7 of their centre.
     """
 
-    luminance: np.ndarray
-    red_green: np.ndarray
-    yellow_1: np.ndarray
-    yellow_2: np.ndarray
+    luminance: Doubles
+    red_green: Doubles
+    yellow_1: Doubles
+    yellow_2: Doubles
     yellow_share: float
-    smooth: np.ndarray
-    edge: np.ndarray
-    point: np.ndarray
+    smooth: Doubles
+    edge: Doubles
+    point: Doubles
 
     @classmethod
     def at(cls, pixels_per_degree: float) -> Filters:
@@ -54,7 +56,7 @@ class Filters:
         radius = int(np.ceil(3 * np.sqrt(0.04 / (2 * np.pi * np.pi)) * pixels_per_degree))
         sharp = min(radius, int(np.ceil(np.sqrt(log(1e7) * 0.0053) / np.pi * pixels_per_degree)))
 
-        def gaussian(b: float, reach: int) -> tuple[np.ndarray, float]:
+        def gaussian(b: float, reach: int) -> tuple[Doubles, float]:
             place = np.pi * np.arange(-reach, reach + 1) / pixels_per_degree
             values = exp(-place * place / b)
             return values / values.sum(), values.sum()
@@ -77,19 +79,20 @@ class Filters:
         )
 
     @property
-    def taps(self) -> np.ndarray:
+    def taps(self) -> Floats:
         """All filters one after the other, float32, each between the zeros that `filtered_down` wants."""
         whole = (self.luminance, self.red_green, self.yellow_1, self.yellow_2, self.smooth, self.edge, self.point)
         return np.concatenate([padded_taps(taps) for taps in whole])
 
 
-def _halves_sum_to_one(values: np.ndarray) -> np.ndarray:
+def _halves_sum_to_one(values: Doubles) -> Doubles:
     """Scale the positive values to a sum of 1 and the negative ones to -1."""
     positive = values > 0
-    return np.where(positive, values / values[positive].sum(), values / -values[~positive].sum())
+    scaled: Doubles = np.where(positive, values / values[positive].sum(), values / -values[~positive].sum())
+    return scaled
 
 
-def _hunt_lab(relative_xyz: np.ndarray) -> np.ndarray:
+def _hunt_lab(relative_xyz: Doubles) -> Doubles:
     lab = lab_from_relative(relative_xyz)
     return np.concatenate([lab[..., :1], 0.01 * lab[..., :1] * lab[..., 1:]], axis=-1)
 
@@ -113,8 +116,12 @@ class Flip:
         if blur > MARGIN:
             raise ValueError(f"FLIP at {pixels_per_degree:g} pixels per degree needs wider filters than there is room.")
         self.device, self.layout = device, Layout(width, height)
-        radii = {"SHARP": len(filters.luminance) // 2, "BLUR": blur, "FEATURE": len(filters.smooth) // 2}
-        self.kernels = device.build("metrics/flip.cl", **{f"{name}_RADIUS": radius for name, radius in radii.items()})
+        self.kernels = device.build(
+            "metrics/flip.cl",
+            SHARP_RADIUS=len(filters.luminance) // 2,
+            BLUR_RADIUS=blur,
+            FEATURE_RADIUS=len(filters.smooth) // 2,
+        )
         self.taps, self.share = device.upload(filters.taps), filters.yellow_share
         self.linear = device.upload(linear_values().astype(np.float32))
         self.to_xyz = device.upload(RGB_TO_RELATIVE.astype(np.float32))
@@ -156,12 +163,13 @@ class Flip:
         """The mean over the last compared picture, 0 (no difference) to 1."""
         return total(self.partial) / (self.layout.width * self.layout.height)
 
-    def error_map(self) -> np.ndarray:
+    def error_map(self) -> Floats:
         """The error of each pixel of the last compared picture, float32 (h, w), 0..1."""
-        return self.layout.image(self.map)[0]
+        errors: Floats = self.layout.image(self.map)[0]
+        return errors
 
 
-def _separable(image: np.ndarray, along_x: np.ndarray, along_y: np.ndarray) -> np.ndarray:
+def _separable(image: Doubles, along_x: Doubles, along_y: Doubles) -> Doubles:
     """Correlate (h, w) with two 1D filters; the border pixels are repeated."""
     for axis, taps in ((1, along_x), (0, along_y)):
         radius = len(taps) // 2
@@ -172,7 +180,7 @@ def _separable(image: np.ndarray, along_x: np.ndarray, along_y: np.ndarray) -> n
     return image
 
 
-def _features_twin(image: np.ndarray, filters: Filters) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _features_twin(image: Bytes, filters: Filters) -> tuple[Doubles, Doubles, Doubles]:
     xyz = linear_values()[image[..., :3]] @ RGB_TO_RELATIVE.T
     x, y, z = np.moveaxis(xyz, -1, 0)
     share = filters.yellow_share
@@ -186,10 +194,11 @@ def _features_twin(image: np.ndarray, filters: Filters) -> tuple[np.ndarray, np.
         np.hypot(_separable(y, taps, filters.smooth), _separable(y, filters.smooth, taps))
         for taps in (filters.edge, filters.point)
     ]
-    return _hunt_lab(rgb @ RGB_TO_RELATIVE.T), *magnitudes
+    edge, point = magnitudes
+    return _hunt_lab(rgb @ RGB_TO_RELATIVE.T), edge, point
 
 
-def flip_twin(test: np.ndarray, reference: np.ndarray, pixels_per_degree: float = PIXELS_PER_DEGREE) -> np.ndarray:
+def flip_twin(test: Bytes, reference: Bytes, pixels_per_degree: float = PIXELS_PER_DEGREE) -> Doubles:
     """The FLIP error of each pixel, float64 (h, w), of two uint8 (h, w, 3 or 4) pictures."""
     filters = Filters.at(pixels_per_degree)
     lab_t, edge_t, point_t = _features_twin(test, filters)
@@ -201,11 +210,12 @@ def flip_twin(test: np.ndarray, reference: np.ndarray, pixels_per_degree: float 
     high = value + (colour - bend) / (largest - bend) * (1 - value)
     colour_error = np.minimum(np.where(colour < bend, colour * value / bend, high), 1)
     feature = np.maximum(np.abs(edge_t - edge_r), np.abs(point_t - point_r)) / np.sqrt(2)
-    return colour_error ** (1 - np.minimum(np.sqrt(feature), 1))
+    error: Doubles = colour_error ** (1 - np.minimum(np.sqrt(feature), 1))
+    return error
 
 
 @cache
-def _magma_table() -> np.ndarray:
+def _magma_table() -> Bytes:
     """The 256 colours of the map, uint8 (256, 3)."""
     import plotly.colors
 
@@ -216,6 +226,6 @@ def _magma_table() -> np.ndarray:
     return np.rint(np.stack(table, axis=-1)).astype(np.uint8)
 
 
-def magma(values: np.ndarray) -> np.ndarray:
+def magma(values: arrays.Array) -> Bytes:
     """FLIP's colours, black over violet and orange to pale yellow: uint8 (..., 3) of values 0..1."""
     return np.take(_magma_table(), (np.clip(values, 0, 1) * 255 + 0.5).astype(np.uint8), axis=0)

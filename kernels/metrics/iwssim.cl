@@ -1,6 +1,7 @@
-// Information content weighted SSIM (Wang and Li 2011): SSIM of the bands of a Laplacian pyramid, each pixel weighted by
-// the information that its neighbourhood in the band (and the coarser band) carries about both pictures.
+// Information content weighted SSIM (Wang and Li 2011): SSIM of the bands of a Laplacian pyramid, each pixel weighted
+// by the information that its neighbourhood in the band (and the coarser band) carries about both pictures.
 
+#include "common/wide.cl"
 #include "metrics/ssim.cl"
 
 // The pyramid's 5-tap binomial filter has sum sqrt(2), so a level is 2^k times brighter than the picture, as published.
@@ -27,19 +28,19 @@ __kernel void reflect_margins(const int width, const int height, const int strid
     }
 }
 
-static inline int reflected(const int row, const int height, const int skip)
+INLINE int reflected(const int row, const int height, const int skip)
 {
     const int positive = row < 0 ? -row : row;
     return positive < height ? positive : 2 * height - 1 - skip - positive;
 }
 
 // 16 columns of the vertical pass around `row`.
-static inline float16 binomial_column(__global const float *p, const int row, const int height, const int stride)
+INLINE float16 binomial_column(__global const float *p, const int row, const int height, const int stride)
 {
-    const float16 far = vload16(0, p + reflected(row - 2, height, 1) * stride) +
-                        vload16(0, p + reflected(row + 2, height, 1) * stride);
-    const float16 near = vload16(0, p + reflected(row - 1, height, 1) * stride) +
-                         vload16(0, p + reflected(row + 1, height, 1) * stride);
+    const float16 far =
+        vload16(0, p + reflected(row - 2, height, 1) * stride) + vload16(0, p + reflected(row + 2, height, 1) * stride);
+    const float16 near =
+        vload16(0, p + reflected(row - 1, height, 1) * stride) + vload16(0, p + reflected(row + 1, height, 1) * stride);
     return BINOMIAL_0 * vload16(0, p + row * stride) + (BINOMIAL_1 * near + BINOMIAL_2 * far);
 }
 
@@ -66,7 +67,7 @@ __kernel void reduce(const int height, const int stride, const int coarse_width,
 }
 
 // Even and odd pixels of one coarse row brought to the fine spacing, 16 fine pixels from an even column on.
-static inline float16 expanded_row(__global const float *p)
+INLINE float16 expanded_row(__global const float *p)
 {
     const float8 before = vload8(0, p - 1), here = vload8(0, p), after = vload8(0, p + 1);
     float16 fine;
@@ -121,7 +122,7 @@ __kernel void enlarge(const int width, const int height, const int stride, const
 }
 
 // Where neighbour `number` of the pixel at 0 lies: the 3x3 around it row by row, then the parent.
-static inline __global const float *neighbour(__global const float *band, __global const float *parent, const int stride,
+INLINE __global const float *neighbour(__global const float *band, __global const float *parent, const int stride,
                                        const int number)
 {
     return number < 9 ? band + (number / 3 - 1) * stride + number % 3 - 1 : parent;
@@ -162,8 +163,8 @@ __kernel void neighbour_products(const int width, const int height, const int st
 
 // The squared length, per neighbour, of each neighbourhood after `whiten` (neighbours, neighbours) makes it white.
 __kernel void whitened_energy(const int width, const int height, const int stride, const int neighbours,
-                              __global const float *band, __global const float *parent,
-                              __global const float *whiten, __global float *energy)
+                              __global const float *band, __global const float *parent, __global const float *whiten,
+                              __global float *energy)
 {
     const int pieces = (width + PIECE - 1) / PIECE;
     const int row = get_global_id(0) / pieces + 1;
@@ -189,7 +190,7 @@ typedef struct {
     float16 gain, variance;
 } channel_model;
 
-static inline channel_model fitted(__global const float *reference, __global const float *test, const int stride,
+INLINE channel_model fitted(__global const float *reference, __global const float *test, const int stride,
                             const float least)
 {
     // Moments about the middle pixel: small numbers, so that nothing is lost in the difference of squares.
@@ -217,7 +218,7 @@ static inline channel_model fitted(__global const float *reference, __global con
 
 // Information weight: sum over eigenvalues e of log2(1 + ((v + (1 + g^2) n) energy e + n v) / n^2), n the noise.
 // The product of the terms is taken, its exponents apart, and one logarithm of what is left.
-static inline float16 information(const channel_model m, const float16 energy, const int neighbours,
+INLINE float16 information(const channel_model m, const float16 energy, const int neighbours,
                            __global const float *eigenvalues)
 {
     const float16 slope = (m.variance + (1.0f + m.gain * m.gain) * NOISE) * energy * (1.0f / (NOISE * NOISE));
@@ -235,9 +236,9 @@ static inline float16 information(const channel_model m, const float16 energy, c
 // The vertical window pass of the test, and per work-item the sums of weight * contrast-structure and of weight.
 __kernel void weighted_sums(const int width, const int height, const int stride, const int neighbours,
                             __global const float *moments, __global const float *rows, __global const float *taps,
-                            const float c1, const float c2, __global const float *reference,
-                            __global const float *test, __global const float *energy,
-                            __global const float *eigenvalues, const float least, __global float *partial)
+                            const float c1, const float c2, __global const float *reference, __global const float *test,
+                            __global const float *energy, __global const float *eigenvalues, const float least,
+                            __global float *partial)
 {
     const int pieces = (width + PIECE - 1) / PIECE;
     const int id = get_global_id(0);

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Ints
 from shading_atlas_bench.arithmetic.functions import power
 from shading_atlas_bench.arithmetic.matrices import eigenvectors
 from shading_atlas_bench.kernels.metrics.colour import luma
@@ -32,7 +33,7 @@ LEAST_VARIANCE = 1e-6  # of a neighbourhood, squared luma steps; smaller ones ar
 LEAST_EIGENVALUE = 1e-6  # of the largest; the covariance of flat pictures is singular
 
 
-def enlarged_positions(count: int, parent: int) -> tuple[np.ndarray, np.ndarray]:
+def enlarged_positions(count: int, parent: int) -> tuple[Ints, Doubles]:
     """Where the pixels 0..count-1 of a band lie in the coarser band of `parent` pixels, as the authors' program has it.
 
     It enlarges to 4 parent - 3 pixels and takes every second one. Returns int32 pixels and float64 weights of the next.
@@ -43,7 +44,7 @@ def enlarged_positions(count: int, parent: int) -> tuple[np.ndarray, np.ndarray]
     return first, at - first
 
 
-def decorrelation(covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def decorrelation(covariance: Doubles) -> tuple[Doubles, Doubles]:
     """Eigenvalues (n) and the matrix (n, n) that makes neighbourhoods of this covariance white, float64.
 
     Negative eigenvalues become 0 with the trace kept; directions without variance are left out of the whitening.
@@ -93,8 +94,16 @@ class IwSsim:
     def _band(self, k: int) -> _Band:
         layout, device = self.layouts[k], self.device
         inner = layout.row_items(layout.height - 2 * RADIUS)
-        planes = [layout.empty(device, count) for count in (1, 1, 3, 2, 1)]
-        return _Band(layout, *planes, device.empty((inner, 2), np.float32), 9 + (k < WITH_PARENT))
+        return _Band(
+            layout,
+            plane=layout.empty(device),
+            test=layout.empty(device),
+            rows=layout.empty(device, 3),
+            moments=layout.empty(device, 2),
+            energy=layout.empty(device),
+            partial=device.empty((inner, 2), np.float32),
+            neighbours=9 + (k < WITH_PARENT),
+        )
 
     def _margins(self, k: int, skip: int) -> None:
         at = self.layouts[k]
@@ -110,8 +119,8 @@ class IwSsim:
         for k in range(SCALES - 1):
             fine, coarse = self.layouts[k], self.layouts[k + 1]
             self._margins(k, 1)
-            sizes = (fine.height, fine.stride, coarse.width, coarse.height, coarse.stride)
-            launch(stage, self.kernels.reduce, coarse.items, *sizes, self.levels[k], self.levels[k + 1])
+            reduced = (fine.height, fine.stride, coarse.width, coarse.height, coarse.stride)
+            launch(stage, self.kernels.reduce, coarse.items, *reduced, self.levels[k], self.levels[k + 1])
         for k, band in enumerate(bands):
             fine, coarse = self.layouts[k], self.layouts[k + 1]
             self._margins(k + 1, fine.width % 2)
@@ -205,7 +214,7 @@ class IwSsim:
         return float(np.prod(power(np.abs(means), WEIGHTS)))
 
 
-def _reduced(image: np.ndarray) -> np.ndarray:
+def _reduced(image: Doubles) -> Doubles:
     taps = np.sqrt(2) * np.array([1, 4, 6, 4, 1]) / 16
     padded = np.pad(image, 2, "reflect")
     for axis in (1, 0):
@@ -213,7 +222,7 @@ def _reduced(image: np.ndarray) -> np.ndarray:
     return padded[::2, ::2]
 
 
-def _expanded(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+def _expanded(coarse: Doubles, shape: tuple[int, int]) -> Doubles:
     taps = np.sqrt(2) * np.array([1, 4, 6, 4, 1]) / 16
     spread = np.zeros((2 * coarse.shape[0], 2 * coarse.shape[1]))
     spread[::2, ::2] = coarse
@@ -223,7 +232,7 @@ def _expanded(coarse: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
     return padded
 
 
-def bands_twin(image: np.ndarray) -> list[np.ndarray]:
+def bands_twin(image: Doubles) -> list[Doubles]:
     """The four Laplacian bands, finest first, and the coarsest low-pass plane."""
     bands = []
     for _ in range(SCALES - 1):
@@ -233,7 +242,7 @@ def bands_twin(image: np.ndarray) -> list[np.ndarray]:
     return [*bands, image]
 
 
-def _neighbours_twin(band: np.ndarray, parent: np.ndarray | None) -> np.ndarray:
+def _neighbours_twin(band: Doubles, parent: Doubles | None) -> Doubles:
     """Per pixel off the border its 3x3 neighbours and the parent: (h - 2, w - 2, 9 or 10)."""
     windows = np.lib.stride_tricks.sliding_window_view(band, (3, 3)).reshape(*(s - 2 for s in band.shape), 9)
     if parent is None:
@@ -245,7 +254,7 @@ def _neighbours_twin(band: np.ndarray, parent: np.ndarray | None) -> np.ndarray:
     return np.concatenate([windows, parent[1:-1, 1:-1, None]], axis=2)
 
 
-def weights_twin(reference: np.ndarray, test: np.ndarray, parent: np.ndarray | None) -> np.ndarray:
+def weights_twin(reference: Doubles, test: Doubles, parent: Doubles | None) -> Doubles:
     """Information weights of a band, float64 (h - 2, w - 2); `parent` is the coarser band of the reference."""
     y = _neighbours_twin(reference, parent)
     eigenvalues, whiten = decorrelation(np.einsum("hwi,hwj->ij", y, y) / (y.shape[0] * y.shape[1]))
@@ -259,10 +268,11 @@ def weights_twin(reference: np.ndarray, test: np.ndarray, parent: np.ndarray | N
     gain, variance = np.where(silent | (rr < LEAST_VARIANCE), 0, gain), np.where(silent, 0, variance)
     slope = (variance + (1 + gain**2) * NOISE) * energy
     terms = 1 + (slope[..., None] * eigenvalues + NOISE * variance[..., None]) / NOISE**2
-    return np.log2(terms).sum(axis=2)
+    weights: Doubles = np.log2(terms).sum(axis=2)
+    return weights
 
 
-def iwssim_twin(test: np.ndarray, reference: np.ndarray) -> float:
+def iwssim_twin(test: Bytes, reference: Bytes) -> float:
     """IW-SSIM of two uint8 (h, w, 3 or 4) pictures of at least 161 pixels a side."""
     bands_r, bands_t = bands_twin(luma(reference)), bands_twin(luma(test))
     means = []

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.arithmetic.functions import log
 from shading_atlas_bench.kernels.metrics.planes import Layout
 
@@ -36,7 +37,7 @@ class SquaredError:
         return int(np.sum(self.partial.get(), dtype=np.int64)) / (3 * self.layout.width * self.layout.height)
 
 
-def mse_twin(test: np.ndarray, reference: np.ndarray) -> float:
+def mse_twin(test: Bytes, reference: Bytes) -> float:
     """The same for two uint8 (h, w, 3 or 4) host pictures."""
     return float(np.mean((test[..., :3].astype(np.float64) - reference[..., :3]) ** 2))
 

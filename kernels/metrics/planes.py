@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -50,12 +52,12 @@ class Layout:
         """Uninitialised planes, float32 (planes, height, stride)."""
         return device.empty((planes, self.height, self.stride), np.float32)
 
-    def image(self, planes: Array) -> np.ndarray:
+    def image(self, planes: Array) -> Floats:
         """The pixels without margins, float32 (planes, height, width) on the host."""
         return planes.get()[:, :, MARGIN : MARGIN + self.width]
 
 
-def padded_taps(taps: np.ndarray) -> np.ndarray:
+def padded_taps(taps: Doubles) -> Floats:
     """A filter between ROWS - 1 zeros on either side, float32, as `filtered_down` wants it."""
     return np.pad(taps, ROWS - 1).astype(np.float32)
 

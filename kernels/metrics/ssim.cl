@@ -2,8 +2,8 @@
 
 #include "metrics/colour.cl"
 
-#define RADIUS 5  // an 11 x 11 window
-#define MIDDLE (RADIUS + ROWS - 1)  // of `taps`, which has ROWS - 1 zeros on both sides
+#define RADIUS 5                   // an 11 x 11 window
+#define MIDDLE (RADIUS + ROWS - 1) // of `taps`, which has ROWS - 1 zeros on both sides
 
 // BT.601 luma less 128: the variances that follow are small differences of squares, so the numbers are kept small.
 __kernel void centred_luma(const int width, const int height, const int stride, __global const uint *image,
@@ -17,9 +17,9 @@ __kernel void centred_luma(const int width, const int height, const int stride, 
     vstore16(luma(load_pixels(image, width, row, column)) - 128.0f, 0, plane + plane_offset(stride, row, column));
 }
 
-// Horizontal pass. Pictures are compared by their difference d = b - a: what all formulas make of it is exactly 0 where it
-// is 0, however a compiler rounds. rows: 3 planes: the means of d, b b and d d. against: 1, or 0 where nothing is compared
-// and d is b. Pixels within RADIUS of a side border mean nothing.
+// Horizontal pass. Pictures are compared by their difference d = b - a: what all formulas make of it is exactly 0 where
+// it is 0, however a compiler rounds. rows: 3 planes: the means of d, b b and d d. against: 1, or 0 where nothing is
+// compared and d is b. Pixels within RADIUS of a side border mean nothing.
 __kernel void window_rows(const int width, const int height, const int stride, const float against,
                           __global const float *a, __global const float *b, __global const float *taps,
                           __global float *rows)
@@ -43,7 +43,7 @@ __kernel void window_rows(const int width, const int height, const int stride, c
     vstore16(apart, 0, rows + at + 2 * size);
 }
 
-static inline wide_rows window_columns(__global const float *rows, const int row, const int height, const int stride,
+INLINE wide_rows window_columns(__global const float *rows, const int row, const int height, const int stride,
                                 __global const float *taps)
 {
     return filtered_down(rows, row, height, stride, RADIUS, taps + MIDDLE);
@@ -54,7 +54,7 @@ typedef struct {
     float16 contrast_structure, luminance;
 } dissimilarity;
 
-static inline float16 whole_loss(const dissimilarity d)
+INLINE float16 whole_loss(const dissimilarity d)
 {
     return d.contrast_structure + d.luminance - d.contrast_structure * d.luminance;
 }
@@ -62,8 +62,8 @@ static inline float16 whole_loss(const dissimilarity d)
 // The dissimilarity of a reference of mean mu_a and mean square aa, and a test of mean square bb, for a mean difference
 // mu_d and its mean square dd. origin: what was subtracted from both. c1, c2: (K1 L)^2 and (K2 L)^2.
 // 2 cov = var a + var b - var d, and 2 m n = m m + n n - (m - n)^2.
-static inline dissimilarity dissimilarity_of(const float16 mu_a, const float16 aa, const float16 mu_d, const float16 bb,
-                                const float16 dd, const float origin, const float c1, const float c2)
+INLINE dissimilarity dissimilarity_of(const float16 mu_a, const float16 aa, const float16 mu_d, const float16 bb,
+                                      const float16 dd, const float origin, const float c1, const float c2)
 {
     const float16 mu_b = mu_a + mu_d;
     // Rounded below zero, variances stay so: c2 is far larger.

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 from shading_atlas_bench.arithmetic.functions import exp
 from shading_atlas_bench.kernels.metrics.colour import luma
 from shading_atlas_bench.kernels.metrics.planes import Layout, padded_taps, total
@@ -26,10 +27,11 @@ C1, C2 = 2.55 * 2.55, 7.65 * 7.65  # (K * 255) squared
 ORIGIN = 128.0  # subtracted from luma
 
 
-def window() -> np.ndarray:
+def window() -> Doubles:
     """The 11 taps of the Gaussian window, float64, sum 1."""
     taps = exp(-np.square(np.arange(-RADIUS, RADIUS + 1)) / (2 * SIGMA * SIGMA))
-    return taps / taps.sum()
+    weights: Doubles = taps / taps.sum()
+    return weights
 
 
 class Ssim:
@@ -78,14 +80,14 @@ class Ssim:
         return total(self.partial) / ((self.layout.width - 2 * RADIUS) * (self.layout.height - 2 * RADIUS))
 
 
-def windowed(image: np.ndarray) -> np.ndarray:
+def windowed(image: Doubles) -> Doubles:
     """The mean under the Gaussian window wherever it lies inside, float64 (h - 10, w - 10)."""
     for axis in (1, 0):
         image = np.lib.stride_tricks.sliding_window_view(image, SMALLEST_SIDE, axis) @ window()
     return image
 
 
-def similarity_twin(reference: np.ndarray, test: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def similarity_twin(reference: Doubles, test: Doubles) -> tuple[Doubles, Doubles]:
     """Contrast-structure and luminance similarity of two float64 (h, w) planes, each (h - 10, w - 10)."""
     mu_a, mu_b = windowed(reference), windowed(test)
     variance_a = windowed(reference**2) - mu_a**2
@@ -95,7 +97,7 @@ def similarity_twin(reference: np.ndarray, test: np.ndarray) -> tuple[np.ndarray
     return contrast_structure, (2 * mu_a * mu_b + C1) / (mu_a**2 + mu_b**2 + C1)
 
 
-def ssim_twin(test: np.ndarray, reference: np.ndarray) -> float:
+def ssim_twin(test: Bytes, reference: Bytes) -> float:
     """The mean SSIM of two uint8 (h, w, 3 or 4) pictures."""
     contrast_structure, luminance = similarity_twin(luma(reference), luma(test))
     return float(np.mean(contrast_structure * luminance))

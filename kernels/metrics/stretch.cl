@@ -9,7 +9,7 @@ typedef struct {
 } wide_texels;
 
 // 16 pixels from `column` on; columns outside the row repeat its first or last pixel.
-static inline wide_texels load_texels(const int width, const int row, const int column, __global const int *triangle,
+INLINE wide_texels load_texels(const int width, const int row, const int column, __global const int *triangle,
                                __global const float *texels)
 {
     const size_t first = (size_t)row * width;
@@ -31,14 +31,15 @@ static inline wide_texels load_texels(const int width, const int row, const int 
 }
 
 // Whether a neighbour, if there is one, belongs to the same triangle and has a texel.
-static inline int16 usable(const wide_texels here, const wide_texels there, const int16 exists)
+INLINE int16 usable(const wide_texels here, const wide_texels there, const int16 exists)
 {
     return exists && here.triangle == there.triangle && there.u == there.u && there.v == there.v;
 }
 
-// The derivative from the neighbours before and after: the shorter difference, or the one there is. Where the map is cut
-// or made of parts, one neighbour may lie anywhere in the atlas; both do only where a part is narrower than a pixel.
-static inline void derivative(const wide_texels before, const wide_texels here, const wide_texels after,
+// The derivative from the neighbours before and after: the shorter difference, or the one there is. Where the map is
+// cut or made of parts, one neighbour may lie anywhere in the atlas; both do only where a part is narrower than a
+// pixel.
+INLINE void derivative(const wide_texels before, const wide_texels here, const wide_texels after,
                        const int16 has_before, const int16 has_after, float16 *u, float16 *v)
 {
     const float16 back_u = here.u - before.u, back_v = here.v - before.v;

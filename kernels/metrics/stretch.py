@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints
 from shading_atlas_bench.kernels.metrics.planes import Layout
 
 if TYPE_CHECKING:
@@ -41,7 +42,7 @@ def stretch(device: Device, triangle: Array, texels: Array) -> tuple[float | Non
     return float(l2), float(np.sqrt(squares[:, 1].max())), degenerate
 
 
-def _derivative(values: np.ndarray, triangle: np.ndarray, axis: int) -> np.ndarray:
+def _derivative(values: Doubles, triangle: Ints, axis: int) -> Doubles:
     """The shorter difference along an axis within one triangle, float64 (h, w, 2), NaN where there is no neighbour."""
     gap = np.where(np.diff(triangle, axis=axis)[..., None] == 0, np.diff(values, axis=axis), np.nan)
     missing = np.full_like(np.take(values, [0], axis), np.nan)
@@ -50,7 +51,7 @@ def _derivative(values: np.ndarray, triangle: np.ndarray, axis: int) -> np.ndarr
     return np.where(lengths[0] <= lengths[1], backward, forward)
 
 
-def stretch_twin(triangle: np.ndarray, texels: np.ndarray) -> tuple[float | None, float | None, int]:
+def stretch_twin(triangle: Ints, texels: Floats) -> tuple[float | None, float | None, int]:
     """The same for host arrays, in float64."""
     values = np.where(triangle[..., None] >= 0, texels.astype(np.float64), np.nan)
     jacobian = np.stack([_derivative(values, triangle, axis) for axis in (1, 0)], axis=-1).reshape(-1, 2, 2)

@@ -19,7 +19,7 @@ INLINE int next_batch(Bins *bins, int *numbers)
     int count = 0;
     while (bins->chunk < bins->chunks && count < BATCH) {
         const int2 bin = bins->bins[bins->chunk];
-        const int begin = bin.x + bins->taken, end = LESSER(bin.y, begin + (BATCH - count));
+        const int begin = bin.x + bins->taken, end = MIN(bin.y, begin + (BATCH - count));
         for (int i = begin; i < end; i++)
             numbers[count++] = bins->entries[i];
         bins->taken = end - bin.x;

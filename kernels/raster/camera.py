@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.matrices import inverse, product, transform, turned
+
+if TYPE_CHECKING:
+    from pyopencl.typing import KernelArg
 
 SUBPIXELS = 256  # positions on screen are snapped to 1/256 pixel
 LARGEST_SIZE = 8192
@@ -21,13 +25,13 @@ class Camera:
     image's centre (times w), z and w as in clip space, so that z / w is the depth.
     """
 
-    eye: np.ndarray
-    rows: np.ndarray
+    eye: Doubles
+    rows: Doubles
     width: int
     height: int
 
     @classmethod
-    def of(cls, view: np.ndarray, projection: np.ndarray, width: int, height: int) -> Camera:
+    def of(cls, view: Doubles, projection: Doubles, width: int, height: int) -> Camera:
         """Raises ValueError for matrices or sizes that cannot be drawn."""
         view, projection = np.asarray(view, np.float64), np.asarray(projection, np.float64)
         if view.shape != (4, 4) or projection.shape != (4, 4) or not np.isfinite([view, projection]).all():
@@ -40,16 +44,16 @@ class Camera:
         rows[1] *= -height * SUBPIXELS / 2
         return cls(eye, rows, width, height)
 
-    def arguments(self) -> tuple[Any, Any]:
+    def arguments(self) -> tuple[KernelArg, KernelArg]:
         """The kernels' `eye` (float4) and `rows` (float16) arguments; see camera.cl."""
         from pyopencl import cltypes
 
         eye = self.eye.astype(np.float32)
         constants = self.rows[:, 3] - turned(self.rows[:, :3], self.eye - eye)
         rows = np.column_stack([self.rows[:, :3], constants]).astype(np.float32)
-        return cltypes.make_float4(*eye, 0), cltypes.make_float16(*rows.ravel())
+        return np.array((*eye, 0), cltypes.float4), np.array(tuple(rows.ravel()), cltypes.float16)
 
-    def project(self, points: np.ndarray) -> np.ndarray:
+    def project(self, points: Array) -> Doubles:
         """Float64 (..., 4) of points (..., 3): x and y in sub-pixels from the centre times w, z, w."""
         points = np.asarray(points, np.float64) - self.eye
         return transform(self.rows, points.reshape(-1, 3)).reshape(*points.shape[:-1], 4)

@@ -6,15 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Ints
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, random_soup, soup
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER, NEVER, Clusters, boxes_twin, in_frustum_twin
 from shading_atlas_bench.kernels.raster.mark import mark_visible, mark_visible_twin
-from shading_atlas_bench.kernels.raster.picture import Picture
 from shading_atlas_bench.kernels.raster.rasteriser import CLUSTER, TILE, Rasteriser
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.raster.resolve import resolve, resolve_twin
-from shading_atlas_bench.kernels.raster.setup import RECORD, Scratch, set_up, set_up_twin
+from shading_atlas_bench.kernels.raster.setup import RECORD, Bins, Scratch, set_up, set_up_twin
 from shading_atlas_bench.kernels.raster.tiles import draw_tiles, draw_tiles_twin
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -40,9 +41,11 @@ def camera(width: int = WIDTH) -> Camera:
     return Camera.of(VIEW, PROJECTION, width, width * HEIGHT // WIDTH)
 
 
-def records_of(device: Device, triangles: Triangles, picture: Picture, scratch: Scratch, clusters: Clusters):
+def records_of(
+    device: Device, triangles: Triangles, picture: RenderTarget, scratch: Scratch, clusters: Clusters
+) -> tuple[Bins, Ints]:
     """The set-up of all clusters in view: the bins, and the records of all chunks on the host."""
-    chosen, _ = clusters.choose(picture.camera, 0, EVER, "raster/cull")
+    chosen, _ = clusters.cull_frustum(picture.camera, 0, EVER, "raster/cull")
     bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
     if not scratch.fits(bins.needed):
         return records_of(device, triangles, picture, scratch, clusters)
@@ -64,7 +67,7 @@ def building(device: Device, kind: str, size: int) -> Trial:
 
 CULLING = {
     "clusters.choose_clusters": Cost("c", "(32 + 4 + 4)*c", "8*3*7*c"),
-    "clusters.strike_hidden": Cost("c/2", "(32 + 4 + 4)*c/2", "8*3*7*c/2"),
+    "clusters.cull_occluded": Cost("c/2", "(32 + 4 + 4)*c/2", "8*3*7*c/2"),
     "clusters.note_seen": Cost("pixels/8", "4*pixels/8"),
 }
 
@@ -72,7 +75,7 @@ CULLING = {
 @case(CULLING, 200_000)
 def culling(device: Device, kind: str, size: int) -> Trial:
     """Two passes: half of the clusters were seen lately, the picture shows the first pass, the rest follows."""
-    triangles, picture = room(device, kind, size), Picture.allocate(device, camera(), TILE)
+    triangles, picture = room(device, kind, size), RenderTarget.allocate(device, camera(), TILE)
     clusters, scratch = Clusters.build(device, triangles, 8), Scratch(device, 4096, 16384)
     seen = np.where(np.arange(clusters.count) % 2, NEVER, 0).astype(np.int32)
     bins, _ = records_of(device, triangles, picture, scratch, clusters)
@@ -80,14 +83,14 @@ def culling(device: Device, kind: str, size: int) -> Trial:
 
     def run() -> None:
         clusters.last_seen.set(seen)
-        _, others = clusters.choose(picture.camera, 1, 3, "raster/cull")
-        clusters.strike_hidden(others, picture, "raster/cull")
+        _, others = clusters.cull_frustum(picture.camera, 1, 3, "raster/cull")
+        clusters.cull_occluded(others, picture, "raster/cull")
         clusters.note_seen(picture, 1, "raster/cull")
 
     def results() -> list[Result]:
         run()
         inside = in_frustum_twin(boxes_twin(triangles, clusters.size), picture.camera)
-        chosen, _ = clusters.choose(picture.camera, 0, EVER, "raster/cull")
+        chosen, _ = clusters.cull_frustum(picture.camera, 0, EVER, "raster/cull")
         found, expected = np.zeros((2, clusters.count), np.int8)
         found[chosen.numbers(clusters.count)] = expected[inside] = 1
         shown = picture.triangle.get()[1::8]  # the first draw looks at these rows
@@ -108,13 +111,13 @@ DRAWING = {
 def drawing(device: Device, kind: str, size: int) -> Trial:
     """Compares the triangle and depth of pixels with the twin's from the same records."""
     triangles, at = room(device, kind, size), camera(WIDTH if size > 2000 else 240)
-    picture, scratch = Picture.allocate(device, at, TILE), Scratch(device, 4096, 16384)
+    picture, scratch = RenderTarget.allocate(device, at, TILE), Scratch(device, 4096, 16384)
     clusters = Clusters.build(device, triangles, CLUSTER)
     _, records = records_of(device, triangles, picture, scratch, clusters)
     first, last = ((records[:, [k, k]] >> np.array([0, 16])) & 0xFFFF for k in (10, 11))
 
     def run() -> None:
-        chosen, _ = clusters.choose(at, 0, EVER, "raster/cull")
+        chosen, _ = clusters.cull_frustum(at, 0, EVER, "raster/cull")
         bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
         draw_tiles(device, bins, picture, False, triangles, None, "raster/draw")
 
@@ -132,7 +135,7 @@ def drawing(device: Device, kind: str, size: int) -> Trial:
 def setting_up(device: Device, kind: str, size: int) -> Trial:
     """The records of `drawing`, against the twin's in float64: corners in steps of 1/256 pixel."""
     triangles, at = room(device, kind, size), camera(240)
-    picture, scratch = Picture.allocate(device, at, TILE), Scratch(device, 4096, 16384)
+    picture, scratch = RenderTarget.allocate(device, at, TILE), Scratch(device, 4096, 16384)
     clusters = Clusters.build(device, triangles, CLUSTER)
 
     def results() -> list[Result]:

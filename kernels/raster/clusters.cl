@@ -5,12 +5,12 @@
 #include "raster/runs.cl"
 
 #define BLOCK 8
-#define SIZE_OF(a) GREATER(a, -(a))
+#define SIZE_OF(a) MAX(a, -(a))
 #define LARGEST 1e18f // clip-space positions of such points do not overflow
 
 // A group holds 8 triangles as 9 x float8: x, y, z of corner 0, then 1, then 2; and their flags, 4 bits each. Lanes
-// beyond the last triangle repeat one of its corners, and so have no area. A box is low.xyz and high.xyz in .s012 and .s456; .s3 is 0, or 1 where a
-// position is not finite or beyond LARGEST.
+// beyond the last triangle repeat one of its corners, and so have no area. A box is low.xyz and high.xyz in .s012 and
+// .s456; .s3 is 0, or 1 where a position is not finite or beyond LARGEST.
 __kernel void build_clusters(const int triangles, const int clusters, __global const float *positions,
                              __global const int *indices, __global const uchar *flags, __global float *groups,
                              __global uint *group_flags, __global float8 *boxes)
@@ -23,7 +23,7 @@ __kernel void build_clusters(const int triangles, const int clusters, __global c
     uint packed = 0;
     for (int i = 0; i < CLUSTER; i++) {
         const int slot = cluster * CLUSTER + i;
-        const int triangle = LESSER(slot, triangles - 1);
+        const int triangle = MIN(slot, triangles - 1);
         __global float *lane = groups + (size_t)(slot / 8) * 72 + slot % 8;
         for (int corner = 0; corner < 3; corner++) {
             const int vertex = indices[3 * (size_t)triangle + (slot < triangles ? corner : 0)];
@@ -32,9 +32,9 @@ __kernel void build_clusters(const int triangles, const int clusters, __global c
             lane[24 * corner] = p.x;
             lane[24 * corner + 8] = p.y;
             lane[24 * corner + 16] = p.z;
-            low = LESSER(p, low);
-            high = GREATER(p, high);
-            const float3 size = GREATER(p, -p);
+            low = MIN(p, low);
+            high = MAX(p, high);
+            const float3 size = MAX(p, -p);
             if (!(size.x <= LARGEST && size.y <= LARGEST && size.z <= LARGEST))
                 wrong = 1.0f;
         }
@@ -52,16 +52,16 @@ __kernel void build_clusters(const int triangles, const int clusters, __global c
 // The last pixel whose centre is not beyond a position in sub-pixels from the image's centre, kept near the image.
 INLINE int pixel_before(const float position, const int size)
 {
-    const float pixel = (position - SUBPIXELS / 2) / SUBPIXELS + 0.5f * size, capped = LESSER(pixel, size + 2.0f);
-    return (int)(GREATER(capped, -2.0f) + 3.0f) - 3;
+    const float pixel = (position - SUBPIXELS / 2) / SUBPIXELS + 0.5f * size, capped = MIN(pixel, size + 2.0f);
+    return (int)(MAX(capped, -2.0f) + 3.0f) - 3;
 }
 
 // Whether a box lies wholly outside plane . (p - eye, 1) >= 0, with room for rounding.
 INLINE int beyond(const float4 plane, const float3 centre, const float3 extent)
 {
-    const float3 n = GREATER(plane.xyz, -plane.xyz);
+    const float3 n = MAX(plane.xyz, -plane.xyz);
     const float near_corner = dot3(plane.xyz, centre) + plane.w + dot3(n, extent);
-    return near_corner < -1e-5f * (dot3(n, GREATER(centre, -centre) + extent) + GREATER(plane.w, -plane.w));
+    return near_corner < -1e-5f * (dot3(n, MAX(centre, -centre) + extent) + MAX(plane.w, -plane.w));
 }
 
 INLINE int in_frustum(const float8 box, const float4 eye, const float16 rows, const int width, const int height)
@@ -101,19 +101,19 @@ INLINE int hidden(const float8 box, const float4 eye, const float16 rows, const 
     const int fine = x1 - x0 < 16 * BLOCK && y1 - y0 < 16 * BLOCK;
     const int side = fine ? BLOCK : TILE, pitch = fine ? tiles_x * (TILE / BLOCK) : tiles_x;
     __global const float *farthest = fine ? blocks : tiles;
-    for (int y = GREATER(y0, 0) / side; y <= LESSER(y1, height - 1) / side; y++)
-        for (int x = GREATER(x0, 0) / side; x <= LESSER(x1, width - 1) / side; x++)
+    for (int y = MAX(y0, 0) / side; y <= MIN(y1, height - 1) / side; y++)
+        for (int x = MAX(x0, 0) / side; x <= MIN(x1, width - 1) / side; x++)
             if (nearest >= farthest[y * pitch + x])
                 return 0;
     return 1;
 }
 
-// The clusters that may lie in the frustum, ascending: those last seen at most `recall` draws ago in `recent`, the others
-// in `others`. One item looks at one chunk of all clusters, lists what it finds from the chunk's first place on, and
-// notes how many. Where it does not cull, all are recent.
+// The clusters that may lie in the frustum, ascending: those last seen at most `max_age` draws ago in `recent`, the
+// others in `others`. One item looks at one chunk of all clusters, lists what it finds from the chunk's first place on,
+// and notes how many. Where it does not cull, all are recent.
 __kernel void choose_clusters(const int chunks, const int clusters, const float4 eye, const float16 rows,
                               const int width, const int height, __global const float8 *boxes, const int culls,
-                              __global const int *last_seen, const int now, const int recall, __global int *recent,
+                              __global const int *last_seen, const int now, const int max_age, __global int *recent,
                               __global int *recent_counts, __global int *others, __global int *other_counts)
 {
     const int chunk = get_global_id(0);
@@ -125,7 +125,7 @@ __kernel void choose_clusters(const int chunks, const int clusters, const float4
     for (int cluster = first; cluster < end; cluster++) {
         if (culls && !in_frustum(boxes[cluster], eye, rows, width, height))
             continue;
-        if (!culls || now - last_seen[cluster] <= recall)
+        if (!culls || now - last_seen[cluster] <= max_age)
             recent[first + seen++] = cluster;
         else
             others[first + unseen++] = cluster;
@@ -135,8 +135,8 @@ __kernel void choose_clusters(const int chunks, const int clusters, const float4
 }
 
 // Strike from a list as `choose_clusters` makes it what the picture hides.
-__kernel void strike_hidden(const int chunks, const int clusters, const float4 eye, const float16 rows,
-                            const int width, const int height, __global const float8 *boxes, const int tiles_x,
+__kernel void cull_occluded(const int chunks, const int clusters, const float4 eye, const float16 rows, const int width,
+                            const int height, __global const float8 *boxes, const int tiles_x,
                             __global const float *blocks, __global const float *tiles, __global int *listed,
                             __global int *counts)
 {
@@ -167,7 +167,7 @@ __kernel void note_seen(const int height, const int width, __global const int *t
         if (x > 0 && x + 8 <= width && !begins_run(row + x))
             continue;
         int before = -1;
-        for (int i = x; i < LESSER(x + 8, width); i++) {
+        for (int i = x; i < MIN(x + 8, width); i++) {
             if (row[i] != before && row[i] >= 0)
                 last_seen[row[i] / CLUSTER] = now;
             before = row[i];

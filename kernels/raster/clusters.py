@@ -3,21 +3,24 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import Camera
-from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
+    from pyopencl.typing import KernelArg
 
-    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.device import Device, Kernels
 
 NEVER = -(1 << 30)  # long before the first draw
-EVER = np.iinfo(np.int32).max  # a recall that leaves no cluster out
+EVER = np.iinfo(np.int32).max  # a max_age that leaves no cluster out
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,7 @@ class Chosen:
         """An uninitialised list."""
         return cls(device.recycled(clusters, np.int32), device.recycled(device.chunks, np.int32))
 
-    def numbers(self, clusters: int) -> np.ndarray:
+    def numbers(self, clusters: int) -> Ints:
         """Those listed of `clusters`, on the host."""
         listed, counts = self.listed.get(), self.counts.get()
         starts = clusters * np.arange(len(counts)) // len(counts)
@@ -73,47 +76,56 @@ class Clusters:
         inputs = (triangles.positions, triangles.indices, triangles.flags)
         arguments = (triangles.count, count, *inputs, groups, flags, boxes)
         device.launch(stage, clusters._kernels(8).build_clusters, count, *arguments, local=1 if device.is_cpu else None)
-        wrong = np.flatnonzero(boxes.get()[:count, 3]) if count else []
+        wrong = np.flatnonzero(boxes.get()[:count, 3]) if count else np.zeros(0, np.intp)
         if len(wrong):
             first, last = wrong[0] * size, min(wrong[0] * size + size, triangles.count) - 1
             where = f"A corner of one of the triangles {first} to {last}"
             raise ValueError(f"{where} is NaN, infinite or beyond 1e18: remove such triangles first.")
         return clusters
 
-    def choose(self, camera: Camera, now: int, recall: int, stage: str) -> tuple[Chosen, Chosen]:
-        """Clusters that may be in the frustum: those seen at most `recall` draws ago, and the others.
+    def cull_frustum(self, camera: Camera, now: int, max_age: int, stage: str) -> tuple[Chosen, Chosen]:
+        """Clusters that may be in the frustum: those seen at most `max_age` draws ago, and the others.
 
         Where the clusters do not cull, the first has them all.
         """
         recent, others = (Chosen.allocate(self.device, self.count) for _ in range(2))
-        inputs = (*camera.arguments(), camera.width, camera.height, self.boxes, self.culls, self.last_seen, now, recall)
+        inputs = (
+            *camera.arguments(),
+            camera.width,
+            camera.height,
+            self.boxes,
+            self.culls,
+            self.last_seen,
+            now,
+            max_age,
+        )
         results = (recent.listed, recent.counts, others.listed, others.counts)
         self._launch_chunks("choose_clusters", 8, stage, *inputs, *results)
         return recent, others
 
-    def strike_hidden(self, chosen: Chosen, picture: Picture, stage: str) -> None:
+    def cull_occluded(self, chosen: Chosen, picture: RenderTarget, stage: str) -> None:
         """Strike from the list those that the picture so far hides."""
         camera = picture.camera
         inputs = (*camera.arguments(), camera.width, camera.height, self.boxes)
         drawn = (picture.tiles_x, picture.block_depth, picture.tile_depth)
-        self._launch_chunks("strike_hidden", picture.tile, stage, *inputs, *drawn, chosen.listed, chosen.counts)
+        self._launch_chunks("cull_occluded", picture.tile, stage, *inputs, *drawn, chosen.listed, chosen.counts)
 
-    def note_seen(self, picture: Picture, now: int, stage: str) -> None:
+    def note_seen(self, picture: RenderTarget, now: int, stage: str) -> None:
         """Remember which clusters draw number `now` shows."""
         height, width = picture.camera.height, picture.camera.width
         arguments = (height, width, picture.triangle, now, self.last_seen)
         local = 1 if self.device.is_cpu else None
         self.device.launch(stage, self._kernels(8).note_seen, -(-height // 8), *arguments, local=local)
 
-    def _launch_chunks(self, name: str, tile: int, stage: str, *arguments: Any) -> None:
+    def _launch_chunks(self, name: str, tile: int, stage: str, *arguments: KernelArg) -> None:
         chunks, kernel = self.device.chunks, self._kernels(tile).by_name[name]
         self.device.launch(stage, kernel, chunks, chunks, self.count, *arguments, local=1)
 
-    def _kernels(self, tile: int) -> Any:
+    def _kernels(self, tile: int) -> Kernels:
         return self.device.build("raster/clusters.cl", CLUSTER=self.size, TILE=tile)
 
 
-def boxes_twin(triangles: Triangles, size: int) -> np.ndarray:
+def boxes_twin(triangles: Triangles, size: int) -> Doubles:
     """The clusters' boxes, float64 (count, 2, 3): low and high corner."""
     corners = triangles.host_positions[triangles.host_indices].astype(np.float64)
     starts = np.arange(0, triangles.count, size)
@@ -121,7 +133,7 @@ def boxes_twin(triangles: Triangles, size: int) -> np.ndarray:
     return np.stack([low, np.maximum.reduceat(corners.max(axis=1), starts)], axis=1)
 
 
-def in_frustum_twin(boxes: np.ndarray, camera: Camera) -> np.ndarray:
+def in_frustum_twin(boxes: Doubles, camera: Camera) -> arrays.Array:
     """The clusters whose box is not wholly outside one of the frustum's planes; the kernel may keep a few more."""
     choose = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
     corners = camera.project(boxes[:, choose, np.arange(3)])

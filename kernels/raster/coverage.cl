@@ -5,8 +5,8 @@
 
 #if MASKED
 #include "texture/mask.cl"
-#define ALPHA_PARAMETERS                                                                                               \
-    , const float4 eye, const float16 rows, __global const float *positions, __global const int *indices,              \
+#define ALPHA_PARAMETERS                                                                                  \
+    , const float4 eye, const float16 rows, __global const float *positions, __global const int *indices, \
         MASK_PARAMETERS
 #define ALPHA_ARGUMENTS , eye, rows, positions, indices, MASK_ARGUMENTS
 #else
@@ -27,8 +27,8 @@ INLINE Edge edge_at(const int2 a, const int2 b, const int2 centre)
     Edge edge = {a.y - b.y, b.x - a.x, 0};
     const int owned = edge.along_x > 0 || (edge.along_x == 0 && edge.along_y > 0);
     const long value = (long)edge.along_x * (centre.x - a.x) + (long)edge.along_y * (centre.y - a.y) - !owned;
-    const long scaled = value >> 8, capped = LESSER(scaled, (long)FAR_EDGE);
-    edge.at = (int)GREATER(capped, (long)-FAR_EDGE);
+    const long scaled = value >> 8, capped = MIN(scaled, (long)FAR_EDGE);
+    edge.at = (int)MAX(capped, (long)-FAR_EDGE);
     return edge;
 }
 
@@ -50,8 +50,8 @@ INLINE Plane depth_plane(const int2 a, const int2 b, const int2 c, const float3 
     plane.along_x = (db * ac.y - dc * ab.y) * scale;
     plane.along_y = (dc * ab.x - db * ac.x) * scale;
     plane.corner = a;
-    plane.nearest = GREATER(d.x, GREATER(d.y, d.z));
-    plane.farthest = LESSER(d.x, LESSER(d.y, d.z));
+    plane.nearest = MAX(d.x, MAX(d.y, d.z));
+    plane.farthest = MIN(d.x, MIN(d.y, d.z));
     return plane;
 }
 
@@ -79,13 +79,14 @@ INLINE MaskedTriangle masked_triangle(const int triangle ALPHA_PARAMETERS)
         y[i] = masked.y[i] / (SUBPIXELS * masked.w[i]);
     }
     const float doubled = (x[1] - x[0]) * (y[2] - y[0]) - (y[1] - y[0]) * (x[2] - x[0]);
-    const float pixels = in_front ? 0.5f * GREATER(doubled, -doubled) : 1e12f; // reaches behind the eye: very large
+    const float pixels = in_front ? 0.5f * MAX(doubled, -doubled) : 1e12f; // reaches behind the eye: very large
     masked.triangle = triangle;
     masked.level = mask_slots[triangle] < 0 ? -1 : mask_level(triangle, pixels, MASK_ARGUMENTS);
     return masked;
 }
 
-// Clear the lanes of a row of 8 pixels that fall into the mask's holes. px, py: centres, in sub-pixels from the image's.
+// Clear the lanes of a row of 8 pixels that fall into the mask's holes. px, py: centres, in sub-pixels from the
+// image's.
 INLINE int8 without_holes(int8 draw, const MaskedTriangle *masked, const float8 px, const float py ALPHA_PARAMETERS)
 {
     const int4 four = draw.lo | draw.hi;
@@ -99,16 +100,15 @@ INLINE int8 without_holes(int8 draw, const MaskedTriangle *masked, const float8 
     const float8 a0 = u[1] * v[2] - v[1] * u[2], a1 = u[2] * v[0] - v[2] * u[0], a2 = u[0] * v[1] - v[0] * u[1];
     const float8 sum = (a0 + a1) + a2, b1 = a1 / sum, b2 = a2 / sum;
     for (int lane = 0; lane < 8; lane++)
-        if (((const int *)&draw)[lane] &&
-            !mask_keeps(masked->triangle, ((const float *)&b1)[lane], ((const float *)&b2)[lane], masked->level,
-                        MASK_ARGUMENTS))
+        if (((const int *)&draw)[lane] && !mask_keeps(masked->triangle, ((const float *)&b1)[lane],
+                                                      ((const float *)&b2)[lane], masked->level, MASK_ARGUMENTS))
             ((int *)&draw)[lane] = 0;
     return draw;
 }
 
 // The same for two rows of 8 pixels from (x, y) of a tile; middle: its first pixel's centre, from the image's.
-INLINE int16 rows_without_holes(int16 draw, const MaskedTriangle *masked, const float2 middle, const int x,
-                                const int y ALPHA_PARAMETERS)
+INLINE int16 alpha_tested_rows(int16 draw, const MaskedTriangle *masked, const float2 middle, const int x,
+                               const int y ALPHA_PARAMETERS)
 {
     const float8 px = middle.x + (x + (float8)(0, 1, 2, 3, 4, 5, 6, 7)) * SUBPIXELS;
     const float py = middle.y + y * SUBPIXELS;

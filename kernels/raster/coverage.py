@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bools
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS
 
 
-def covers_twin(corners: np.ndarray, columns: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def covers_twin(corners: Array, columns: Array, rows: Array) -> Bools:
     """Whether pixel centres lie inside a triangle or on one of its top or left edges.
 
     corners: int (3, 2), x and y in sub-pixels, clockwise on screen. columns, rows: pixels, of any shapes that

@@ -12,7 +12,7 @@ __kernel void mark_visible(const int height, const int width, __global const int
         if (x > 0 && x + 8 <= width && !begins_run(row + x))
             continue;
         int before = -1;
-        for (int i = x; i < LESSER(x + 8, width); i++) {
+        for (int i = x; i < MIN(x + 8, width); i++) {
             if (row[i] != before && row[i] >= 0)
                 flags[row[i]] = 1;
             before = row[i];

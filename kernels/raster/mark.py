@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
 from shading_atlas_bench.kernels.raster.rasteriser import Visibility
 
 if TYPE_CHECKING:
@@ -22,7 +21,7 @@ def mark_visible(device: Device, visibility: Visibility, flags: Array, stage: st
     device.launch(stage, kernel, height, height, width, visibility.triangle, flags, local=local)
 
 
-def mark_visible_twin(triangle: np.ndarray, flags: np.ndarray) -> np.ndarray:
+def mark_visible_twin(triangle: Ints, flags: Bytes) -> Bytes:
     """The flags after marking the triangles of an image of ids (-1: none)."""
     marked = flags.copy()
     marked[triangle[triangle >= 0]] = 1

@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER, Chosen, Clusters
-from shading_atlas_bench.kernels.raster.picture import BLOCK, Picture
+from shading_atlas_bench.kernels.raster.render_target import BLOCK, RenderTarget
 from shading_atlas_bench.kernels.raster.setup import Scratch, set_up
 from shading_atlas_bench.kernels.raster.tiles import draw_tiles
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 CLUSTER = 64  # triangles, a multiple of 8
 TILE = 64  # pixels, a multiple of 8; the largest that the kernels allow
 TWO_PASSES_FROM = 500_000  # triangles; below, looking for hidden clusters costs more than drawing them
-RECALL = 8  # draws; how long a cluster that was seen is taken for visible
+MAX_AGE = 8  # draws; how long a cluster that was seen is taken for visible
 
 
 @dataclass(frozen=True)
@@ -51,7 +52,7 @@ class Visibility:
 class Rasteriser:
     """Draws one set of triangles from any camera.
 
-    Front faces are counter-clockwise as seen; back faces are drawn only with Triangles.DOUBLE_SIDED. Corners are
+    OpaqueLayer faces are counter-clockwise as seen; back faces are drawn only with Triangles.DOUBLE_SIDED. Corners are
     snapped to 1/256 pixel once; from there coverage is exact: a pixel belongs to a triangle if its centre lies inside,
     or on a top or left edge. Of equal depths the lowest triangle wins. Triangles with Triangles.MASKED have the holes
     of `mask`; without one they have none. Large scenes are drawn in two passes, what was seen lately and then what that
@@ -86,39 +87,37 @@ class Rasteriser:
         self._scratch = Scratch(device, room, 4 * room)
         self._draws = 0
 
-    def in_frustum(self, view: np.ndarray, projection: np.ndarray) -> np.ndarray:
+    def in_frustum(self, view: Doubles, projection: Doubles) -> Ints:
         """The clusters of consecutive triangles that may have a part in the frustum, int32, ascending."""
-        chosen, _ = self.clusters.choose(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
+        chosen, _ = self.clusters.cull_frustum(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
         return chosen.numbers(self.clusters.count)
 
-    def draw(
-        self, view: np.ndarray, projection: np.ndarray, width: int, height: int, stage: str = "raster"
-    ) -> Visibility:
+    def draw(self, view: Doubles, projection: Doubles, width: int, height: int, stage: str = "raster") -> Visibility:
         """Draw from a camera: view and projection float64 (4, 4), sizes in pixels, up to 8192.
 
         The projection has reversed depth: clip z = near and clip w = distance, or an orthographic one from 1 at the
         near to 0 at the far end. Raises ValueError for other sizes and for matrices that are not finite.
         """
-        picture = Picture.allocate(self.device, Camera.of(view, projection, width, height), self.tile)
+        picture = RenderTarget.allocate(self.device, Camera.of(view, projection, width, height), self.tile)
         two_passes = self.two_passes and self._draws > 0
         self._draws += 1
         while not self._scratch.fits(*self._draw(picture, two_passes, stage)):
             pass
         return Visibility(width, height, picture.triangle, picture.depth)
 
-    def _draw(self, picture: Picture, two_passes: bool, stage: str) -> list[Array]:
+    def _draw(self, picture: RenderTarget, two_passes: bool, stage: str) -> list[Array]:
         """Launch all of it; returns what the set-ups will have needed."""
         cull = f"{stage}/cull"
-        recent, others = self.clusters.choose(picture.camera, self._draws, RECALL if two_passes else EVER, cull)
+        recent, others = self.clusters.cull_frustum(picture.camera, self._draws, MAX_AGE if two_passes else EVER, cull)
         needed = [self._draw_clusters(recent, picture, False, stage)]
         if two_passes:
-            self.clusters.strike_hidden(others, picture, cull)
+            self.clusters.cull_occluded(others, picture, cull)
             needed.append(self._draw_clusters(others, picture, True, stage))
         if self.two_passes:
             self.clusters.note_seen(picture, self._draws, cull)
         return needed
 
-    def _draw_clusters(self, chosen: Chosen, picture: Picture, resumes: bool, stage: str) -> Array:
+    def _draw_clusters(self, chosen: Chosen, picture: RenderTarget, resumes: bool, stage: str) -> Array:
         bins = set_up(self.device, self.clusters, chosen, picture, resumes, self._scratch, stage)
         draw_tiles(self.device, bins, picture, resumes, self.triangles, self.mask, f"{stage}/draw")
         return bins.needed
@@ -133,9 +132,9 @@ class ScreenTriangles:
         and for triangles without area.
     """
 
-    edges: np.ndarray
-    depth: np.ndarray
-    drawn: np.ndarray
+    edges: Doubles
+    depth: Doubles
+    drawn: Bools
 
     @classmethod
     def of(cls, triangles: Triangles, camera: Camera) -> ScreenTriangles:
@@ -152,8 +151,8 @@ class ScreenTriangles:
 
 
 def draw_twin(
-    triangles: Triangles, view: np.ndarray, projection: np.ndarray, width: int, height: int
-) -> tuple[np.ndarray, np.ndarray]:
+    triangles: Triangles, view: Doubles, projection: Doubles, width: int, height: int
+) -> tuple[Ints, Doubles]:
     """Triangle int32 and depth float64 (height, width), as `Rasteriser.draw` without masks, but without snapping.
 
     The kernels' may differ where moving a corner by 1/256 pixel moves an edge over the pixel's centre or changes which

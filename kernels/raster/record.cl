@@ -8,12 +8,24 @@
 #define RECORD 12
 #define MASK_BIT (1 << 30)
 
-INLINE int least(const int a, const int b, const int c) { return LESSER(LESSER(a, b), c); }
-INLINE int most(const int a, const int b, const int c) { return GREATER(GREATER(a, b), c); }
+INLINE int least(const int a, const int b, const int c)
+{
+    return MIN(MIN(a, b), c);
+}
+INLINE int most(const int a, const int b, const int c)
+{
+    return MAX(MAX(a, b), c);
+}
 
 // The first and the last pixel whose centre is not outside [low, high] sub-pixels.
-INLINE int first_pixel(const int low) { return (low + SUBPIXELS / 2 - 1) >> 8; }
-INLINE int last_pixel(const int high) { return (high - SUBPIXELS / 2) >> 8; }
+INLINE int first_pixel(const int low)
+{
+    return (low + SUBPIXELS / 2 - 1) >> 8;
+}
+INLINE int last_pixel(const int high)
+{
+    return (high - SUBPIXELS / 2) >> 8;
+}
 
 // The pixels (left, top, right, bottom) of the image whose centres lie in a record's box, from its last two ints.
 INLINE int4 record_pixels(const int2 packed)

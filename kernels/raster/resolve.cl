@@ -38,16 +38,16 @@ __kernel void list_covered(const int width, const int height, __global const int
 // centre, h = (x - px w, y - py w): their cross products are the barycentrics up to scale, also behind the camera, and
 // small differences stay exact (the homogeneous rasterisation of Olano and Greer 1997, shifted to each pixel).
 __kernel void sample_covered(const int count, const int width, const int height, const float4 eye, const float16 rows,
-                             __global const float *positions, __global const int *indices,
-                             __global const int *triangle, __global const int *texel, __global float *bary1,
-                             __global float *bary2, __global float *footprint)
+                             __global const float *positions, __global const int *indices, __global const int *triangle,
+                             __global const int *texel, __global float *bary1, __global float *bary2,
+                             __global float *footprint)
 {
     const int first = get_global_id(0) * 8;
     if (first >= count)
         return;
     float8 corners[9], px, py;
     for (int lane = 0; lane < 8; lane++) {
-        const int sample = LESSER(first + lane, count - 1), row = texel[sample] / width;
+        const int sample = MIN(first + lane, count - 1), row = texel[sample] / width;
         const size_t seen = triangle[sample];
         ((float *)&px)[lane] = (texel[sample] - row * width) * SUBPIXELS + SUBPIXELS / 2 - width * (SUBPIXELS / 2);
         ((float *)&py)[lane] = row * SUBPIXELS + SUBPIXELS / 2 - height * (SUBPIXELS / 2);
@@ -65,7 +65,7 @@ __kernel void sample_covered(const int count, const int width, const int height,
         v[i] = (((rows.s4 * x[i] + rows.s5 * y[i]) + rows.s6 * z[i]) + rows.s7) - py * w[i];
     }
     const float8 a0 = u[1] * v[2] - v[1] * u[2], a1 = u[2] * v[0] - v[2] * u[0], a2 = u[0] * v[1] - v[0] * u[1];
-    const float8 sum = (a0 + a1) + a2, size = GREATER(sum, -sum);
+    const float8 sum = (a0 + a1) + a2, size = MAX(sum, -sum);
     const int8 sound = (size > 1e-30f) & (size < 1e30f);
     const float8 scale = 1.0f / (sound ? sum : (float8)1.0f);
     float8 b1 = sound ? a1 * scale : (float8)(1.0f / 3), b2 = sound ? a2 * scale : (float8)(1.0f / 3);
@@ -84,11 +84,11 @@ __kernel void sample_covered(const int count, const int width, const int height,
         square_x += dx * dx;
         square_y += dy * dy;
     }
-    b1 = GREATER(b1, 0.0f);
-    b1 = LESSER(b1, 1.0f);
-    b2 = GREATER(b2, 0.0f);
-    b2 = LESSER(b2, 1.0f - b1);
-    const float8 longer = sqrt(GREATER(square_x, square_y));
+    b1 = MAX(b1, 0.0f);
+    b1 = MIN(b1, 1.0f);
+    b2 = MAX(b2, 0.0f);
+    b2 = MIN(b2, 1.0f - b1);
+    const float8 longer = sqrt(MAX(square_x, square_y));
     *(__global float8 *)(bary1 + first) = b1;
     *(__global float8 *)(bary2 + first) = b2;
     *(__global float8 *)(footprint + first) = (sound & (longer < 1e30f)) ? longer : (float8)0.0f;

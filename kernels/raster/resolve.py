@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Ints
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.rasteriser import Visibility
@@ -20,8 +21,8 @@ def resolve(
     device: Device,
     triangles: Triangles,
     visibility: Visibility,
-    view: np.ndarray,
-    projection: np.ndarray,
+    view: Doubles,
+    projection: Doubles,
     stage: str = "raster/resolve",
 ) -> Samples:
     """One sample per covered pixel, in row order; its texel is the pixel.
@@ -52,7 +53,7 @@ def locate_samples(device: Device, triangles: Triangles, samples: Samples, camer
     device.launch(stage, kernel, -(-samples.count // 8), *inputs, *results)
 
 
-def resolve_twin(triangles: Triangles, triangle: np.ndarray, view: np.ndarray, projection: np.ndarray) -> dict:
+def resolve_twin(triangles: Triangles, triangle: Ints, view: Doubles, projection: Doubles) -> dict[str, Array]:
     """The samples of an image of triangle ids (height, width): arrays by the names of Samples, float64.
 
     See `locate_samples_twin`.
@@ -67,14 +68,14 @@ def resolve_twin(triangles: Triangles, triangle: np.ndarray, view: np.ndarray, p
 
 def locate_samples_twin(
     triangles: Triangles,
-    ids: np.ndarray,
-    columns: np.ndarray,
-    rows: np.ndarray,
-    view: np.ndarray,
-    projection: np.ndarray,
+    ids: Array,
+    columns: Array,
+    rows: Array,
+    view: Doubles,
+    projection: Doubles,
     width: int,
     height: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Doubles, Doubles]:
     """Barycentrics float64 (n, 2), kept inside, and footprints (n): triangles int (n) at pixels, columns and rows (n).
 
     Meets each triangle's plane with the ray through the pixel's centre, and with those one pixel to the right and
@@ -84,7 +85,7 @@ def locate_samples_twin(
     edges = np.stack([corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]], axis=2)
     normal = np.cross(edges[..., 0], edges[..., 1])
 
-    def rays(x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def rays(x: Doubles, y: Doubles) -> tuple[Doubles, Doubles]:
         ndc = np.stack([2 * x / width - 1, 1 - 2 * y / height], axis=1)
         eye_space = np.zeros((len(x), 3))
         orthographic = projection[3, 3] == 1
@@ -97,9 +98,10 @@ def locate_samples_twin(
             return origin, np.broadcast_to(-back[:3, 2], origin.shape)
         return np.broadcast_to(back[:3, 3], (len(x), 3)), eye_space @ back[:3, :3].T
 
-    def meet(origin: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    def meet(origin: Doubles, direction: Doubles) -> Doubles:
         distance = ((corners[:, 0] - origin) * normal).sum(axis=1) / (direction * normal).sum(axis=1)
-        return origin + distance[:, None] * direction
+        points: Doubles = origin + distance[:, None] * direction
+        return points
 
     origin, direction = rays(columns + 0.5, rows + 0.5)
     points = meet(origin, direction)

@@ -12,10 +12,10 @@
 
 typedef struct {
     int width, height, tiles_x, capacity;
-    __global int *records; // of this chunk
-    __global int *counts;  // records per tile, of this chunk
-    int written, entries;  // records, and the tiles that they touch, added up
-    int resumes;                   // whether farthest[] is filled
+    __global int *records;          // of this chunk
+    __global int *counts;           // records per tile, of this chunk
+    int written, entries;           // records, and the tiles that they touch, added up
+    int resumes;                    // whether farthest[] is filled
     __global const float *farthest; // drawn depth of each 8 x 8 block
 } Output;
 
@@ -39,7 +39,8 @@ INLINE int hidden(const Output *out, const int left, const int top, const int ri
     return 1;
 }
 
-// Add one record, unless it is culled or covers no pixel centre's row or column. Beyond the capacity it is only counted.
+// Add one record, unless it is culled or covers no pixel centre's row or column. Beyond the capacity it is only
+// counted.
 INLINE void add_record(Output *out, const int2 a, int2 b, int2 c, const float da, float db, float dc,
                        const int triangle, const int flags)
 {
@@ -55,13 +56,13 @@ INLINE void add_record(Output *out, const int2 a, int2 b, int2 c, const float da
         db = dc;
         dc = depth;
     }
-    const int left = GREATER(first_pixel(least(a.x, b.x, c.x)), 0);
-    const int top = GREATER(first_pixel(least(a.y, b.y, c.y)), 0);
-    const int right = LESSER(last_pixel(most(a.x, b.x, c.x)), out->width - 1);
-    const int bottom = LESSER(last_pixel(most(a.y, b.y, c.y)), out->height - 1);
+    const int left = MAX(first_pixel(least(a.x, b.x, c.x)), 0);
+    const int top = MAX(first_pixel(least(a.y, b.y, c.y)), 0);
+    const int right = MIN(last_pixel(most(a.x, b.x, c.x)), out->width - 1);
+    const int bottom = MIN(last_pixel(most(a.y, b.y, c.y)), out->height - 1);
     if (left > right || top > bottom)
         return;
-    if (out->resumes && hidden(out, left, top, right, bottom, GREATER(da, GREATER(db, dc))))
+    if (out->resumes && hidden(out, left, top, right, bottom, MAX(da, MAX(db, dc))))
         return;
     const int4 tiles = (int4)(left / TILE, top / TILE, right / TILE, bottom / TILE);
     for (int y = tiles.y; y <= tiles.w; y++)
@@ -87,11 +88,16 @@ typedef struct {
 INLINE double plane_distance(const double4 p, const int plane)
 {
     switch (plane) {
-    case 0: return p.w - p.z;
-    case 1: return GUARD * p.w - p.x;
-    case 2: return GUARD * p.w + p.x;
-    case 3: return GUARD * p.w - p.y;
-    default: return GUARD * p.w + p.y;
+    case 0:
+        return p.w - p.z;
+    case 1:
+        return GUARD * p.w - p.x;
+    case 2:
+        return GUARD * p.w + p.x;
+    case 3:
+        return GUARD * p.w - p.y;
+    default:
+        return GUARD * p.w + p.y;
     }
 }
 
@@ -154,17 +160,18 @@ INLINE int8 edge_inside(const uint8 steps_x, const uint8 steps_y, const uint8 at
     return as_int8(e);
 }
 
-// Lanes to keep of the good ones of 8 triangles with snapped corners x, y: those that face the viewer and may cover a sample. Exact for
-// boxes of up to 2 x 2 pixels; unsigned arithmetic, because lanes to ignore may lie anywhere and their sums overflow.
-INLINE int8 worth_drawing(const int8 *x, const int8 *y, const int8 good, const int8 two_sided, const int width,
-                          const int height)
+// Lanes to keep of the good ones of 8 triangles with snapped corners x, y: those that face the viewer and may cover a
+// sample. Exact for boxes of up to 2 x 2 pixels; unsigned arithmetic, because lanes to ignore may lie anywhere and
+// their sums overflow.
+INLINE int8 cull_triangles(const int8 *x, const int8 *y, const int8 good, const int8 two_sided, const int width,
+                           const int height)
 {
-    const int8 left = LESSER(x[0], LESSER(x[1], x[2])), right = GREATER(x[0], GREATER(x[1], x[2]));
-    const int8 top = LESSER(y[0], LESSER(y[1], y[2])), bottom = GREATER(y[0], GREATER(y[1], y[2]));
-    const int8 begin_x = as_int8(as_uint8(left) + 127) >> 8, first_x = GREATER(begin_x, 0);
-    const int8 begin_y = as_int8(as_uint8(top) + 127) >> 8, first_y = GREATER(begin_y, 0);
-    const int8 end_x = as_int8(as_uint8(right) - 128) >> 8, last_x = LESSER(end_x, width - 1);
-    const int8 end_y = as_int8(as_uint8(bottom) - 128) >> 8, last_y = LESSER(end_y, height - 1);
+    const int8 left = MIN(x[0], MIN(x[1], x[2])), right = MAX(x[0], MAX(x[1], x[2]));
+    const int8 top = MIN(y[0], MIN(y[1], y[2])), bottom = MAX(y[0], MAX(y[1], y[2]));
+    const int8 begin_x = as_int8(as_uint8(left) + 127) >> 8, first_x = MAX(begin_x, 0);
+    const int8 begin_y = as_int8(as_uint8(top) + 127) >> 8, first_y = MAX(begin_y, 0);
+    const int8 end_x = as_int8(as_uint8(right) - 128) >> 8, last_x = MIN(end_x, width - 1);
+    const int8 end_y = as_int8(as_uint8(bottom) - 128) >> 8, last_y = MIN(end_y, height - 1);
     int8 keep = good ? ((first_x <= last_x) & (first_y <= last_y)) : (int8)0;
     if (!any8(keep))
         return keep;
@@ -212,7 +219,7 @@ INLINE void add_group(Output *out, __global const float8 *group, const uint grou
         good &= (cz[i] <= cw[i]) & (sx <= GUARD) & (sx >= -GUARD) & (sy <= GUARD) & (sy >= -GUARD);
     }
     const int8 flags = (as_int8((uint8)group_flags >> (uint8)(0, 4, 8, 12, 16, 20, 24, 28))) & 15;
-    int8 keep = worth_drawing(x, y, good, (flags & DOUBLE_SIDED) != 0, out->width, out->height);
+    int8 keep = cull_triangles(x, y, good, (flags & DOUBLE_SIDED) != 0, out->width, out->height);
     if (any8(~good)) {
         UNROLL
         for (int i = 0; i < 3; i++) {
@@ -286,8 +293,9 @@ __kernel void set_up(const int chunks, const int clusters, __global const int *l
     const int chunk = get_global_id(0);
     if (chunk >= chunks)
         return;
-    Output out = {width, height, tiles_x, capacity, records + (size_t)chunk * capacity * RECORD,
-                  counts + (size_t)chunk * tiles, 0, 0, resumes, farthest};
+    Output out = {
+        width, height, tiles_x, capacity, records + (size_t)chunk * capacity * RECORD, counts + (size_t)chunk * tiles,
+        0,     0,      resumes, farthest};
     for (int tile = 0; tile < tiles; tile++)
         out.counts[tile] = 0;
     int total = 0;

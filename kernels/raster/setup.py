@@ -7,10 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints, Longs
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
 from shading_atlas_bench.kernels.raster.clusters import Chosen, Clusters
 from shading_atlas_bench.kernels.raster.coverage import covers_twin
-from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
@@ -47,7 +48,7 @@ class Scratch:
     def fits(self, *needed: Array) -> bool:
         """Wait for set-ups to say what they `needed`; where there was not room for all, make it, to set up again."""
         records, entries = np.max([array.get() for array in needed], axis=(0, 1)).tolist()
-        fits = records <= self.records and entries <= self.entries
+        fits = bool(records <= self.records and entries <= self.entries)
         if records > self.records:
             self.records = records + records // 4
         if entries > self.entries:
@@ -70,7 +71,13 @@ class Bins:
 
 
 def set_up(
-    device: Device, clusters: Clusters, chosen: Chosen, picture: Picture, resumes: bool, scratch: Scratch, stage: str
+    device: Device,
+    clusters: Clusters,
+    chosen: Chosen,
+    picture: RenderTarget,
+    resumes: bool,
+    scratch: Scratch,
+    stage: str,
 ) -> Bins:
     """Set up the `chosen` clusters; if the picture `resumes`, leave out what it hides already.
 
@@ -90,7 +97,7 @@ def set_up(
     return Bins(records, entries, bins, needed)
 
 
-def set_up_twin(triangles: Triangles, camera: Camera) -> np.ndarray:
+def set_up_twin(triangles: Triangles, camera: Camera) -> Ints:
     """The records, int32 (n, RECORD) as in record.cl, of all triangles in order, as `set_up` without an earlier pass.
 
     In float64, so corners may lie a sub-pixel from the kernel's, and triangles that this makes face away, or miss the
@@ -112,7 +119,7 @@ def set_up_twin(triangles: Triangles, camera: Camera) -> np.ndarray:
     return np.array(records, np.int32).reshape(-1, RECORD)
 
 
-def clip_twin(polygon: np.ndarray) -> np.ndarray:
+def clip_twin(polygon: Doubles) -> Doubles:
     """The part of a convex polygon (n, 4) in front of the near plane and in the guard band (Sutherland-Hodgman)."""
     for plane in CLIPPING_PLANES:
         kept, inside = [], polygon @ plane
@@ -126,7 +133,7 @@ def clip_twin(polygon: np.ndarray) -> np.ndarray:
 
 
 def record_twin(
-    corners: np.ndarray, depths: np.ndarray, number: int, flags: int, camera: Camera, whole: bool
+    corners: Longs, depths: Floats, number: int, flags: int, camera: Camera, whole: bool
 ) -> list[list[int]]:
     """The record of a triangle or a piece of one, int64 (3, 2) and float32 (3), or none where there is nothing to draw:
     it faces away, its box holds no pixel's centre, or it is `whole` and covers none of the up to 2 x 2 in its box."""

@@ -4,8 +4,8 @@
 #pragma OPENCL EXTENSION cl_khr_fp64 : enable
 
 typedef struct {
-    int8 left, top, right, bottom; // the tile's pixels that the boxes hold
-    int8 id;                       // triangle | MASK_BIT
+    int8 left, top, right, bottom;      // the tile's pixels that the boxes hold
+    int8 id;                            // triangle | MASK_BIT
     int8 along_x[3], along_y[3], at[3]; // edges, as in Edge, at the tile's first pixel
     double8 rise_x, rise_y;             // depth per sub-pixel
     int8 corner_x, corner_y;
@@ -32,7 +32,7 @@ INLINE void fetch_records(Fetched *fetched, __global const int *records, const i
 {
     UNROLL
     for (int i = 0; i < 8; i++) {
-        __global const int *at = records + (size_t)numbers[LESSER(i, count - 1)] * RECORD;
+        __global const int *at = records + (size_t)numbers[MIN(i, count - 1)] * RECORD;
         fetched->rows[i] = *(__global const loose_int8 *)at;
         ((int4 *)fetched->rest)[i] = *(__global const loose_int4 *)(at + 8);
     }
@@ -56,10 +56,10 @@ INLINE void set_edge(Shapes *shapes, const int i, const int8 ax, const int8 ay, 
     const int8 owned = (along_x > 0) | ((along_x == 0) & (along_y > 0));
     const long8 value = convert_long8(along_x) * convert_long8(centre.x - ax) +
                         convert_long8(along_y) * convert_long8(centre.y - ay) - convert_long8(owned + 1);
-    const long8 scaled = value >> 8, capped = LESSER(scaled, (long8)FAR_EDGE);
+    const long8 scaled = value >> 8, capped = MIN(scaled, (long8)FAR_EDGE);
     shapes->along_x[i] = along_x;
     shapes->along_y[i] = along_y;
-    shapes->at[i] = convert_int8(GREATER(capped, (long8)-FAR_EDGE));
+    shapes->at[i] = convert_int8(MAX(capped, (long8)-FAR_EDGE));
 }
 
 // `origin` is the tile's first pixel, of the image.
@@ -71,16 +71,17 @@ INLINE void set_shapes(Shapes *shapes, const int8 *record, const int2 origin)
     shapes->id = record[9];
     const int8 left = (record[10] & 0xffff) - origin.x, top = (record[10] >> 16) - origin.y;
     const int8 right = (record[11] & 0xffff) - origin.x, bottom = (record[11] >> 16) - origin.y;
-    shapes->left = GREATER(left, 0);
-    shapes->top = GREATER(top, 0);
-    shapes->right = LESSER(right, TILE - 1);
-    shapes->bottom = LESSER(bottom, TILE - 1);
+    shapes->left = MAX(left, 0);
+    shapes->top = MAX(top, 0);
+    shapes->right = MIN(right, TILE - 1);
+    shapes->bottom = MIN(bottom, TILE - 1);
     set_edge(shapes, 0, ax, ay, bx, by, centre);
     set_edge(shapes, 1, bx, by, cx, cy, centre);
     set_edge(shapes, 2, cx, cy, ax, ay, centre);
     const double8 abx = convert_double8(bx - ax), aby = convert_double8(by - ay);
     const double8 acx = convert_double8(cx - ax), acy = convert_double8(cy - ay);
-    const double8 rise_b = convert_double8(db) - convert_double8(da), rise_c = convert_double8(dc) - convert_double8(da);
+    const double8 rise_b = convert_double8(db) - convert_double8(da),
+                  rise_c = convert_double8(dc) - convert_double8(da);
     const double8 scale = 1.0 / (abx * acy - aby * acx); // both products are exact
     shapes->rise_x = (rise_b * acy - rise_c * aby) * scale;
     shapes->rise_y = (rise_c * abx - rise_b * acx) * scale;
@@ -89,7 +90,7 @@ INLINE void set_shapes(Shapes *shapes, const int8 *record, const int2 origin)
     shapes->depth = da;
     shapes->slope_x = convert_float8(shapes->rise_x * SUBPIXELS);
     shapes->slope_y = convert_float8(shapes->rise_y * SUBPIXELS);
-    const float8 nearer = GREATER(db, dc), farther = LESSER(db, dc);
-    shapes->nearest = GREATER(da, nearer);
-    shapes->farthest = LESSER(da, farther);
+    const float8 nearer = MAX(db, dc), farther = MIN(db, dc);
+    shapes->nearest = MAX(da, nearer);
+    shapes->farthest = MIN(da, farther);
 }

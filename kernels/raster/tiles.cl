@@ -8,8 +8,8 @@
 #define BLOCKS (TILE / BLOCK) // per tile's side, at most 8
 #define AT(vectors, type, i) (((const type *)(vectors))[i])
 
-// A tile while it is drawn, block by block, two rows of 8 pixels per vector. Of each block: whether it is `held` yet, and
-// its farthest depth, one row of blocks per vector.
+// A tile while it is drawn, block by block, two rows of 8 pixels per vector. Of each block: whether it is `held` yet,
+// and its farthest depth, one row of blocks per vector.
 typedef struct {
     float16 depth[TILE * BLOCKS / 2];
     int16 ids[TILE * BLOCKS / 2];
@@ -64,7 +64,7 @@ INLINE void store_pixels(const Tile *tile, const int x, const int y, const float
 // Write a tile to the images: all of it, or the blocks that were held if it resumes.
 INLINE void store_tile(Tile *tile)
 {
-    const int rows = LESSER(TILE, tile->height - tile->origin.y), columns = tile->width - tile->origin.x;
+    const int rows = MIN(TILE, tile->height - tile->origin.y), columns = tile->width - tile->origin.x;
     for (int block = 0; block < BLOCKS * BLOCKS; block++)
         if (!tile->held[block] && !tile->resumes)
             hold_block(tile, block % BLOCKS, block / BLOCKS);
@@ -129,8 +129,8 @@ INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int b
     UNROLL
     for (int i = 0; i < 3; i++) {
         const Edge edge = shape->edges[i];
-        inside[i] = (edge.at + edge.along_x * px + edge.along_y * py) +
-                    (edge.along_x * columns + edge.along_y * rows_down);
+        inside[i] =
+            (edge.at + edge.along_x * px + edge.along_y * py) + (edge.along_x * columns + edge.along_y * rows_down);
     }
     float16 *depth = tile->depth + block * (BLOCK / 2);
     int16 *ids = tile->ids + block * (BLOCK / 2);
@@ -138,24 +138,24 @@ INLINE void draw_block(Tile *tile, const Shape *shape, const int bx, const int b
     UNROLL
     for (int j = 0; j < BLOCK / 2; j++) {
         float16 z = (z0 + (2 * j + down) * shape->slope_y) + across * shape->slope_x;
-        z = LESSER(z, shape->plane.nearest);
-        z = GREATER(z, shape->plane.farthest);
+        z = MIN(z, shape->plane.nearest);
+        z = MAX(z, shape->plane.farthest);
         const float16 before = depth[j];
-        int16 draw = ((inside[0] | inside[1] | inside[2]) >= 0) &
-                     ((z > before) | ((z == before) & (shape->id < ids[j])));
+        int16 draw =
+            ((inside[0] | inside[1] | inside[2]) >= 0) & ((z > before) | ((z == before) & (shape->id < ids[j])));
 #if MASKED
         if (shape->is_masked)
-            draw = rows_without_holes(draw, &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
+            draw = alpha_tested_rows(draw, &shape->masked, shape->middle, px, py + 2 * j ALPHA_ARGUMENTS);
 #endif
         const float16 after = draw ? z : before;
         depth[j] = after;
         ids[j] = draw ? (int16)shape->id : ids[j];
-        farthest = LESSER(farthest, after);
+        farthest = MIN(farthest, after);
         UNROLL
         for (int i = 0; i < 3; i++)
             inside[i] += 2 * shape->edges[i].along_y;
     }
-    ((float *)tile->farthest)[by * 8 + bx] = smallest_of(LESSER(farthest.lo, farthest.hi));
+    ((float *)tile->farthest)[by * 8 + bx] = smallest_of(MIN(farthest.lo, farthest.hi));
 }
 
 // Draw a shape: of the blocks of its box those that its edges reach and that do not lie nearer.
@@ -172,15 +172,15 @@ INLINE void draw_shape(Tile *tile, const Shape *shape ALPHA_PARAMETERS)
     UNROLL
     for (int i = 0; i < 3; i++) {
         const Edge edge = shape->edges[i];
-        reach[i] = edge.at + 7 * (GREATER(edge.along_x, 0) + GREATER(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
+        reach[i] = edge.at + 7 * (MAX(edge.along_x, 0) + MAX(edge.along_y, 0)) + edge.along_x * BLOCK * blocks;
     }
     float8 corners[BLOCKS];
     ulong touched = 0; // 8 blocks per row
     for (int by = shape->top / BLOCK; by <= shape->bottom / BLOCK; by++) {
-        const float8 z0 = convert_float8(
-            along + plane.along_y * (by * (BLOCK * SUBPIXELS) + shape->centre.y - plane.corner.y));
+        const float8 z0 =
+            convert_float8(along + plane.along_y * (by * (BLOCK * SUBPIXELS) + shape->centre.y - plane.corner.y));
         float8 reached = (z0 + down) + right;
-        reached = LESSER(reached, plane.nearest);
+        reached = MIN(reached, plane.nearest);
         int8 inside = 0;
         UNROLL
         for (int i = 0; i < 3; i++)
@@ -258,7 +258,8 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
     tile.depths = depths;
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         tile.held[i] = 0;
-        ((float *)tile.farthest)[i / BLOCKS * 8 + i % BLOCKS] = resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
+        ((float *)tile.farthest)[i / BLOCKS * 8 + i % BLOCKS] =
+            resumes ? tile_blocks[i / BLOCKS * pitch + i % BLOCKS] : 0.0f;
     }
     for (; count > 0; count = next_batch(&bins, numbers)) {
         Fetched fetched;
@@ -270,7 +271,7 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
             if (i + 8 < count) // ahead of their use, because they are seldom in the cache
                 fetch_records(&fetched, records, numbers + i + 8, count - i - 8);
             set_shapes(&shapes, fields, tile.origin);
-            for (int lane = 0; lane < LESSER(count - i, 8); lane++)
+            for (int lane = 0; lane < MIN(count - i, 8); lane++)
                 draw_lane(&tile, &shapes, lane ALPHA_ARGUMENTS);
         }
     }
@@ -279,7 +280,7 @@ __kernel void draw_tiles(const int tiles, const int tiles_x, const int width, co
     for (int i = 0; i < BLOCKS * BLOCKS; i++) {
         const float deepest = AT(tile.farthest, float, i / BLOCKS * 8 + i % BLOCKS);
         tile_blocks[i / BLOCKS * pitch + i % BLOCKS] = deepest;
-        farthest = LESSER(deepest, farthest);
+        farthest = MIN(deepest, farthest);
     }
     far[id] = farthest;
     store_tile(&tile);

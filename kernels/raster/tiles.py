@@ -6,14 +6,17 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Ints
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS
 from shading_atlas_bench.kernels.raster.coverage import covers_twin
-from shading_atlas_bench.kernels.raster.picture import Picture
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.raster.setup import MASK_BIT, Bins
 from shading_atlas_bench.kernels.texture.mask import mask_defines
 from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
+    from pyopencl.typing import KernelArg
+
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
@@ -21,7 +24,7 @@ if TYPE_CHECKING:
 def draw_tiles(
     device: Device,
     bins: Bins,
-    picture: Picture,
+    picture: RenderTarget,
     resumes: bool,
     triangles: Triangles,
     mask: AlphaMask | None,
@@ -34,13 +37,13 @@ def draw_tiles(
     kernel = device.build("raster/tiles.cl", TILE=picture.tile, **mask_defines(mask)).draw_tiles
     size = (picture.tiles, picture.tiles_x, picture.camera.width, picture.camera.height, device.chunks, resumes)
     images = (picture.triangle, picture.depth, picture.block_depth, picture.tile_depth)
-    arguments = (*size, bins.bins, bins.entries, bins.records, *images)
+    arguments: tuple[KernelArg, ...] = (*size, bins.bins, bins.entries, bins.records, *images)
     if mask:
         arguments += (*picture.camera.arguments(), triangles.positions, triangles.indices, *mask.arguments)
     device.launch(stage, kernel, picture.tiles, *arguments, local=1)
 
 
-def draw_tiles_twin(records: np.ndarray, width: int, height: int) -> tuple[np.ndarray, np.ndarray]:
+def draw_tiles_twin(records: Ints, width: int, height: int) -> tuple[Ints, Doubles]:
     """The nearest triangle, int32, and its depth, float64 (height, width), of records int32 (n, RECORD), without masks.
 
     Of equal depths the lowest triangle; -1 and 0 where there is nothing.

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Floats
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.roofline.roofline import CHAINS, STEPS, copy, multiply_add, multiply_add_twin
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
 
-def _values(kind: str, size: int) -> np.ndarray:
+def _values(kind: str, size: int) -> Floats:
     rng = seeded(kind)
     scale = 10.0 ** rng.uniform(-38, 37, size) if kind == "adversarial" else 1
     return (rng.normal(size=size) * scale).astype(np.float32)

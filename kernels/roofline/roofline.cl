@@ -1,7 +1,7 @@
 // What other kernels are measured against: a copy, and multiply-adds that need no memory.
 
 // Copies `run` vectors per work-item.
-__kernel void copy(const int count, const int run, __global const float16* restrict from, __global float16* restrict to)
+__kernel void copy(const int count, const int run, __global const float16 *restrict from, __global float16 *restrict to)
 {
     const int first = get_global_id(0) * run;
     const int last = min(first + run, count);
@@ -10,7 +10,7 @@ __kernel void copy(const int count, const int run, __global const float16* restr
 }
 
 // STEPS times x = x * a + b on CHAINS independent vectors, enough to keep the units busy while one result is awaited.
-__kernel void multiply_add(const int count, const float a, const float b, __global float16* restrict values)
+__kernel void multiply_add(const int count, const float a, const float b, __global float16 *restrict values)
 {
     const int i = get_global_id(0);
     if (i >= count)

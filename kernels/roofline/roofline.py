@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
@@ -45,12 +47,13 @@ def multiply_add(device: Device, values: Array) -> None:
     device.launch("roofline/arithmetic", kernel, count, count, A, B, values)
 
 
-def multiply_add_twin(values: np.ndarray) -> np.ndarray:
+def multiply_add_twin(values: Floats) -> Doubles:
     """The same on the host."""
     x = values.astype(np.float64)[:, None] + np.arange(CHAINS)
     for _ in range(STEPS):
         x = A * x + B
-    return x.sum(axis=1)
+    totals: Doubles = x.sum(axis=1)
+    return totals
 
 
 def measure(device: Device) -> Roofline:

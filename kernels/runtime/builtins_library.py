@@ -78,13 +78,20 @@ class Answer:
 
 def installed_package() -> Package | None:
     """The PoCL of PyPI in this environment; None where there is none."""
-    homes = [find_spec(name) for name in ("pyopencl", "pocl_binary_distribution")]
-    if not all(home and home.submodule_search_locations for home in homes):
+    libraries, companions = (_libraries_of(name) for name in ("pyopencl", "pocl_binary_distribution"))
+    if libraries is None or companions is None:
         return None
-    libraries, companions = (Path(home.submodule_search_locations[0]) / ".libs" for home in homes)
     if not any(libraries.glob("libpocl*.so*")) or not companions.is_dir():
         return None
     return Package(libraries, companions)
+
+
+def _libraries_of(name: str) -> Path | None:
+    """Where a Python package has its libraries; None where it is not installed."""
+    spec = find_spec(name)
+    if spec is None or not spec.submodule_search_locations:
+        return None
+    return Path(spec.submodule_search_locations[0]) / ".libs"
 
 
 def processor() -> str:

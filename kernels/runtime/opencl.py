@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from threading import RLock
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 from shading_atlas_bench.kernels.cache import CacheError, cache_folder, read_checked, write_checked
@@ -20,9 +21,10 @@ from shading_atlas_bench.kernels.runtime import kernel_cache
 from shading_atlas_bench.kernels.runtime.vendors import Vendors, find_vendors
 
 if TYPE_CHECKING:
-    import numpy as np
-    import pyopencl as cl
+    import pyopencl
     from pyopencl.array import Array
+
+    from shading_atlas_bench.arithmetic import arrays
 
 POCL = "Portable Computing Language"
 # One thread at a time speaks to OpenCL: drivers that run a kernel in the thread that launches it lock themselves when
@@ -58,7 +60,7 @@ def pocl_cache() -> Path:
 
 
 @cache
-def opencl() -> Any:
+def opencl() -> ModuleType:
     """pyopencl, with the loader told what there is and the kernel cache healed.
 
     Raises DeviceError or CacheError.
@@ -82,9 +84,11 @@ def opencl() -> Any:
 @cache
 def array_class() -> type[Array]:
     """pyopencl's arrays, copied to and from the device by one thread at a time."""
+    opencl()  # before pyopencl itself is imported
+    from pyopencl.array import Array
 
-    class DeviceArray(opencl().array.Array):
-        def get(self, *args: Any, **kwargs: Any) -> np.ndarray:
+    class DeviceArray(Array):
+        def get(self, *args: Any, **kwargs: Any) -> arrays.Array:
             with SPEAKING:
                 return super().get(*args, **kwargs)
 
@@ -99,7 +103,7 @@ def array_class() -> type[Array]:
 class FoundDevice:
     """A device of this machine. key: tells it from all others, in this process and in later ones."""
 
-    device: cl.Device
+    device: pyopencl.Device
     key: str
 
     @property
@@ -141,7 +145,7 @@ def find_devices() -> list[FoundDevice]:
         platforms = cl.get_platforms()
     except cl.Error:
         platforms = []
-    devices: list[cl.Device] = []
+    devices: list[pyopencl.Device] = []
     for platform in platforms:
         try:
             devices += platform.get_devices()
@@ -158,7 +162,7 @@ def find_devices() -> list[FoundDevice]:
     return found
 
 
-def _rank(device: cl.Device) -> tuple:
+def _rank(device: pyopencl.Device) -> tuple[bool, bool, tuple[int, ...], str, str]:
     newest_first = tuple(-part for part in _version(device.platform.version))
     gpu = bool(device.type & opencl().device_type.GPU)
     return (not gpu, POCL not in device.platform.name, newest_first, device.platform.name, device.name)

@@ -12,6 +12,7 @@ import sys
 
 def ask(home: str, macros: list[str]) -> dict[str, str | list[str]]:
     """The version of home's PoCL, and those of `macros` (without their underscores) that its compiler defines."""
+    os.environ["PYOPENCL_NO_CACHE"] = "1"  # of calls in Python; read at the import
     import numpy as np
     import pyopencl as cl
 
@@ -23,7 +24,7 @@ def ask(home: str, macros: list[str]) -> dict[str, str | list[str]]:
     lines = [f"#ifdef __{macro}__\n    defined[{place}] = 1;\n#endif" for place, macro in enumerate(macros)]
     body = "\n".join(lines)
     source = f"kernel void ask(global int *defined) {{\n{body}\n}}"
-    kernel = cl.Kernel(cl.Program(context, source).build(["-w"], cache_dir=False), "ask")
+    kernel = cl.Kernel(cl.Program(context, source).build(["-w"]), "ask")
     found = np.zeros(len(macros), np.int32)
     buffer = cl.Buffer(context, cl.mem_flags.READ_WRITE | cl.mem_flags.COPY_HOST_PTR, hostbuf=found)
     kernel(queue, (1,), (1,), buffer)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import turned
 from shading_atlas_bench.kernels.raster.resolve import resolve
 from shading_atlas_bench.kernels.shade.colour import sky_radiance
@@ -33,7 +34,7 @@ FACES = np.array(
     np.float64,
 )
 
-Seen = Callable[[np.ndarray], np.ndarray]
+Seen = Callable[[Doubles], Doubles]
 
 
 def sky_around(shader: Shader) -> Seen:
@@ -42,7 +43,7 @@ def sky_around(shader: Shader) -> Seen:
 
 
 def scene_around(
-    device: Device, rasteriser: Rasteriser, ids: np.ndarray | None, shader: Shader, point: np.ndarray, near: float
+    device: Device, rasteriser: Rasteriser, ids: Ints | None, shader: Shader, point: Doubles, near: float
 ) -> Seen:
     """Radiance (n, 3) that arrives at a point, float64 (3), from unit directions (n, 3), up to BRIGHTEST / exposure.
 
@@ -57,7 +58,7 @@ def scene_around(
         faces.append(_face(device, rasteriser, ids, shader, point, view, near))
     pictures = np.clip(np.nan_to_num(np.stack(faces), nan=0.0, posinf=brightest), -1, brightest)
 
-    def arriving(direction: np.ndarray) -> np.ndarray:
+    def arriving(direction: Doubles) -> Doubles:
         face = 2 * np.argmax(np.abs(direction), axis=1)
         face += np.take_along_axis(direction, face[:, None] // 2, axis=1)[:, 0] < 0
         x, y, z = turned(FACES[face], direction).T
@@ -71,12 +72,12 @@ def scene_around(
 def _face(
     device: Device,
     rasteriser: Rasteriser,
-    ids: np.ndarray | None,
+    ids: Ints | None,
     shader: Shader,
-    point: np.ndarray,
-    view: np.ndarray,
+    point: Doubles,
+    view: Doubles,
     near: float,
-) -> np.ndarray:
+) -> Floats:
     """Radiance float32 (SIDE, SIDE, 3) as a camera sees it that looks 45 degrees to each side; -1 where the sky is."""
     projection = np.array([[1.0, 0, 0, 0], [0, 1, 0, 0], [0, 0, 0, near], [0, 0, -1, 0]])
     visible = rasteriser.draw(view, projection, SIDE, SIDE, stage="environment map")

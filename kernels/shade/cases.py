@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.shade.colour import encode
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
 
-def colours_twin(shader: Shader, samples: Samples) -> np.ndarray:
+def colours_twin(shader: Shader, samples: Samples) -> Bytes:
     """The twin's colours of the samples of a shader's own scene, in list order."""
     with np.errstate(invalid="ignore"):
         return encode(radiance_twin(shader, samples, EYE) * shader.tables.environment[9])
@@ -109,7 +110,7 @@ def faces(device: Device, kind: str, size: int) -> Trial:
     if kind == "adversarial":
         vertices[1::3, :3] = vertices[::3, :3] * (1 + 1e-4 * rng.normal(size=(size, 3)))
     indices = np.arange(3 * size, dtype=np.int32).reshape(-1, 3)
-    uploaded, ids = [device.upload(array) for array in (vertices, indices)], np.zeros(size, np.int32)
+    uploaded, ids = (device.upload(vertices), device.upload(indices)), np.zeros(size, np.int32)
 
     def results() -> list[Result]:
         found = face_rows(device, *uploaded, ids).get()[:, 1].copy().view(np.float32)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats
 
-def sky_radiance(environment: np.ndarray, height: np.ndarray) -> np.ndarray:
+
+def sky_radiance(environment: Floats, height: Doubles) -> Doubles:
     """Radiance (..., 3) from directions whose unit vectors have this y: a linear gradient, fading to the ground."""
     zenith, horizon, ground = np.asarray(environment[:9], np.float64).reshape(3, 3)
     up = np.clip(height, 0, 1)[..., None]
@@ -14,7 +16,7 @@ def sky_radiance(environment: np.ndarray, height: np.ndarray) -> np.ndarray:
     return sky + (ground - sky) * down
 
 
-def sky_irradiance(environment: np.ndarray, height: np.ndarray) -> np.ndarray:
+def sky_irradiance(environment: Floats, height: Doubles) -> Doubles:
     """Irradiance / pi (..., 3) on surfaces whose unit normals have this y; exact at -1, 0 and 1."""
     zenith, horizon, ground = np.asarray(environment[:9], np.float64).reshape(3, 3)
     height = height[..., None]
@@ -24,14 +26,14 @@ def sky_irradiance(environment: np.ndarray, height: np.ndarray) -> np.ndarray:
     return ground * ground_share + zenith * zenith_share + horizon * (1 - ground_share - zenith_share)
 
 
-def shown_as(colour: np.ndarray, exposure: float) -> np.ndarray:
+def shown_as(colour: Doubles, exposure: float) -> Doubles:
     """The radiance (...) that exposure and tone mapping turn into a linear colour 0..1."""
     y = np.clip(colour, 0, 1)
     a, b = 2.51 - 2.43 * y, 0.03 - 0.59 * y
     return (np.sqrt(b * b + 0.56 * a * y) - b) / (2 * a * exposure)
 
 
-def encode(radiance: np.ndarray) -> np.ndarray:
+def encode(radiance: Doubles) -> Bytes:
     """uint8 (..., 4): ACES tone mapping (Narkowicz 2015), sRGB (IEC 61966-2-1), alpha 255; not-a-number is black."""
     x = np.clip(np.nan_to_num(radiance, nan=0.0, posinf=1e4), 0, 1e4)
     x = np.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)

@@ -1,5 +1,5 @@
-// Lookups in an environment map, 8 wide: bilinear in the direction, linear between two levels of roughness. Layout of the
-// map: kernels/shade/environment.py.
+// Lookups in an environment map, 8 wide: bilinear in the direction, linear between two levels of roughness. Layout of
+// the map: kernels/shade/environment.py.
 #include "shade/vector.cl"
 
 #define SMOOTHEST 0.05f                  // roughness of the first level
@@ -28,10 +28,10 @@ INLINE float8 map_share8(float8 roughness)
 // Radiance from around a direction, as a surface of this roughness reflects it.
 INLINE vector8 environment8(__global const float *map, vector8 direction, float8 roughness)
 {
-    const float8 sum = magnitude8(direction.x) + magnitude8(direction.y) + magnitude8(direction.z);
+    const float8 sum = abs8(direction.x) + abs8(direction.y) + abs8(direction.z);
     const float8 inverse = 1.0f / ((sum > 1e-20f) ? sum : (float8)1e-20f);
     const float8 x = direction.x * inverse, z = direction.z * inverse;
-    const float8 folded_x = 1.0f - magnitude8(z), folded_z = 1.0f - magnitude8(x);
+    const float8 folded_x = 1.0f - abs8(z), folded_z = 1.0f - abs8(x);
     const int8 below = direction.y < 0.0f;
     const float8 u = below ? ((x < 0.0f) ? -folded_x : folded_x) : x;
     const float8 v = below ? ((z < 0.0f) ? -folded_z : folded_z) : z;

@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.arithmetic.matrices import dot
 
 SIDE = 128  # texels of a map, without its border
@@ -25,7 +26,7 @@ ACROSS = 4  # directions that a texel of the first level averages, along each si
 BLURRED_FROM = 64  # texels along a side of the picture that further levels are blurred from
 
 
-def directions(size: int) -> tuple[np.ndarray, np.ndarray]:
+def directions(size: int) -> tuple[Doubles, Doubles]:
     """Unit vectors (size, size, 3) through the middles of the texels of an octahedron's square, and how large the solid
     angles (size, size) of the texels are beside each other."""
     step = (2 * np.arange(size) + 1) / size - 1
@@ -38,7 +39,7 @@ def directions(size: int) -> tuple[np.ndarray, np.ndarray]:
     return points / length[..., None], 1 / (length * length * length)
 
 
-def environment_map(radiance: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+def environment_map(radiance: Callable[[Doubles], Doubles]) -> Floats:
     """float32 SHAPE: the map of what is seen, radiance (n, 3) as a function of unit directions (n, 3).
 
     A texel holds RGB of each level, one after the other. The border, one texel wide, holds what lies beyond the
@@ -55,22 +56,23 @@ def environment_map(radiance: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     return texels
 
 
-def _averaged(picture: np.ndarray, size: int) -> np.ndarray:
+def _averaged(picture: Doubles, size: int) -> Doubles:
     """A picture (n, n, 3) with the averages of its squares: (size, size, 3)."""
     step = len(picture) // size
     parts = picture.reshape(size, step, size, step, 3).transpose(1, 3, 0, 2, 4)
     return _total(parts.reshape(step * step, size, size, 3)) / (step * step)
 
 
-def _total(parts: np.ndarray) -> np.ndarray:
+def _total(parts: Doubles) -> Doubles:
     """The sum over the first axis, a power of two, of halves that are added again and again."""
     while len(parts) > 1:
         middle = len(parts) // 2
         parts = parts[:middle] + parts[middle:]
-    return parts[0]
+    total: Doubles = parts[0]
+    return total
 
 
-def _blurred(seen: np.ndarray, size: int, roughness: float) -> np.ndarray:
+def _blurred(seen: Doubles, size: int, roughness: float) -> Doubles:
     """(size, size, 3): the picture (BLURRED_FROM squared, 3) as surfaces of a roughness reflect it that face the
     viewer."""
     sources, angles = (part.reshape(len(seen), -1) for part in directions(BLURRED_FROM))
@@ -90,17 +92,18 @@ def _blurred(seen: np.ndarray, size: int, roughness: float) -> np.ndarray:
     return level.reshape(size, size, 3)
 
 
-def _enlarged(level: np.ndarray) -> np.ndarray:
+def _enlarged(level: Doubles) -> Doubles:
     """A smaller level (S, S, 3), bilinear at the texels of a map: (SIDE, SIDE, 3)."""
     wide = _bordered(level)
     place = (np.arange(SIDE) + 0.5) / SIDE * len(level) + 0.5
     low = np.floor(place).astype(int)
     share = (place - low)[:, None, None]
     wide = wide[low] + (wide[low + 1] - wide[low]) * share
-    return wide[:, low] + (wide[:, low + 1] - wide[:, low]) * share[None, :, 0]
+    enlarged: Doubles = wide[:, low] + (wide[:, low + 1] - wide[:, low]) * share[None, :, 0]
+    return enlarged
 
 
-def _bordered(level: np.ndarray) -> np.ndarray:
+def _bordered(level: Doubles) -> Doubles:
     """A level (S, S, 3) with its border (S + 2, S + 2, 3): beyond an edge the square goes on at the edge's mirror."""
     size = len(level)
     wide = np.zeros((size + 2, size + 2, 3))
@@ -111,12 +114,12 @@ def _bordered(level: np.ndarray) -> np.ndarray:
     return wide
 
 
-def map_share(roughness: np.ndarray) -> np.ndarray:
+def map_share(roughness: Doubles) -> Doubles:
     """The share (...) of what surfaces reflect that comes from the map: 1 up to FULL, falling to 0 at MATT."""
     return np.clip((MATT - roughness) / (MATT - FULL), 0, 1)
 
 
-def look_up(texels: np.ndarray, direction: np.ndarray, roughness: np.ndarray) -> np.ndarray:
+def look_up(texels: Floats, direction: Doubles, roughness: Doubles) -> Doubles:
     """Radiance (n, 3) of a map from around directions (n, 3) of any length, for roughnesses (n)."""
     x, y, z = (np.asarray(direction, np.float64) / np.abs(direction).sum(axis=-1, keepdims=True)).T
     u, v = (np.where(y < 0, (1 - np.abs(other)) * np.where(one < 0, -1, 1), one) for one, other in ((x, z), (z, x)))
@@ -131,4 +134,5 @@ def look_up(texels: np.ndarray, direction: np.ndarray, roughness: np.ndarray) ->
     whole = np.minimum(np.floor(level), last - 1).astype(int)
     each = np.arange(len(levels))
     smooth, rough = levels[each, whole], levels[each, whole + 1]
-    return smooth + (rough - smooth) * (level - whole)[:, None]
+    seen: Doubles = smooth + (rough - smooth) * (level - whole)[:, None]
+    return seen

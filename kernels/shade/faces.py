@@ -6,13 +6,16 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Doubles
+
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from shading_atlas_bench.kernels.device import Device
 
 
-def face_rows(device: Device, vertices: Array, indices: Array, material_ids: np.ndarray) -> Array:
+def face_rows(device: Device, vertices: Array, indices: Array, material_ids: arrays.Array) -> Array:
     """int32 (T, 2) on the device: material, and the bits of the float32 UV scale.
 
     vertices: float32 (V, 8), position, normal, uv; indices: int32 (T, 3); material_ids: int32 (T). The UV scale is the
@@ -26,7 +29,7 @@ def face_rows(device: Device, vertices: Array, indices: Array, material_ids: np.
     return faces
 
 
-def uv_scale_twin(vertices: np.ndarray, indices: np.ndarray) -> np.ndarray:
+def uv_scale_twin(vertices: arrays.Array, indices: arrays.Array) -> Doubles:
     """float64 (T): the UV scales. Triangles whose squared area float32 does not hold have none."""
     corners = np.asarray(vertices, np.float64)[indices]
     sides = corners[:, 1:] - corners[:, :1]

@@ -1,9 +1,14 @@
 """Surfaces, lights, textures, shadow maps and samples for the shading kernel."""
 
-from types import SimpleNamespace
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Floats
+from shading_atlas_bench.kernels.inputs.materials import Light, Material, Sky, Texture
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.shade.environment import SHAPE
 from shading_atlas_bench.kernels.shade.shader import Shader
@@ -12,73 +17,45 @@ from shading_atlas_bench.kernels.shade.tables import Lighting, Surface
 from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 from shading_atlas_bench.kernels.triangles import Triangles
 
+if TYPE_CHECKING:
+    from shading_atlas_bench.kernels.device import Device
+
 TRIANGLES = 60
 EYE = np.array([0.3, 1.7, 6.0])
-SKY = SimpleNamespace(zenith=(0.3, 0.4, 0.7), horizon=(0.6, 0.6, 0.5), ground=(0.2, 0.15, 0.1))
+SKY = Sky()
 
-
-def material(**changes):
-    plain = {
-        "base_colour": (0.7, 0.6, 0.5, 1.0),
-        "base_texture": -1,
-        "normal_texture": -1,
-        "normal_scale": 1.0,
-        "normal_uv": 0,
-        "emissive": (0.0, 0.0, 0.0),
-        "emissive_texture": -1,
-        "emissive_uv": 0,
-        "roughness": 1.0,
-        "metallic": 0.0,
-        "surface_texture": -1,
-        "surface_uv": 0,
-        "occlusion_texture": -1,
-        "occlusion_strength": 1.0,
-        "occlusion_uv": 0,
-        "unlit": False,
-        "double_sided": False,
-        "alpha_mode": "opaque",
-        "transmission": 0.0,
-    }
-    return SimpleNamespace(**{**plain, **changes})
-
-
-def light(kind, **changes):
-    plain = {"colour": (2.0, 1.8, 1.5), "position": (1.0, 3.0, 1.0), "direction": (0.2, -1.0, 0.1), "cone": 50.0}
-    return SimpleNamespace(kind=kind, **{**plain, **changes})
-
-
-PLAIN = [material()]
+PLAIN = [Material()]
 FULL = [
-    material(base_texture=0, normal_texture=2, roughness=0.4, double_sided=True),
-    material(base_texture=1, metallic=1.0, roughness=0.1, emissive=(0.1, 0.3, 0.2), emissive_texture=0),
-    material(double_sided=True, normal_texture=2, normal_scale=0.5, roughness=0.0),
-    material(surface_texture=3, metallic=0.8, occlusion_texture=3, occlusion_uv=2, normal_texture=2, normal_uv=1),
-    material(occlusion_texture=3, occlusion_strength=0.6, emissive=(0.2, 0.1, 0.1), emissive_texture=1, emissive_uv=2),
-    material(base_texture=1, unlit=True),
+    Material(base_texture=0, normal_texture=2, roughness=0.4, double_sided=True),
+    Material(base_texture=1, metallic=1.0, roughness=0.1, emissive=(0.1, 0.3, 0.2), emissive_texture=0),
+    Material(double_sided=True, normal_texture=2, normal_scale=0.5, roughness=0.0),
+    Material(surface_texture=3, metallic=0.8, occlusion_texture=3, occlusion_uv=2, normal_texture=2, normal_uv=1),
+    Material(occlusion_texture=3, occlusion_strength=0.6, emissive=(0.2, 0.1, 0.1), emissive_texture=1, emissive_uv=2),
+    Material(base_texture=1, unlit=True),
 ]
-MAPPED = [material(base_texture=0, surface_texture=3, metallic=1.0), material(occlusion_texture=3)]
+MAPPED = [Material(base_texture=0, surface_texture=3, metallic=1.0), Material(occlusion_texture=3)]
 # Smooth enough for the map alone, half and half, and too rough for it.
-GLOSSY = [material(roughness=roughness, metallic=0.5) for roughness in (0.0, 0.2, 0.5, 0.7, 0.79, 0.8, 1.0)]
-UNLIT = [material(base_texture=0, unlit=True), material()]
+GLOSSY = [Material(roughness=roughness, metallic=0.5) for roughness in (0.0, 0.2, 0.5, 0.7, 0.79, 0.8, 1.0)]
+UNLIT = [Material(base_texture=0, unlit=True), Material()]
 FURTHER = [
-    material(base_texture=0, emissive=(0.5, 0.6, 0.7), emissive_texture=1, emissive_uv=1),
-    material(occlusion_texture=3, occlusion_uv=2),
+    Material(base_texture=0, emissive=(0.5, 0.6, 0.7), emissive_texture=1, emissive_uv=1),
+    Material(occlusion_texture=3, occlusion_uv=2),
 ]
-TEXTURED = [material(base_texture=0), material(base_texture=1)]
-LIGHTS = [light("directional"), light("point", colour=(9.0, 8.0, 7.0)), light("spot", colour=(30.0, 20.0, 10.0))]
+TEXTURED = [Material(base_texture=0), Material(base_texture=1)]
+LIGHTS = [Light("directional"), Light("point", colour=(9.0, 8.0, 7.0)), Light("spot", colour=(30.0, 20.0, 10.0))]
 
 
-def textures_of(rng, device, wraps):
+def textures_of(rng: np.random.Generator, device: Device, wraps: bool) -> TextureBuffers:
     modes = ["clamp", "mirror", "repeat", "repeat"] if wraps else ["repeat"] * 4
     sizes = [(64, 64), (19, 50), (32, 16), (24, 40)]
     images = []
     for i, (size, mode) in enumerate(zip(sizes, modes, strict=True)):
         texels = rng.integers(0, 256, (*size, 4), dtype=np.uint8)
-        images.append(SimpleNamespace(texels=texels, srgb=i < 2, wrap_s=mode, wrap_t=modes[i - 1]))
+        images.append(Texture(texels, i < 2, mode, modes[i - 1]))
     return TextureBuffers.upload(device, images)
 
 
-def random_maps(rng, device, lights):
+def random_maps(rng: np.random.Generator, device: Device, lights: Sequence[Light]) -> ShadowMaps:
     """Shadow maps of smooth random depth for all lights but point lights."""
     rows = np.zeros((len(lights), 28), np.float32)
     maps, start = [], 0
@@ -104,15 +81,24 @@ def random_maps(rng, device, lights):
     return ShadowMaps(device.upload(np.concatenate(maps).astype(np.float32)), rows)
 
 
-def further_uvs(materials, count):
+def further_uvs(materials: Sequence[Material], count: int) -> Floats | None:
     """As many further sets of UVs as the materials use, for `count` vertices; None if they use none."""
     sets = max(max(m.normal_uv, m.emissive_uv, m.surface_uv, m.occlusion_uv) for m in materials)
     return np.random.default_rng(9).uniform(-2, 2, (sets, count, 2)).astype(np.float32) if sets else None
 
 
 def make_shader(
-    device, materials, lights, *, seed=0, shadows=False, colours=False, wraps=False, mirrors=False, degenerate=False
-):
+    device: Device,
+    materials: Sequence[Material],
+    lights: Sequence[Light],
+    *,
+    seed: int = 0,
+    shadows: bool = False,
+    colours: bool = False,
+    wraps: bool = False,
+    mirrors: bool = False,
+    degenerate: bool = False,
+) -> Shader:
     """A shader of random triangles. mirrors: with an environment map, of random texels."""
     rng = np.random.default_rng(seed)
     count = 3 * TRIANGLES
@@ -150,7 +136,7 @@ def make_shader(
     return shader.reflecting(around) if mirrors else shader
 
 
-def make_samples(device, count=4000, seed=1, adversarial=False):
+def make_samples(device: Device, count: int = 4000, seed: int = 1, adversarial: bool = False) -> Samples:
     rng = np.random.default_rng(seed)
     samples = Samples.allocate(device, count)
     room = samples.triangle.size
@@ -169,7 +155,8 @@ def make_samples(device, count=4000, seed=1, adversarial=False):
     return samples
 
 
-CASES = {
+# Materials, lights, and what else `make_shader` is told.
+CASES: dict[str, tuple[list[Material], list[Light], dict[str, bool]]] = {
     "plain": (PLAIN, LIGHTS[:1], {}),
     "no lights": (TEXTURED, [], {}),
     "wrap modes": (TEXTURED, LIGHTS[:1], {"wraps": True}),

@@ -27,8 +27,7 @@ INLINE float8 incident8(__global const float *light, vector8 position, vector8 *
         *direction = (vector8){d.x * inverse, d.y * inverse, d.z * inverse};
         float8 arriving = 1.0f / largest8(squared * light[11], (float8)1e-4f);
         if ((int)light[0] == SPOT) {
-            const float8 cosine =
-                -(direction->x * light[8] + direction->y * light[9] + direction->z * light[10]);
+            const float8 cosine = -(direction->x * light[8] + direction->y * light[9] + direction->z * light[10]);
             float8 fade = (cosine - light[12]) * light[13];
             fade = (fade < 1.0f) ? positive8(fade) : (float8)1.0f;
             arriving *= fade * fade * (3.0f - 2.0f * fade);
@@ -46,7 +45,7 @@ INLINE float8 incident8(__global const float *light, vector8 position, vector8 *
 // Microsurfaces", 2017); without the Fresnel term, whose weight (1 - v.h)^5 is returned apart.
 INLINE float8 ggx8(vector8 n, vector8 v, vector8 l, float8 nv, float8 nl, float8 alpha, float8 *grazing)
 {
-    const vector8 h = unit8((vector8){v.x + l.x, v.y + l.y, v.z + l.z}, n);
+    const vector8 h = normalize8((vector8){v.x + l.x, v.y + l.y, v.z + l.z}, n);
     const float8 nh = positive8(dot8(n, h)), vh = positive8(dot8(v, h));
     const float8 a2 = alpha * alpha;
     // 1 - nh^2 as |n x h|^2: no cancellation in a narrow highlight.

@@ -2,9 +2,8 @@
 
 // Radiance of samples, linear and before exposure: one work-item per 8 of them, RGB one sample after the other.
 __kernel void shade_radiance(const int count, __global const int *triangles, __global const float *barys1,
-                             __global const float *barys2, __global const float *footprints,
-                             __global float *radiances, const float eye_x, const float eye_y, const float eye_z,
-                             SURFACE_PARAMETERS)
+                             __global const float *barys2, __global const float *footprints, __global float *radiances,
+                             const float eye_x, const float eye_y, const float eye_z, SURFACE_PARAMETERS)
 {
     const int first = 8 * get_global_id(0);
     if (first >= count)
@@ -22,7 +21,7 @@ __kernel void shade_radiance(const int count, __global const int *triangles, __g
     STORE8(c.x, red);
     STORE8(c.y, green);
     STORE8(c.z, blue);
-    for (int lane = 0; lane < LESSER(8, count - first); lane++) {
+    for (int lane = 0; lane < MIN(8, count - first); lane++) {
         radiances[3 * (first + lane)] = red[lane];
         radiances[3 * (first + lane) + 1] = green[lane];
         radiances[3 * (first + lane) + 2] = blue[lane];

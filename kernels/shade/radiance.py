@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.kernels.shade.shade import shade8_twin
 
 if TYPE_CHECKING:
@@ -15,7 +16,7 @@ if TYPE_CHECKING:
 STEP = 8  # samples shaded at once
 
 
-def radiance(shader: Shader, samples: Samples, eye: np.ndarray, stage: str = "radiance") -> np.ndarray:
+def radiance(shader: Shader, samples: Samples, eye: Doubles, stage: str = "radiance") -> Floats:
     """Float32 (count, 3): radiance of the samples of a shader's scene, in their order. eye: float64 (3)."""
     device = shader.device
     found = device.empty((samples.triangle.size, 3), np.float32)
@@ -26,7 +27,7 @@ def radiance(shader: Shader, samples: Samples, eye: np.ndarray, stage: str = "ra
     return found.get()[: samples.count]
 
 
-def radiance_twin(shader: Shader, samples: Samples, eye: np.ndarray) -> np.ndarray:
+def radiance_twin(shader: Shader, samples: Samples, eye: Doubles) -> Doubles:
     """Float64 (count, 3): the same."""
     n = samples.count
     bary = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:n]

@@ -7,17 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Doubles, Floats, Ints
 from shading_atlas_bench.kernels.shade.colour import encode, shown_as, sky_irradiance, sky_radiance
 from shading_atlas_bench.kernels.shade.environment import look_up, map_share
 from shading_atlas_bench.kernels.shade.faces import uv_scale_twin
-from shading_atlas_bench.kernels.shade.shadow_lookup import lit_share
+from shading_atlas_bench.kernels.shade.shadow_lookup import shadow_visibility
 from shading_atlas_bench.kernels.shade.tables import KINDS, Tables
 from shading_atlas_bench.kernels.texture.sample import trilinear
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
-SIDELESS = 0.25  # as in shade.cl
+IN_PLANE = 0.25  # as in shade.cl
 
 
 @dataclass(frozen=True)
@@ -28,27 +29,27 @@ class Points:
     roughness and metalness. open: (n, 1), the share of the light from all around that arrives.
     """
 
-    position: np.ndarray
-    normal: np.ndarray
-    face: np.ndarray
-    uvs: np.ndarray
-    extra: np.ndarray
-    material: np.ndarray
-    footprints: np.ndarray
-    surface: np.ndarray
-    open: np.ndarray
+    position: Doubles
+    normal: Doubles
+    face: Doubles
+    uvs: Doubles
+    extra: Doubles
+    material: Doubles
+    footprints: Doubles
+    surface: Doubles
+    open: Doubles
 
 
 def shade_twin(
     tables: Tables,
-    faces: np.ndarray,
+    faces: Ints,
     textures: TextureBuffers,
-    shadow_maps: np.ndarray,
-    triangle: np.ndarray,
-    bary: np.ndarray,
-    footprint: np.ndarray,
-    eye: np.ndarray,
-) -> np.ndarray:
+    shadow_maps: Floats,
+    triangle: Array,
+    bary: Array,
+    footprint: Array,
+    eye: Array,
+) -> Bytes:
     """uint8 (n, 4), sRGB and alpha 255, of n samples: triangle int (n), bary (n, 2), footprint (n), eye (3).
 
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
@@ -59,14 +60,14 @@ def shade_twin(
 
 def shade8_twin(
     tables: Tables,
-    faces: np.ndarray,
+    faces: Ints,
     textures: TextureBuffers,
-    shadow_maps: np.ndarray,
-    triangle: np.ndarray,
-    bary: np.ndarray,
-    footprint: np.ndarray,
-    eye: np.ndarray,
-) -> np.ndarray:
+    shadow_maps: Floats,
+    triangle: Array,
+    bary: Array,
+    footprint: Array,
+    eye: Array,
+) -> Doubles:
     """What shade8 returns: radiance (n, 3) of the same samples."""
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
@@ -83,7 +84,7 @@ def shade8_twin(
     for light in tables.lights.astype(np.float64):
         to_light, arriving = _incident(light, points.position)
         arriving = arriving * np.maximum(_dot(n, to_light), 0)
-        arriving = arriving * lit_share(light, shadow_maps, points.position, smooth, to_light)
+        arriving = arriving * shadow_visibility(light, shadow_maps, points.position, smooth, to_light)
         irradiance = arriving[:, None] * light[16:19]
         diffuse = diffuse + irradiance / np.pi
         if specular:
@@ -100,7 +101,7 @@ def shade8_twin(
     return out
 
 
-def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray):
+def _interpolated(tables: Tables, faces: Ints, triangle: Array, bary: Doubles, footprint: Array) -> Points:
     corners = tables.vertices[tables.indices[triangle]].astype(np.float64)
     weights = np.stack([1 - bary.sum(axis=1), bary[:, 0], bary[:, 1]], axis=1)
     rows = np.einsum("ni,nif->nf", weights, corners)
@@ -125,7 +126,7 @@ def _interpolated(tables: Tables, faces: np.ndarray, triangle: np.ndarray, bary:
     )
 
 
-def _further_scales(tables: Tables, triangle: np.ndarray) -> list[np.ndarray]:
+def _further_scales(tables: Tables, triangle: Array) -> list[Doubles]:
     """UV scales (n) of triangles in each further set of UVs."""
     used, place = np.unique(triangle, return_inverse=True)
     scales = []
@@ -144,11 +145,12 @@ def _mapped(textures: TextureBuffers, points: Points) -> Points:
     return replace(points, surface=surface, open=1 + material[:, 18:19] * (seen - 1))
 
 
-def _dot(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return (a * b).sum(axis=-1)
+def _dot(a: Doubles, b: Doubles) -> Doubles:
+    sums: Doubles = (a * b).sum(axis=-1)
+    return sums
 
 
-def _unit(a: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
+def _unit(a: Doubles, otherwise: Doubles) -> Doubles:
     """a of length 1; `otherwise` where it has none."""
     largest = np.abs(a).max(axis=1)
     usable = (largest > 0) & (largest < 1e30)
@@ -156,17 +158,17 @@ def _unit(a: np.ndarray, otherwise: np.ndarray) -> np.ndarray:
     return np.where(usable[:, None], scaled / np.linalg.norm(scaled, axis=1, keepdims=True), otherwise)
 
 
-def _texture(textures: TextureBuffers, points: Points, texture: np.ndarray, uv_set: np.ndarray | None = None):
+def _texture(textures: TextureBuffers, points: Points, texture: Doubles, uv_set: Doubles | None = None) -> Doubles:
     """Linear RGB (n, 3) of the points' textures (n), looked up in their sets of UVs (n), the first by default."""
     chosen = np.zeros(len(texture), int) if uv_set is None else uv_set.astype(int)
     each = np.arange(len(texture))
     uv, footprint = points.uvs[chosen, each], points.footprints[chosen, each]
-    return trilinear(textures, texture.astype(int), *uv.T, footprint)[:, :3]
+    return trilinear(textures, texture.astype(int), uv[:, 0], uv[:, 1], footprint)[:, :3]
 
 
 def _shading_normals(
-    tables: Tables, textures: TextureBuffers, points: Points, towards: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
+    tables: Tables, textures: TextureBuffers, points: Points, towards: Doubles
+) -> tuple[Doubles, Doubles]:
     """The normal (n, 3) to shade with, and the one without the normal map, on the side that is seen."""
     n = points.normal
     if tables.defines["NORMAL_MAPS"]:
@@ -177,12 +179,12 @@ def _shading_normals(
         bump = x * scale * tangent + y * scale * sign * np.cross(n, tangent) + z * n
         n = np.where(points.material[:, 12:13] > 0, _unit(bump, n), n)
     away = (points.material[:, 6] > 0) & (_dot(points.face, towards) < 0)
-    away &= np.abs(_dot(points.normal, points.face)) > SIDELESS
+    away &= np.abs(_dot(points.normal, points.face)) > IN_PLANE
     side = np.where(away, -1, 1)[:, None]
     return n * side, points.normal * side
 
 
-def _incident(light: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _incident(light: Doubles, position: Doubles) -> tuple[Doubles, Doubles]:
     """Direction to the light (n, 3) and the share of its colour that arrives (n), before cosine and shadow."""
     if light[0] == KINDS["directional"]:
         return np.broadcast_to(-light[8:11], position.shape), np.ones(len(position))
@@ -196,7 +198,7 @@ def _incident(light: np.ndarray, position: np.ndarray) -> tuple[np.ndarray, np.n
     return to_light, arriving
 
 
-def _ggx(points: Points, albedo: np.ndarray, n: np.ndarray, v: np.ndarray, to_light: np.ndarray) -> np.ndarray:
+def _ggx(points: Points, albedo: Doubles, n: Doubles, v: Doubles, to_light: Doubles) -> Doubles:
     """The specular BRDF (n, 3): GGX, Hammon's masking, Schlick's Fresnel."""
     alpha = np.maximum(points.surface[:, 0], 0.05) ** 2
     metallic = points.surface[:, 1:]
@@ -208,10 +210,11 @@ def _ggx(points: Points, albedo: np.ndarray, n: np.ndarray, v: np.ndarray, to_li
     masking = 0.5 / (2 * nl * nv * (1 - alpha) + (nl + nv) * alpha + 1e-6)
     f0 = 0.04 * (1 - metallic) + metallic * albedo
     fresnel = f0 + (1 - f0) * ((1 - vh) ** 5)[:, None]
-    return (d * masking)[:, None] * fresnel
+    reflected: Doubles = (d * masking)[:, None] * fresnel
+    return reflected
 
 
-def _reflection(tables: Tables, points: Points, albedo: np.ndarray, n: np.ndarray, towards: np.ndarray) -> np.ndarray:
+def _reflection(tables: Tables, points: Points, albedo: Doubles, n: Doubles, towards: Doubles) -> Doubles:
     """What the surface reflects from all around (n, 3), blurred by roughness, with Karis' environment BRDF."""
     rough, metallic = np.maximum(points.surface[:, :1], 0.05), points.surface[:, 1:]
     v = _unit(towards, n)
@@ -225,4 +228,5 @@ def _reflection(tables: Tables, points: Points, albedo: np.ndarray, n: np.ndarra
     if tables.defines["ENVIRONMENT_MAP"]:
         share = map_share(rough)
         around = around * (1 - share) + look_up(tables.environment_map, direction, rough[:, 0]) * share
-    return around * points.open * (f0 * weight + rest)
+    reflected: Doubles = around * points.open * (f0 * weight + rest)
+    return reflected

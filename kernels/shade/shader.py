@@ -7,8 +7,7 @@ from copy import copy
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.kernels.shade.faces import face_rows
 from shading_atlas_bench.kernels.shade.shadow import ShadowMaps
 from shading_atlas_bench.kernels.shade.sky import Sky
@@ -58,7 +57,7 @@ class Shader:
         vertices = device.upload(self.tables.vertices)
         self.faces = face_rows(device, vertices, triangles.indices, surface.material_ids)
         self.sky = Sky(device, device.upload(self.tables.environment))
-        self.arguments = (
+        self.arguments: tuple[Array, ...] = (
             vertices,
             device.upload(self.tables.extras),
             triangles.indices,
@@ -73,7 +72,7 @@ class Shader:
             device.upload(self.tables.environment_map),
         )
 
-    def reflecting(self, environment_map: np.ndarray) -> Shader:
+    def reflecting(self, environment_map: Floats) -> Shader:
         """The same, whose glossy surfaces reflect an environment map, float32, see environment.py."""
         other = copy(self)
         other.defines = self.defines | {"ENVIRONMENT_MAP": 1}
@@ -89,7 +88,7 @@ class Shader:
         other.arguments = tuple(other.textures.textures if one is table else one for one in self.arguments)
         return other
 
-    def shade(self, samples: Samples, eye: np.ndarray, target: Array, stage: str = "shade") -> None:
+    def shade(self, samples: Samples, eye: Doubles, target: Array, stage: str = "shade") -> None:
         """Write the colour of every sample, sRGB with alpha 255, at its texel of `target`, uint8 (H, W, 4).
 
         eye: float64 (3), from where highlights are seen and double-sided surfaces are turned towards. The sample arrays

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import tan
 from shading_atlas_bench.arithmetic.matrices import product, transform, turned
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
@@ -27,7 +28,7 @@ WIDEST_SPOT = 80.0  # degrees, half angle; beyond it the map's texels grow witho
 SPOT_NEAR = 0.05  # metres; a lamp's own shell, which is nearer, casts no shadow
 
 
-class ShadowLight(LightLike):
+class ShadowLight(LightLike, Protocol):
     """A light that says whether it casts shadows."""
 
     shadows: bool
@@ -41,8 +42,8 @@ class ShadowCamera:
     share per square of the depth.
     """
 
-    view: np.ndarray
-    projection: np.ndarray
+    view: Doubles
+    projection: Doubles
     size: int
     texel: tuple[float, float]
     slope: tuple[float, float]
@@ -52,7 +53,7 @@ class ShadowCamera:
         """Of the whole map."""
         return self.size * self.size
 
-    def row(self, start: int) -> np.ndarray:
+    def row(self, start: int) -> Floats:
         """float32 (28): the shadow's part of the light's record, for a map that begins at float `start`."""
         x, y, depth, w = product(self.projection, self.view)
         half = self.size / 2
@@ -68,7 +69,7 @@ class ShadowMaps:
     """maps: float32 device array, all maps one after the other; rows: float32 (L, 28), each light's transform."""
 
     maps: Array
-    rows: np.ndarray
+    rows: Floats
 
     @classmethod
     def none(cls, device: Device, lights: int) -> ShadowMaps:
@@ -82,7 +83,7 @@ class ShadowMaps:
         casters: Triangles,
         mask: AlphaMask | None,
         lights: Sequence[ShadowLight],
-        focus: np.ndarray,
+        focus: Doubles,
         metres_per_unit: float,
     ) -> ShadowMaps:
         """Draw the maps of all directional and spot lights that have `shadows`; none where nothing casts any.
@@ -106,13 +107,14 @@ class ShadowMaps:
         for row, camera in zip(rows, cameras, strict=True):
             if camera:
                 drawn = rasteriser.draw(camera.view, camera.projection, camera.size, camera.size, stage="shadows")
-                maps[start : start + camera.texels] = drawn.depth.ravel()
+                depths = drawn.depth.ravel()  # type: ignore[no-untyped-call]  # pyopencl has no types for it
+                maps[start : start + camera.texels] = depths
                 row[:] = camera.row(start)
                 start += camera.texels
         return cls(maps, rows)
 
 
-def shadow_camera(light: ShadowLight, casters: Triangles, focus: np.ndarray, metres_per_unit: float) -> ShadowCamera:
+def shadow_camera(light: ShadowLight, casters: Triangles, focus: Doubles, metres_per_unit: float) -> ShadowCamera:
     """The camera that draws a light's map.
 
     A spot sees its cone, in perspective. A directional light sees all casters, or, where texels would be coarser than
@@ -143,14 +145,14 @@ def shadow_camera(light: ShadowLight, casters: Triangles, focus: np.ndarray, met
     return ShadowCamera(view, projection, size, (side / size, 0.0), (1 / depth, 0.0))
 
 
-def _spot_camera(light: ShadowLight, view: np.ndarray, metres_per_unit: float) -> ShadowCamera:
+def _spot_camera(light: ShadowLight, view: Doubles, metres_per_unit: float) -> ShadowCamera:
     tangent = float(tan(np.radians(min(light.cone, WIDEST_SPOT)))) * 1.01
     near = SPOT_NEAR / metres_per_unit
     projection = np.array([[1 / tangent, 0, 0, 0], [0, 1 / tangent, 0, 0], [0, 0, 0, near], [0, 0, -1, 0]])
     return ShadowCamera(view, projection, SPOT_SIZE, (0.0, 2 * tangent / SPOT_SIZE), (0.0, 1 / near))
 
 
-def _looking(eye: np.ndarray, forward: np.ndarray) -> np.ndarray:
+def _looking(eye: Doubles, forward: Doubles) -> Doubles:
     """View matrix of a camera at `eye` that looks along the unit vector `forward`."""
     helper = np.eye(3)[np.argmin(np.abs(forward))]
     right = np.cross(forward, helper)

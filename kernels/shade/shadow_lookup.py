@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
+
 NORMAL_OFFSET, LIGHT_OFFSET = 2.83, 0.75  # as in shadow_lookup.cl, in texels
 
 
-def lit_share(
-    light: np.ndarray, shadow_maps: np.ndarray, position: np.ndarray, normal: np.ndarray, to_light: np.ndarray
-) -> np.ndarray:
+def shadow_visibility(
+    light: Doubles, shadow_maps: Floats, position: Doubles, normal: Doubles, to_light: Doubles
+) -> Doubles:
     """The share (n) of a light that arrives at points: 3x3 bilinear taps, each with a ramp one texel deep.
 
     light: a light's record (48); position, normal (unit, on the lit side), to_light: (n, 3). All lit without a map.

@@ -21,6 +21,6 @@ __kernel void paint_sky(const int width, const int height, __global const float 
                        encode8(exposure * sky_radiance8(environment, 1, up)),
                        encode8(exposure * sky_radiance8(environment, 2, up))),
                pixels);
-    for (int i = 0; i < LESSER(8, width - column); i++)
+    for (int i = 0; i < MIN(8, width - column); i++)
         target[row * width + column + i] = pixels[i];
 }

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats
 from shading_atlas_bench.arithmetic.matrices import product
 from shading_atlas_bench.kernels.shade.colour import encode, sky_radiance
 
@@ -25,7 +26,7 @@ class Sky:
     device: Device
     environment: Array
 
-    def __call__(self, view: np.ndarray, projection: np.ndarray, target: Array, stage: str = "shade/sky") -> None:
+    def __call__(self, view: Doubles, projection: Doubles, target: Array, stage: str = "shade/sky") -> None:
         """Paint the sky over all of `target`, uint8 (H, W, 4), as a camera (float64 4x4 each) sees it; alpha 255."""
         height, width = target.shape[:2]
         rays = self.device.upload(pixel_rays(view, projection, width, height).astype(np.float32))
@@ -34,7 +35,7 @@ class Sky:
         self.device.launch(stage, kernel, groups, width, height, rays, self.environment, target)
 
 
-def pixel_rays(view: np.ndarray, projection: np.ndarray, width: int, height: int) -> np.ndarray:
+def pixel_rays(view: Doubles, projection: Doubles, width: int, height: int) -> Doubles:
     """float64 (9): the direction through the centre of pixel (0, 0), and its steps per column and per row.
 
     view, projection: float64 (4, 4), a perspective with the conventions of the packer interface.
@@ -45,7 +46,7 @@ def pixel_rays(view: np.ndarray, projection: np.ndarray, width: int, height: int
     return product(rays, view[:3, :3]).ravel()
 
 
-def paint_sky_twin(view: np.ndarray, projection: np.ndarray, width: int, height: int, environment: np.ndarray):
+def paint_sky_twin(view: Doubles, projection: Doubles, width: int, height: int, environment: Floats) -> Bytes:
     """uint8 (height, width, 4): the sky as a camera sees it. environment: float (10), see tables.environment_row."""
     origin, right, down = pixel_rays(view, projection, width, height).reshape(3, 3)
     rows, columns = np.mgrid[:height, :width]

@@ -1,5 +1,5 @@
-// What shading needs to know of 8 samples, one float8 per attribute. Neighbouring samples mostly share their triangle, so
-// each triangle is read once and interpolated for all lanes. Table layouts: shade/tables.py.
+// What shading needs to know of 8 samples, one float8 per attribute. Neighbouring samples mostly share their triangle,
+// so each triangle is read once and interpolated for all lanes. Table layouts: shade/tables.py.
 #include "shade/vector.cl"
 #include "shade/uv_scale.cl"
 #include "texture/sample.cl"
@@ -9,12 +9,12 @@
 #define DETAILS (SURFACE_MAPS || OCCLUSION || UNLIT || FURTHER_UVS)
 #define MATERIAL_ROWS 3 // float8 per material
 
-#define SURFACE_PARAMETERS                                                                                             \
-    __global const float8 *vertices, __global const float8 *extras, __global const int *indices,                       \
-        __global const int2 *faces, __global const float8 *materials, TEXTURE_PARAMETERS,                              \
-        __global const float *lights, __global const float *shadow_maps, __global const float *environment,            \
+#define SURFACE_PARAMETERS                                                                                  \
+    __global const float8 *vertices, __global const float8 *extras, __global const int *indices,            \
+        __global const int2 *faces, __global const float8 *materials, TEXTURE_PARAMETERS,                   \
+        __global const float *lights, __global const float *shadow_maps, __global const float *environment, \
         __global const float *environment_map
-#define SURFACE_ARGUMENTS                                                                                              \
+#define SURFACE_ARGUMENTS \
     vertices, extras, indices, faces, materials, TEXTURE_ARGUMENTS, lights, shadow_maps, environment, environment_map
 
 // What the lanes' triangles say about their samples. `face` is the unnormalised geometric normal.
@@ -108,7 +108,7 @@ INLINE surface8 surface_of(const int id, const float8 bary1, const float8 bary2,
     s.bitangent_sign = BETWEEN(3, extra, along1, along2);
 #endif
 #if VERTEX_COLOURS
-    s.colour = times8(s.colour, (vector8)BETWEEN3(4, 5, 6, extra, along1, along2));
+    s.colour = multiply8(s.colour, (vector8)BETWEEN3(4, 5, 6, extra, along1, along2));
 #endif
     return s;
 }
@@ -168,7 +168,7 @@ INLINE vector8 bumped8(const surface8 *s, vector8 n, float8 footprint, TEXTURE_P
     const vector8 bump = {x * t.x + y * (n.y * t.z - n.z * t.y) + z * n.x,
                           x * t.y + y * (n.z * t.x - n.x * t.z) + z * n.y,
                           x * t.z + y * (n.x * t.y - n.y * t.x) + z * n.z};
-    const vector8 unit = unit8(bump, n);
+    const vector8 unit = normalize8(bump, n);
     const vector8 result = {mapped ? unit.x : n.x, mapped ? unit.y : n.y, mapped ? unit.z : n.z};
     return result;
 }

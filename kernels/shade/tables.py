@@ -8,6 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Floats, Ints
 from shading_atlas_bench.arithmetic.functions import cos
 
 MATERIAL_FLOATS = 24
@@ -67,13 +68,13 @@ class Surface:
     float32 (S, V, 2), S up to MOST_FURTHER_UVS, or None where all textures use `uvs`.
     """
 
-    normals: np.ndarray
-    uvs: np.ndarray
-    material_ids: np.ndarray
+    normals: Floats
+    uvs: Floats
+    material_ids: Ints
     materials: Sequence[MaterialLike]
-    colours: np.ndarray | None = None
-    tangents: np.ndarray | None = None
-    further_uvs: np.ndarray | None = None
+    colours: Floats | None = None
+    tangents: Floats | None = None
+    further_uvs: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -96,17 +97,17 @@ class Tables:
     of any shape where there is none.
     """
 
-    vertices: np.ndarray
-    extras: np.ndarray
-    indices: np.ndarray
-    materials: np.ndarray
-    lights: np.ndarray
-    environment: np.ndarray
+    vertices: Floats
+    extras: Floats
+    indices: Ints
+    materials: Floats
+    lights: Floats
+    environment: Floats
     defines: dict[str, int] = field(default_factory=dict)
-    environment_map: np.ndarray = field(default_factory=lambda: np.zeros(1, np.float32))
+    environment_map: Floats = field(default_factory=lambda: np.zeros(1, np.float32))
 
 
-def vertex_rows(positions: np.ndarray, surface: Surface) -> np.ndarray:
+def vertex_rows(positions: Floats, surface: Surface) -> Floats:
     """float32 (V, 8): position, normal, texture coordinates."""
     rows = np.empty((len(positions), 8), np.float32)
     columns = [column for part in (positions, surface.normals, surface.uvs) for column in part.T]
@@ -115,7 +116,7 @@ def vertex_rows(positions: np.ndarray, surface: Surface) -> np.ndarray:
     return rows
 
 
-def extra_rows(surface: Surface) -> np.ndarray:
+def extra_rows(surface: Surface) -> Floats:
     """float32 (V, 8): tangent and colour, defaults where only one of them is used; (0, 8) without either. With further
     UVs (V, 16), these from 8 on."""
     further = surface.further_uvs
@@ -131,7 +132,7 @@ def extra_rows(surface: Surface) -> np.ndarray:
     return rows
 
 
-def material_rows(materials: Sequence[MaterialLike]) -> np.ndarray:
+def material_rows(materials: Sequence[MaterialLike]) -> Floats:
     """float32 (M, 24): base colour, base texture, roughness, metallic, double-sided, 0, emissive colour and texture,
     normal texture and scale, 0, 0, texture of roughness and metalness, occlusion texture and strength, unlit, UV sets
     of the textures of normals, emission, roughness and metalness, occlusion. Texture numbers are entries of the
@@ -145,7 +146,7 @@ def material_rows(materials: Sequence[MaterialLike]) -> np.ndarray:
     return rows
 
 
-def light_rows(lights: Sequence[LightLike], metres_per_unit: float) -> np.ndarray:
+def light_rows(lights: Sequence[LightLike], metres_per_unit: float) -> Floats:
     """float32 (L, 48): kind at 0, position at 4, direction at 8, falloff at 11, cone at 12, colour at 16; the shadow's
     part from 20 on is zero (layout in shadow_lookup.cl)."""
     rows = np.zeros((len(lights), LIGHT_FLOATS), np.float32)
@@ -161,7 +162,7 @@ def light_rows(lights: Sequence[LightLike], metres_per_unit: float) -> np.ndarra
     return rows
 
 
-def environment_row(sky: SkyLike, exposure: float) -> np.ndarray:
+def environment_row(sky: SkyLike, exposure: float) -> Floats:
     """float32 (10): zenith, horizon, ground, exposure."""
     return np.array([*sky.zenith, *sky.horizon, *sky.ground, exposure], np.float32)
 
@@ -195,7 +196,7 @@ def needed(surface: Surface, lighting: Lighting, wraps: bool, shadows: bool) -> 
 
 
 def make_tables(
-    positions: np.ndarray, indices: np.ndarray, surface: Surface, lighting: Lighting, wraps: bool, shadows: np.ndarray
+    positions: Floats, indices: Ints, surface: Surface, lighting: Lighting, wraps: bool, shadows: Floats
 ) -> Tables:
     """All rows of a scene; `shadows` float32 (L, 28) is the shadow part of each light's record."""
     lights = light_rows(lighting.lights, lighting.metres_per_unit)

@@ -2,8 +2,8 @@
 #include "common/elementary.cl"
 
 // e1, e2: the triangle's sides from its first corner in space; t1, t2: in texture space. 0 for a triangle without area.
-// With e and t as matrices, the squares of the singular values are the eigenvalues of (e.e)^-1 (t.t), of which only trace
-// and determinant are needed.
+// With e and t as matrices, the squares of the singular values are the eigenvalues of (e.e)^-1 (t.t), of which only
+// trace and determinant are needed.
 INLINE float uv_scale(const float3 e1, const float3 e2, const float2 t1, const float2 t2)
 {
     const float3 area = cross3(e1, e2);

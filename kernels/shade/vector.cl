@@ -10,7 +10,7 @@ INLINE float8 dot8(vector8 a, vector8 b)
     return a.x * b.x + a.y * b.y + a.z * b.z;
 }
 
-INLINE vector8 times8(vector8 a, vector8 b)
+INLINE vector8 multiply8(vector8 a, vector8 b)
 {
     return (vector8){a.x * b.x, a.y * b.y, a.z * b.z};
 }
@@ -36,15 +36,15 @@ INLINE float8 largest8(float8 a, float8 b)
     return (a > b) ? a : b;
 }
 
-INLINE float8 magnitude8(float8 a)
+INLINE float8 abs8(float8 a)
 {
     return (a > 0.0f) ? a : -a;
 }
 
 // a of length 1; `otherwise` where a is zero or not finite. Scaled first, so that tiny vectors do not underflow.
-INLINE vector8 unit8(vector8 a, vector8 otherwise)
+INLINE vector8 normalize8(vector8 a, vector8 otherwise)
 {
-    const float8 largest = largest8(largest8(magnitude8(a.x), magnitude8(a.y)), magnitude8(a.z));
+    const float8 largest = largest8(largest8(abs8(a.x), abs8(a.y)), abs8(a.z));
     const int8 usable = largest > 0.0f && largest < 1e30f;
     const float8 scale = 1.0f / (usable ? largest : (float8)1.0f);
     const float8 x = a.x * scale, y = a.y * scale, z = a.z * scale;

@@ -8,8 +8,10 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from shading_atlas_bench.kernels.device import DeviceError
+from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints
+from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 from shading_atlas_bench.kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain
 
 if TYPE_CHECKING:
@@ -24,7 +26,7 @@ FULL = 65535  # texels are uint16 in linear light: 8 bits of sRGB need 12 bits o
 class TextureImage(Protocol):
     """What a texture has: uint8 (H, W, 4) texels, row 0 at v = 0, and how coordinates outside 0..1 wrap."""
 
-    texels: np.ndarray
+    texels: Bytes
     srgb: bool
     wrap_s: str
     wrap_t: str
@@ -45,11 +47,11 @@ class TextureBuffers:
     levels: Array
     texels: Array
     wraps: bool
-    host_textures: np.ndarray
-    host_levels: np.ndarray
+    host_textures: Ints
+    host_levels: Ints
 
     @cached_property
-    def host_texels(self) -> np.ndarray:
+    def host_texels(self) -> NDArray[np.uint16]:
         """Fetched when asked for: a second copy of all texels is not kept otherwise."""
         return self.texels.get()
 
@@ -85,12 +87,18 @@ class TextureBuffers:
             raise DeviceError(
                 f"The textures need {offset * 8 >> 20} MB in one buffer, more than {device.name} gives: shrink them."
             )
-        host = [np.array(table, np.int32), np.array(levels, np.int32)]
-        wraps = any(row[2] for row in table)
-        return cls(*(device.upload(array) for array in (*host, np.concatenate(texels))), wraps, *host)
+        host_textures, host_levels = np.array(table, np.int32), np.array(levels, np.int32)
+        return cls(
+            device.upload(host_textures),
+            device.upload(host_levels),
+            device.upload(np.concatenate(texels)),
+            any(row[2] for row in table),
+            host_textures,
+            host_levels,
+        )
 
 
-def _levels(texture: TextureImage, hidden: float | None) -> list[np.ndarray]:
+def _levels(texture: TextureImage, hidden: float | None) -> list[NDArray[np.uint16]]:
     """The mip chain in uint16, linear light."""
     linear = linear_texels(texture.texels, texture.srgb)
     if hidden is None:
@@ -102,5 +110,6 @@ def _levels(texture: TextureImage, hidden: float | None) -> list[np.ndarray]:
     return [_quantised(np.concatenate([level[..., :3] / level[..., 4:], level[..., 3:4]], axis=-1)) for level in chain]
 
 
-def _quantised(level: np.ndarray) -> np.ndarray:
-    return (np.clip(level, 0, 1) * FULL + 0.5).astype(np.uint16)
+def _quantised(level: Floats) -> NDArray[np.uint16]:
+    whole: NDArray[np.uint16] = (np.clip(level, 0, 1) * FULL + 0.5).astype(np.uint16)
+    return whole

@@ -1,17 +1,24 @@
 """Alpha masks of random leaves."""
 
-from types import SimpleNamespace
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
+from shading_atlas_bench.kernels.inputs.materials import Material, Texture
 from shading_atlas_bench.kernels.texture.mask import AlphaMask
 
+if TYPE_CHECKING:
+    from shading_atlas_bench.kernels.device import Device
 
-def masked_material(mode="mask", texture=0, cutoff=0.5, alpha=1.0):
-    return SimpleNamespace(base_colour=(1, 1, 1, alpha), base_texture=texture, alpha_mode=mode, alpha_cutoff=cutoff)
+
+def masked_material(mode: str = "mask", texture: int = 0, cutoff: float = 0.5, alpha: float = 1.0) -> Material:
+    return Material(base_colour=(1, 1, 1, alpha), base_texture=texture, alpha_mode=mode, alpha_cutoff=cutoff)
 
 
-def leaves(rng, size=(128, 96)):
+def leaves(rng: np.random.Generator, size: tuple[int, int] = (128, 96)) -> Bytes:
     """Random opaque rectangles of up to 9 texels on about a third."""
     texels = np.zeros((*size, 4), np.uint8)
     for _ in range(size[0] * size[1] // 60):
@@ -20,12 +27,12 @@ def leaves(rng, size=(128, 96)):
     return texels
 
 
-def masked_soup(device, faded=False):
+def masked_soup(device: Device, faded: bool = False) -> tuple[AlphaMask, Ints]:
     """The masks of 200 triangles with broken coordinates among them, and the triangles' materials; 0 is opaque. faded:
     half of the vertices have an alpha."""
     rng = np.random.default_rng(5)
     textures = [
-        SimpleNamespace(texels=leaves(rng, size), srgb=True, wrap_s=s, wrap_t=t)
+        Texture(leaves(rng, size), wrap_s=s, wrap_t=t)
         for size, s, t in [((128, 96), "repeat", "repeat"), ((33, 70), "clamp", "mirror"), ((1, 1), "mirror", "clamp")]
     ]
     materials = (
@@ -39,5 +46,6 @@ def masked_soup(device, faded=False):
     material_ids = rng.integers(0, 5, 200).astype(np.int32)
     material_ids[10:12] = 1
     alphas = np.where(rng.random(600) < 0.5, 1, rng.random(600)).astype(np.float32) if faded else None
-    arrays = (indices, uvs, material_ids, materials, textures)
-    return AlphaMask.upload(device, *arrays, vertex_alphas=alphas), material_ids
+    mask = AlphaMask.upload(device, indices, uvs, material_ids, materials, textures, vertex_alphas=alphas)
+    assert mask is not None  # for some are masked
+    return mask, material_ids

@@ -1,5 +1,5 @@
-// Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py. VERTEX_ALPHA is 1 where vertices have an
-// alpha that counts.
+// Alpha tests of masked triangles, one pixel at a time. Tables: texture/mask.py. VERTEX_ALPHA is 1 where vertices have
+// an alpha that counts.
 #include "common/elementary.cl"
 
 #if VERTEX_ALPHA
@@ -9,14 +9,14 @@
 #define FADE_PARAMETER
 #define FADE_ARGUMENT
 #endif
-#define MASK_PARAMETERS                                                                                                \
-    __global const int *mask_slots, __global const float *mask_corners, __global const int *mask_chains,               \
+#define MASK_PARAMETERS                                                                                  \
+    __global const int *mask_slots, __global const float *mask_corners, __global const int *mask_chains, \
         __global const int *mask_levels, __global const uchar *mask_alphas FADE_PARAMETER
 #define MASK_ARGUMENTS mask_slots, mask_corners, mask_chains, mask_levels, mask_alphas FADE_ARGUMENT
 
 // The row of the level table to test a masked triangle with, where `pixels` is its whole area on screen: one texel per
 // pixel, rounded to the sharper level at up to half a level.
-static inline int mask_level(const int triangle, const float pixels, MASK_PARAMETERS)
+INLINE int mask_level(const int triangle, const float pixels, MASK_PARAMETERS)
 {
     const float8 corner = vload8(mask_slots[triangle], mask_corners);
     const int2 chain = vload2(as_int(corner.s6), mask_chains);
@@ -25,7 +25,7 @@ static inline int mask_level(const int triangle, const float pixels, MASK_PARAME
 }
 
 // A coordinate wrapped into 0..1 (0: repeat, 1: clamp, 2: mirror); what is not a number or beyond 1e6 counts as 0.
-static inline float mask_wrapped(const float coordinate, const int mode)
+INLINE float mask_wrapped(const float coordinate, const int mode)
 {
     const float u = coordinate > -1e6f && coordinate < 1e6f ? coordinate : 0.0f;
     const float half_turn = u * 0.5f;
@@ -38,9 +38,9 @@ static inline float mask_wrapped(const float coordinate, const int mode)
 #if VERTEX_ALPHA
 #define FADED 8 // thresholds of a level
 
-// A level's threshold where vertices have an alpha: the cutoff of the finest level is `cutoff` / alpha there. Beyond 255
-// nothing reaches it.
-static inline float faded_threshold(__global const float *thresholds, const float cutoff, const float alpha)
+// A level's threshold where vertices have an alpha: the cutoff of the finest level is `cutoff` / alpha there. Beyond
+// 255 nothing reaches it.
+INLINE float faded_threshold(__global const float *thresholds, const float cutoff, const float alpha)
 {
     const float wanted = cutoff / (alpha > 1e-6f ? (alpha < 1.0f ? alpha : 1.0f) : 1e-6f);
     const float share = (wanted - cutoff) / (cutoff < 255.0f ? 255.0f - cutoff : 1.0f);
@@ -53,7 +53,7 @@ static inline float faded_threshold(__global const float *thresholds, const floa
 
 // Whether a masked triangle is there at weights b1, b2 of its corners 1 and 2: bilinear alpha reaches the threshold of
 // the level, a row given by mask_level.
-static inline int mask_keeps(const int triangle, const float b1, const float b2, const int level, MASK_PARAMETERS)
+INLINE int mask_keeps(const int triangle, const float b1, const float b2, const int level, MASK_PARAMETERS)
 {
     const int slot = mask_slots[triangle];
     const float8 corner = vload8(slot, mask_corners);
@@ -82,7 +82,7 @@ static inline int mask_keeps(const int triangle, const float b1, const float b2,
 
 // Tests a list of points, for checking against the twin.
 __kernel void alpha_test(const int count, __global const int *triangles, __global const float *b1,
-                          __global const float *b2, __global const float *pixels, __global int *kept, MASK_PARAMETERS)
+                         __global const float *b2, __global const float *pixels, __global int *kept, MASK_PARAMETERS)
 {
     const int id = get_global_id(0);
     if (id >= count)

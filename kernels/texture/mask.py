@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints, Longs
 from shading_atlas_bench.arithmetic.functions import log2
 from shading_atlas_bench.kernels.texture.buffers import WRAP, TextureImage
 from shading_atlas_bench.kernels.texture.mipmap import mip_chain
@@ -31,6 +33,19 @@ class MaskedMaterial(Protocol):
     base_texture: int
     alpha_mode: str
     alpha_cutoff: float
+
+
+@dataclass(frozen=True)
+class HostMask:
+    """The arrays of an `AlphaMask` on the host."""
+
+    slots: Ints
+    corners: Floats
+    chains: Ints
+    levels: Ints
+    alphas: Bytes
+    fades: Floats | None
+    thresholds: Floats | None
 
 
 @dataclass(frozen=True)
@@ -58,19 +73,19 @@ class AlphaMask:
     alphas: Array
     fades: Array | None
     thresholds: Array | None
-    host: dict[str, np.ndarray]
+    host: HostMask
 
     @classmethod
     def upload(
         cls,
         device: Device,
-        indices: np.ndarray,
-        uvs: np.ndarray,
-        material_ids: np.ndarray,
+        indices: arrays.Array,
+        uvs: arrays.Array,
+        material_ids: arrays.Array,
         materials: Sequence[MaskedMaterial],
         textures: Sequence[TextureImage],
         keep: bool = False,
-        vertex_alphas: np.ndarray | None = None,
+        vertex_alphas: arrays.Array | None = None,
     ) -> AlphaMask | None:
         """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T), vertex_alphas (V), 0..1, None for all 1.
 
@@ -86,31 +101,33 @@ class AlphaMask:
         chain = np.searchsorted(used, material_ids[ids])
         slots = np.full(len(indices), -1, np.int32)
         slots[ids] = np.arange(len(ids))
-        host = {
-            "slots": slots,
-            "corners": _corners(uvs[indices[ids]], chain, sizes[chain]),
-            "chains": chains,
-            "levels": levels,
-            "alphas": alphas,
-        }
-        if fades is not None:
-            host |= {"fades": fades, "thresholds": thresholds}
-        uploaded = {name: device.upload(array) for name, array in host.items()}
-        return cls(**{"fades": None, "thresholds": None} | uploaded, host=host)
+        corners = _corners(uvs[indices[ids]], chain, sizes[chain])
+        return cls(
+            device.upload(slots),
+            device.upload(corners),
+            device.upload(chains),
+            device.upload(levels),
+            device.upload(alphas),
+            None if fades is None else device.upload(fades),
+            None if thresholds is None else device.upload(thresholds),
+            HostMask(slots, corners, chains, levels, alphas, fades, thresholds),
+        )
 
     @property
-    def arguments(self) -> tuple[Any, ...]:
+    def arguments(self) -> tuple[Array, ...]:
         """What a kernel takes for MASK_PARAMETERS."""
         always = (self.slots, self.corners, self.chains, self.levels, self.alphas)
-        return always if self.fades is None else (*always, self.fades, self.thresholds)
+        if self.fades is None or self.thresholds is None:
+            return always
+        return (*always, self.fades, self.thresholds)
 
-    def of_triangles(self, device: Device, triangles: np.ndarray) -> AlphaMask:
+    def of_triangles(self, device: Device, triangles: arrays.Array) -> AlphaMask:
         """The masks of another list of triangles, given by their numbers in this one: int (n)."""
-        slots = np.ascontiguousarray(self.host["slots"][triangles])
-        return replace(self, slots=device.upload(slots), host={**self.host, "slots": slots})
+        slots = np.ascontiguousarray(self.host.slots[triangles])
+        return replace(self, slots=device.upload(slots), host=replace(self.host, slots=slots))
 
 
-def _corners(uvs: np.ndarray, chain: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+def _corners(uvs: Floats, chain: arrays.Array, sizes: Longs) -> Floats:
     """Rows of `corners` for triangles with uvs (K, 3, 2), their chains' numbers and finest sizes (K, 2)."""
     rows = np.zeros((len(uvs), 8), np.float32)
     sides = uvs[:, 1:].astype(np.float64) - uvs[:, :1]
@@ -122,7 +139,7 @@ def _corners(uvs: np.ndarray, chain: np.ndarray, sizes: np.ndarray) -> np.ndarra
     return rows
 
 
-def _fades(alphas: np.ndarray) -> np.ndarray | None:
+def _fades(alphas: Floats) -> Floats | None:
     """Rows of `fades` for triangles whose corners have these alphas (K, 3); None where all are 1."""
     if not (alphas < 1).any():
         return None
@@ -137,10 +154,16 @@ def mask_defines(mask: AlphaMask | None) -> dict[str, int]:
     return {"MASKED": int(mask is not None), "VERTEX_ALPHA": int(mask is not None and mask.fades is not None)}
 
 
-def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage], faded: bool) -> tuple[np.ndarray, ...]:
+def _chains(
+    materials: list[MaskedMaterial], textures: Sequence[TextureImage], faded: bool
+) -> tuple[Ints, Ints, Bytes, Longs, Floats | None]:
     """Chains, levels and alphas of the materials' masks, the finest size (width, height) of each, int (C, 2), and, if
-    vertices fade, thresholds (L, FADED), else (L, 1)."""
-    chains, levels, alphas, sizes, thresholds = [], [], [], [], []
+    vertices fade, thresholds (L, FADED)."""
+    chains: list[tuple[int, int]] = []
+    levels: list[tuple[int, ...]] = []
+    alphas: list[Bytes] = []
+    sizes: list[tuple[int, int]] = []
+    thresholds: list[Sequence[float]] = []
     offset = 0
     for material in materials:
         texture = textures[material.base_texture] if material.base_texture >= 0 else None
@@ -148,7 +171,7 @@ def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage], f
         modes = (WRAP[texture.wrap_s], WRAP[texture.wrap_t]) if texture else (0, 0)
         # A material whose own alpha is 0 shows nothing at any cutoff above 0: its threshold is out of reach.
         cutoff = 255 * material.alpha_cutoff / max(material.base_colour[3], 1e-6)
-        cutoffs = np.linspace(cutoff, max(cutoff, 255), FADED) if faded else [cutoff]
+        cutoffs = list(np.linspace(cutoff, max(cutoff, 255), FADED)) if faded else [cutoff]
         points = between(alpha)
         passing = [float(np.mean(points >= value)) for value in cutoffs]
         chain = [level for i, level in enumerate(mip_chain(alpha)) if i == 0 or min(level.shape) >= SMALLEST]
@@ -165,7 +188,7 @@ def _chains(materials: list[MaskedMaterial], textures: Sequence[TextureImage], f
         np.array(levels, np.int32).reshape(-1, 8),
         np.concatenate([np.empty(0, np.uint8), *alphas]),
         np.array(sizes, np.int64).reshape(-1, 2),
-        np.array(thresholds, np.float32),
+        np.array(thresholds, np.float32) if faded else None,
     )
 
 
@@ -174,7 +197,7 @@ def _bits(value: float) -> int:
     return int(np.float32(value).view(np.int32))
 
 
-def _thresholds(level: np.ndarray, passing: Sequence[float], cutoffs: Sequence[float]) -> list[float]:
+def _thresholds(level: Bytes, passing: Sequence[float], cutoffs: Sequence[float]) -> list[float]:
     """The thresholds that the given shares of a level's area reach."""
     points = between(level)
     return [
@@ -183,7 +206,7 @@ def _thresholds(level: np.ndarray, passing: Sequence[float], cutoffs: Sequence[f
     ]
 
 
-def between(level: np.ndarray) -> np.ndarray:
+def between(level: arrays.Array) -> Floats:
     """A level's bilinear values at 4 x 4 points per texel, float32 (16, H, W), edges wrapped."""
     level = level.astype(np.float32)
     beside, below = np.roll(level, -1, axis=1), np.roll(level, -1, axis=0)
@@ -193,38 +216,40 @@ def between(level: np.ndarray) -> np.ndarray:
 
 
 def margin_twin(
-    mask: AlphaMask, triangles: np.ndarray, b1: np.ndarray, b2: np.ndarray, pixels: np.ndarray
-) -> np.ndarray:
+    mask: AlphaMask, triangles: arrays.Array, b1: arrays.Array, b2: arrays.Array, pixels: arrays.Array
+) -> Doubles:
     """How far above the threshold (in 0..255, negative: a hole) alpha is at points of masked triangles, float64 (n).
 
     triangles: int (n); b1, b2: weights of corners 1 and 2; pixels: the triangles' areas on screen.
     """
     host = mask.host
-    corners = host["corners"][host["slots"][triangles]]
-    chains = host["chains"][corners[:, 6].view(np.int32)]
+    corners = host.corners[host.slots[triangles]]
+    chains = host.chains[corners[:, 6].view(np.int32)]
     level = np.floor(corners[:, 7] - 0.5 * np.log2(np.maximum(pixels, 1e-6)) + 0.5)
     level_row = chains[:, 0] + np.clip(level, 0, chains[:, 1]).astype(int)
-    rows = host["levels"][level_row]
-    corners = corners.astype(np.float64)
-    u = corners[:, 0] + b1 * corners[:, 2] + b2 * corners[:, 4]
-    v = corners[:, 1] + b1 * corners[:, 3] + b2 * corners[:, 5]
+    rows = host.levels[level_row]
+    place = corners.astype(np.float64)
+    u = place[:, 0] + b1 * place[:, 2] + b2 * place[:, 4]
+    v = place[:, 1] + b1 * place[:, 3] + b2 * place[:, 5]
     x0, x1, fx = neighbours(u, rows[:, 1], rows[:, 4])
     y0, y1, fy = neighbours(v, rows[:, 2], rows[:, 5])
 
-    def alpha(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return host["alphas"][rows[:, 0] + y * rows[:, 1] + x].astype(np.float64)
+    def alpha(x: arrays.Array, y: arrays.Array) -> Doubles:
+        texels: Doubles = host.alphas[rows[:, 0] + y * rows[:, 1] + x].astype(np.float64)
+        return texels
 
     upper = alpha(x0, y0) * (1 - fx) + alpha(x1, y0) * fx
     lower = alpha(x0, y1) * (1 - fx) + alpha(x1, y1) * fx
     threshold, cutoff = (rows[:, column].copy().view(np.float32).astype(np.float64) for column in (3, 6))
-    if "fades" in host:
-        first, along1, along2, _ = host["fades"][host["slots"][triangles]].astype(np.float64).T
+    if host.fades is not None and host.thresholds is not None:
+        first, along1, along2, _ = host.fades[host.slots[triangles]].astype(np.float64).T
         wanted = cutoff / np.clip(first + b1 * along1 + b2 * along2, 1e-6, 1)
-        threshold = _faded(host["thresholds"][level_row].astype(np.float64), cutoff, wanted)
-    return upper * (1 - fy) + lower * fy - threshold
+        threshold = _faded(host.thresholds[level_row].astype(np.float64), cutoff, wanted)
+    margin: Doubles = upper * (1 - fy) + lower * fy - threshold
+    return margin
 
 
-def _faded(thresholds: np.ndarray, cutoff: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+def _faded(thresholds: Doubles, cutoff: Doubles, wanted: Doubles) -> Doubles:
     """Thresholds (n) at the cutoffs `wanted` (n), from rows (n, FADED) of levels and their materials' cutoffs (n)."""
     share = (wanted - cutoff) / np.where(cutoff < 255, 255 - cutoff, 1)
     step = np.clip(share, 0, 1) * (FADED - 1)

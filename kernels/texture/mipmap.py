@@ -6,16 +6,17 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bools, Bytes, Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import power
 
 
-def srgb_to_linear(encoded: np.ndarray) -> np.ndarray:
+def srgb_to_linear(encoded: Array) -> Doubles:
     """Linear values, float64, of sRGB-encoded values in 0..1 (IEC 61966-2-1)."""
     encoded = np.asarray(encoded, np.float64)
     return np.where(encoded <= 0.04045, encoded / 12.92, power((encoded + 0.055) / 1.055, 2.4))
 
 
-def linear_texels(texels: np.ndarray, srgb: bool) -> np.ndarray:
+def linear_texels(texels: Bytes, srgb: bool) -> Floats:
     """float32 (H, W, 4) in 0..1: colour in linear light, alpha as it is, of uint8 (H, W, 4)."""
     byte = np.arange(256) / 255
     table = (srgb_to_linear(byte) if srgb else byte).astype(np.float32)
@@ -24,7 +25,7 @@ def linear_texels(texels: np.ndarray, srgb: bool) -> np.ndarray:
     return linear
 
 
-def mip_chain(level: np.ndarray) -> Iterator[np.ndarray]:
+def mip_chain(level: Floats) -> Iterator[Floats]:
     """All levels, from the given (H, W, ...) down to 1x1; sides are halved and rounded down."""
     yield level
     while max(level.shape[:2]) > 1:
@@ -32,7 +33,7 @@ def mip_chain(level: np.ndarray) -> Iterator[np.ndarray]:
         yield level
 
 
-def _halved(level: np.ndarray, axis: int) -> np.ndarray:
+def _halved(level: Floats, axis: int) -> Floats:
     """Area average onto half as many texels along one axis.
 
     An odd side of 2m + 1 texels has output texels of (2m + 1) / m input texels each, so three inputs share in one.
@@ -50,7 +51,7 @@ def _halved(level: np.ndarray, axis: int) -> np.ndarray:
     return np.moveaxis(out, 0, axis)
 
 
-def fill_hidden(level: np.ndarray, seen: np.ndarray) -> np.ndarray:
+def fill_hidden(level: Floats, seen: Bools) -> Floats:
     """The level (H, W, C) with the colour of what is seen nearby in place of what is not: that of the finest texel
     of the mip chain that holds any of it. seen: bool (H, W); where nothing is, all stays as it is."""
     if seen.all() or not seen.any():

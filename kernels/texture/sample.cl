@@ -3,8 +3,7 @@
 
 #include "shade/wide_math.cl"
 
-#define TEXTURE_PARAMETERS                                                                                             \
-    __global const int4 *textures, __global const int4 *levels, __global const ushort4 *texels
+#define TEXTURE_PARAMETERS __global const int4 *textures, __global const int4 *levels, __global const ushort4 *texels
 #define TEXTURE_ARGUMENTS textures, levels, texels
 #define TEXEL_SCALE (1.0f / 65535.0f)
 #define CLAMP_MODE 1

@@ -6,11 +6,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Longs
+
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 
 
-def neighbours(u: np.ndarray, size: np.ndarray, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def neighbours(u: Doubles, size: Array, mode: Array) -> tuple[Longs, Longs, Doubles]:
     """The two texels that a bilinear lookup at `u` blends along an axis of `size` texels, and the second's weight.
 
     mode: 0 repeat, 1 clamp, 2 mirror. Coordinates beyond 1e6, where float32 has no texels left, count as 0, and so does
@@ -26,22 +28,21 @@ def neighbours(u: np.ndarray, size: np.ndarray, mode: np.ndarray) -> tuple[np.nd
     return first, second, x - low
 
 
-def bilinear(textures: TextureBuffers, level: np.ndarray, u: np.ndarray, v: np.ndarray, wrap: np.ndarray) -> np.ndarray:
+def bilinear(textures: TextureBuffers, level: Array, u: Doubles, v: Doubles, wrap: Array) -> Doubles:
     """Linear RGBA (n, 4) of rows `level` (n) of the level table at u, v (n); wrap (n) as in the texture table."""
     offset, width, height = textures.host_levels[level, :3].T.astype(np.int64)
     x0, x1, fx = neighbours(u, width, wrap & 3)
     y0, y1, fy = neighbours(v, height, wrap >> 2)
 
-    def at(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return textures.host_texels[offset + y * width + x] / 65535
+    def at(x: Array, y: Array) -> Doubles:
+        texels: Doubles = textures.host_texels[offset + y * width + x] / 65535
+        return texels
 
     fx, fy = fx[:, None], fy[:, None]
     return (at(x0, y0) * (1 - fx) + at(x1, y0) * fx) * (1 - fy) + (at(x0, y1) * (1 - fx) + at(x1, y1) * fx) * fy
 
 
-def trilinear(
-    textures: TextureBuffers, texture: np.ndarray, u: np.ndarray, v: np.ndarray, footprint: np.ndarray
-) -> np.ndarray:
+def trilinear(textures: TextureBuffers, texture: Array, u: Doubles, v: Doubles, footprint: Doubles) -> Doubles:
     """Linear RGBA (n, 4) of entries `texture` (n) of the texture table.
 
     footprint (n): the sample's side in texture space, 1 = the whole texture; level = log2(footprint * longest side).
@@ -53,4 +54,5 @@ def trilinear(
     blend = (level - fine)[:, None]
     near = bilinear(textures, first + fine, u, v, wrap)
     far = bilinear(textures, first + np.minimum(fine + 1, last), u, v, wrap)
-    return near * (1 - blend) + far * blend
+    blended: Doubles = near * (1 - blend) + far * blend
+    return blended

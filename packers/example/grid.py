@@ -1,12 +1,21 @@
 """The smallest packer: a square cell for each triangle, which fills its upper left half."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from shading_atlas_bench import Packer, Paper, Payload, Samples
+from shading_atlas_bench import ClientScene, Frame, Packer, Paper, Payload, Samples, ServerScene
 from shading_atlas_bench.packers.atlas_client import AtlasClient, geometry_encoder
 
+if TYPE_CHECKING:
+    from pyopencl.array import Array
 
-def cells(count, width, height):
+    from shading_atlas_bench.arithmetic.arrays import Longs
+
+
+def cells(count: int, width: int, height: int) -> tuple[int, Longs, Longs]:
     """Side of the largest cells of which `count` fit, and the column and row where each begins."""
     side = max(s for s in range(1, 65) if (width // s) * (height // s) >= min(max(count, 1), width * height))
     return side, np.arange(count) % (width // side) * side, np.arange(count) // (width // side) * side
@@ -15,10 +24,10 @@ def cells(count, width, height):
 class Grid(Packer):
     name, paper = "grid", Paper("An example without a paper", 2026, "")
 
-    def prepare(self, scene):
+    def prepare(self, scene: ServerScene) -> None:
         self.geometry = geometry_encoder(scene, {})
 
-    def pack(self, frame):
+    def pack(self, frame: Frame) -> Payload:
         device, width, height = frame.scene.device, frame.atlas_width, frame.atlas_height
         side, x, y = cells(len(frame.pvs), width, height)
         fits = y + side <= height
@@ -39,12 +48,12 @@ class Grid(Packer):
             unplaced=dict.fromkeys(frame.pvs[~fits].tolist(), "there are more triangles than texels"),
         )
 
-    def client(self, scene):
+    def client(self, scene: ClientScene) -> GridClient:
         return GridClient(scene)
 
 
 class GridClient(AtlasClient):
-    def corner_texels(self):
+    def corner_texels(self) -> Array:
         height, width = self.plane.shape[:2]
         side, x, y = cells(len(self.geometry.pvs), width, height)
         corner = np.stack([x, y], axis=1)[:, None] + 0.5 + (side - 1) * np.array([[0, 0], [1, 0], [0, 1]])

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.fragments.blend import blend_lists
 from shading_atlas_bench.kernels.fragments.build import Builder, Fragments
@@ -14,24 +15,15 @@ from shading_atlas_bench.kernels.fragments.layers import shade_fragments
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.packers.cell_views import owned_pixels, owned_spans
 from shading_atlas_bench.packers.interface import ServerScene, View
-from shading_atlas_bench.packers.ppll.kernels.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments
+from shading_atlas_bench.packers.ppll.kernels.limit import Depth, limit_fragments
 from shading_atlas_bench.packers.ppll.kernels.lists import Lists
 from shading_atlas_bench.packers.ppll.kernels.rows import COLOUR_WORDS, NORMAL_WORDS, colour_rows, normal_rows
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-
-@dataclass(frozen=True)
-class Depth:
-    """How deep lists go: at most `layers` fragments, none behind where opacity reaches `threshold`."""
-
-    layers: int = EVERY_LAYER
-    threshold: float = NO_THRESHOLD
-
-    @property
-    def limits(self) -> bool:
-        return self.layers < EVERY_LAYER or self.threshold <= 1
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Longs
+    from shading_atlas_bench.kernels.device import Device
 
 
 @dataclass(frozen=True)
@@ -41,7 +33,7 @@ class NodeLists:
 
     lists: Lists
     built: int
-    pixels_by_layers: np.ndarray
+    pixels_by_layers: Longs
 
 
 class ListRenderer:
@@ -72,15 +64,16 @@ class ListRenderer:
         device, view, offsets = self.device, views[number], fragments.offsets.get()
         opacity = self.opacity.of(fragments.samples, "structs/opacity") if self.opacity else None
         if opacity is not None or self.depth.limits or len(views) > 1:
-            limits = (self.depth.layers, self.depth.threshold, owned_spans(views, number))
-            fragments, opacity = limit_fragments(device, fragments, opacity, *limits, "structs/limit")
+            spans = owned_spans(views, number)
+            fragments, opacity = limit_fragments(device, fragments, opacity, self.depth, spans, "structs/limit")
         n = fragments.count
         colours = shade_fragments(self.scene.shader, fragments, view.eye, "gather/shade")
         layers = np.diff(offsets)  # counted on the host while the device shades
         if len(views) > 1:
             layers = layers[owned_pixels(views, number).ravel()]
         if normals:
-            surface = (self.scene.triangles, self.scene.shader.arguments[0], view.projection)
+            triangles, vertices = self.scene.triangles, self.scene.shader.arguments[0]
+            surface = (triangles, vertices, view.projection)
             rows, words = normal_rows(device, fragments, colours, opacity, *surface, "gather/rows"), NORMAL_WORDS
         else:
             rows, words = colour_rows(device, fragments, colours, opacity, "gather/rows"), COLOUR_WORDS
@@ -90,7 +83,7 @@ class ListRenderer:
         return NodeLists(lists, int(layers.sum(dtype=np.int64)), np.bincount(layers))
 
 
-def blended_into_one(device: object, lists: Lists) -> Lists:
+def blended_into_one(device: Device, lists: Lists) -> Lists:
     """Every pixel's fragments as one, at the nearest one's depth (the thesis' `preBlend`, algorithm A.2): colours and
     opacity are right for the node alone, and wrong as soon as another node has something in between (figure 3.1)."""
     offsets, rows = lists.host()
@@ -105,7 +98,7 @@ def blended_into_one(device: object, lists: Lists) -> Lists:
     return Lists.upload(device, lists.width, lists.height, np.concatenate([[0], np.cumsum(used)]), merged)
 
 
-def deal_objects(material_ids: np.ndarray, nodes: int) -> np.ndarray:
+def deal_objects(material_ids: NDArray[np.integer[Any]], nodes: int) -> Bytes:
     """uint8 (T): the node of each triangle. An object is a run of triangles of one material in file order; objects are
     dealt in turn."""
     starts = np.diff(material_ids, prepend=material_ids[:1]) != 0

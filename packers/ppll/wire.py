@@ -30,13 +30,18 @@ import itertools
 import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.packers.geometry import unshuffle
 from shading_atlas_bench.packers.ppll.kernels.wire import LAYOUTS
 
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Longs, Words
+
 MODES = ("full", "depth-limited", "difference", "bilateral")
+DIFFERENCES = ("difference", "bilateral")  # modes whose lists are what changes of those held
 MERGES = ("exact", "paper")
 VERSION = 1
 HEAD = 4 + 10 * 4
@@ -64,8 +69,8 @@ class Head:
     layout: str
     width: int
     height: int
-    view: np.ndarray
-    projection: np.ndarray
+    view: Doubles
+    projection: Doubles
     words: int
     counts: tuple[int, ...]
     merge: str = "exact"
@@ -91,7 +96,7 @@ class Head:
 class Message(Head):
     """One view's lists as they arrive: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
 
-    nodes: tuple[tuple[np.ndarray, np.ndarray], ...]
+    nodes: tuple[tuple[Longs, Words], ...]
 
 
 def encode(heads: Sequence[Head], lists: bytes) -> bytes:
@@ -112,7 +117,9 @@ def _encode_head(head: Head, lists: memoryview) -> bytes:
 def decode(head: bytes, lists: bytes) -> tuple[Message, ...]:
     """The messages of heads and their lists, one for each view. Raises WireError for anything that `encode` cannot have
     written; nothing larger than the input is allocated before it is known to fit."""
-    heads, checksums, at = [], [], 0
+    heads: list[Head] = []
+    checksums: list[int] = []
+    at = 0
     while at < len(head) or not heads:
         one, checksum, at = _decode_head(head, at)
         heads.append(one)
@@ -130,7 +137,7 @@ def decode(head: bytes, lists: bytes) -> tuple[Message, ...]:
     return tuple(_decode_lists(*pair) for pair in zip(heads, parts, strict=True))
 
 
-def _shared(head: Head) -> tuple:
+def _shared(head: Head) -> tuple[str, str, int, int, str, float]:
     """What is the same in the heads of all views."""
     return head.mode, head.layout, head.words, len(head.counts), head.merge, head.threshold
 
@@ -180,14 +187,14 @@ def _decode_lists(head: Head, lists: memoryview) -> Message:
     return Message(**{field.name: getattr(head, field.name) for field in fields(Head)}, nodes=nodes)
 
 
-def _decode_node(data: memoryview, layout: str, pixels: int, words: int) -> tuple[np.ndarray, np.ndarray]:
+def _decode_node(data: memoryview, layout: str, pixels: int, words: int) -> tuple[Longs, Words]:
     count = (len(data) // 4 - pixels) // (words + 1)
     if layout == "shuffled":
-        used = unshuffle(data, np.uint32, pixels)
+        flags = unshuffle(data, np.uint32, pixels)
         fields = [unshuffle(data, np.uint32, count, 4 * (pixels + k * count)) for k in range(words + 1)]
-        rows, follows = np.stack(fields[:-1], axis=1), fields[-1]
-        if max(used.max(), follows.max(initial=0)) > 1:
+        if max(flags.max(), fields[-1].max(initial=0)) > 1:
             raise WireError("The lists are damaged: a flag is neither 0 nor 1.")
+        rows, used, follows = np.stack(fields[:-1], axis=1), flags > 0, fields[-1] > 0
     else:
         header = np.frombuffer(data, "<u4", pixels)
         fragments = np.frombuffer(data, "<u4", count * (words + 1), 4 * pixels).reshape(count, words + 1)
@@ -204,17 +211,17 @@ def _decode_node(data: memoryview, layout: str, pixels: int, words: int) -> tupl
     return offsets, rows
 
 
-def _offsets(used: np.ndarray, follows: np.ndarray) -> np.ndarray:
+def _offsets(used: Bools, follows: Bools) -> Longs:
     """Offsets (P + 1) from which pixels have a list and which fragments are not the last of theirs."""
-    ends = np.flatnonzero(follows == 0) + 1
+    ends = np.flatnonzero(~follows) + 1
     if len(ends) != np.count_nonzero(used) or (len(follows) and follows[-1]):
         raise WireError("The lists are damaged: there are not as many lists as pixels that have one.")
     offsets = np.zeros(len(used) + 1, np.int64)
-    offsets[1:][used > 0] = np.diff(ends, prepend=0)
+    offsets[1:][used] = np.diff(ends, prepend=0)
     return np.cumsum(offsets)
 
 
-def _check_values(rows: np.ndarray) -> None:
+def _check_values(rows: Words) -> None:
     """Depths, distances and positions are finite; depths and distances are not negative."""
     reals = rows.view(np.float32)[:, 1 if rows.shape[1] == 2 else 2 :]
     if not np.isfinite(reals).all() or (reals[:, -1] < 0).any():

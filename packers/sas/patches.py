@@ -11,12 +11,13 @@ sides of different length need the longer one). Patches form where it is above 1
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
 from shading_atlas_bench.packers.sas.kernels.layout import (
@@ -28,34 +29,13 @@ from shading_atlas_bench.packers.sas.kernels.layout import (
     SECOND,
     pack_role,
 )
+from shading_atlas_bench.packers.sas.kernels.tables import Patches
 
 if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints, Longs
     from shading_atlas_bench.scenes.model import Scene
 
 CHUNK = 1 << 18  # rows per step of the score computations, so that a large scene needs little memory
-
-
-@dataclass(frozen=True)
-class Patches:
-    """Patches in the order of their lowest triangle.
-
-    of_triangle: int32 (T), the patch of each triangle. codes: uint8 (T), its role and rotation (see layout).
-    members: int32 (P, 3), triangles by their slot, -1 where the patch has fewer.
-    points: int32 (P, 5), the vertex on each of layout.POINTS, -1 where there is none.
-    """
-
-    of_triangle: np.ndarray
-    codes: np.ndarray
-    members: np.ndarray
-    points: np.ndarray
-
-    @property
-    def count(self) -> int:
-        return len(self.members)
-
-    def sizes(self, patches: np.ndarray | slice = slice(None)) -> np.ndarray:
-        """Triangles in each of these patches, int64."""
-        return (self.members[patches] >= 0).sum(axis=1)
 
 
 # What packers hold at the moment, so that those of one scene share it.
@@ -83,14 +63,14 @@ def _from_cache(path: Path, scene: Scene) -> Patches:
     return found
 
 
-def _unpacked(words: np.ndarray, triangles: int) -> Patches:
+def _unpacked(words: Ints, triangles: int) -> Patches:
     """Patches from int32 words: of each triangle its patch << 4 | code, then the members and points of all patches."""
     packed, tables = words[:triangles], words[triangles:]
     members, points = np.split(tables, [3 * len(tables) // 8])
     return Patches(packed >> 4, (packed & 15).astype(np.uint8), members.reshape(-1, 3), points.reshape(-1, 5))
 
 
-def find_patches(positions: np.ndarray, indices: np.ndarray) -> Patches:
+def find_patches(positions: Floats, indices: Ints) -> Patches:
     """Group triangles into patches.
 
     positions: float32 (V, 3). indices: int32 (T, 3). Deterministic; no triangle is left out: what fits nowhere
@@ -117,7 +97,7 @@ def find_patches(positions: np.ndarray, indices: np.ndarray) -> Patches:
     return _with_members(indices, of_triangle, codes)
 
 
-def _place_pairs(codes: np.ndarray, leader: np.ndarray, chosen: np.ndarray, twin: np.ndarray) -> None:
+def _place_pairs(codes: Bytes, leader: Longs, chosen: Longs, twin: Longs) -> None:
     """Give the two triangles at each chosen half-edge the roles of a pair: right angles opposite to the diagonal."""
     other = twin[chosen]
     codes[chosen // 3] = pack_role(np.zeros(len(chosen), np.int64), (chosen % 3 + 2) % 3)
@@ -125,9 +105,7 @@ def _place_pairs(codes: np.ndarray, leader: np.ndarray, chosen: np.ndarray, twin
     leader[other // 3] = chosen // 3
 
 
-def _place_thirds(
-    shape: Shapes, codes: np.ndarray, leader: np.ndarray, partner_edge: np.ndarray, twin: np.ndarray
-) -> None:
+def _place_thirds(shape: Shapes, codes: Bytes, leader: Longs, partner_edge: Longs, twin: Longs) -> None:
     """Let single triangles join a neighbouring pair: its triangle between the two becomes the centre of a fan."""
     paired = partner_edge >= 0
     edges = np.flatnonzero(np.repeat(paired, 3) & (twin >= 0))
@@ -149,7 +127,7 @@ def _place_thirds(
     leader[single] = leader[centre]
 
 
-def _match(first: np.ndarray, second: np.ndarray, gains: np.ndarray, nodes: int) -> np.ndarray:
+def _match(first: Longs, second: Longs, gains: Doubles, nodes: int) -> Longs:
     """Greedy matching: edges first[k] - second[k] in falling order of gain, each node in at most one; their indices.
 
     Each round takes every edge that is the best one at both of its ends, which gives the same result as going through
@@ -174,13 +152,13 @@ def _match(first: np.ndarray, second: np.ndarray, gains: np.ndarray, nodes: int)
     return np.concatenate(matched) if matched else np.empty(0, np.int64)
 
 
-def _hash32(values: np.ndarray) -> np.ndarray:
+def _hash32(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     """A mix of 64-bit integers to 32 bits, as uint64 (multiply and shift, modulo 2^64)."""
     values = (values + np.uint64(1)) * np.uint64(0x9E3779B97F4A7C15)
     return ((values ^ (values >> np.uint64(29))) * np.uint64(0xBF58476D1CE4E5B9)) >> np.uint64(32)
 
 
-def _weld(positions: np.ndarray) -> np.ndarray:
+def _weld(positions: Floats) -> Longs:
     """For each vertex the number of its position: equal for equal positions, bit for bit, and only then."""
     bits = np.ascontiguousarray(positions + np.float32(0), np.float32).view(np.uint32).astype(np.uint64)  # no -0
     mixed = _hash32(bits[:, 0] | bits[:, 1] << np.uint64(32)) << np.uint64(32)
@@ -195,7 +173,7 @@ def _weld(positions: np.ndarray) -> np.ndarray:
     return numbers
 
 
-def _twin_half_edges(welded: np.ndarray, indices: np.ndarray) -> np.ndarray:
+def _twin_half_edges(welded: Longs, indices: Ints) -> Longs:
     """For each half-edge 3 * t + k, from corner k to k + 1, the opposite half-edge of another triangle, or -1.
 
     Where more than two triangles meet in an edge, those next to each other in triangle order are joined.
@@ -219,7 +197,7 @@ def _twin_half_edges(welded: np.ndarray, indices: np.ndarray) -> np.ndarray:
     return twin
 
 
-def _in_chunks(compute, *columns: np.ndarray) -> np.ndarray:
+def _in_chunks(compute: Callable[..., Doubles], *columns: Longs) -> Doubles:
     """compute(*columns), a chunk of rows at a time."""
     parts = [compute(*(c[k : k + CHUNK] for c in columns)) for k in range(0, len(columns[0]), CHUNK)]
     return np.concatenate(parts) if parts else np.empty(0)
@@ -228,7 +206,7 @@ def _in_chunks(compute, *columns: np.ndarray) -> np.ndarray:
 class Shapes:
     """Lengths and normals of triangles, and what joining some of them would gain."""
 
-    def __init__(self, positions: np.ndarray, indices: np.ndarray) -> None:
+    def __init__(self, positions: Floats, indices: Ints) -> None:
         self.positions = positions
         self.indices = indices
         count = len(indices)
@@ -252,17 +230,17 @@ class Shapes:
         row = np.arange(len(p))
         self.rectangle[rows] = lengths[row, (longest + 1) % 3] * lengths[row, (longest + 2) % 3]
 
-    def corner(self, half_edge: np.ndarray, step: int) -> np.ndarray:
+    def corner(self, half_edge: Longs, step: int) -> Doubles:
         """Position, float64 (n, 3), of the corner `step` after the half-edge's first."""
         return self.positions[self.indices[half_edge // 3, (half_edge % 3 + step) % 3]].astype(np.float64)
 
-    def pair_gain(self, edge: np.ndarray, twin: np.ndarray) -> np.ndarray:
+    def pair_gain(self, edge: Longs, twin: Longs) -> Doubles:
         """Atlas area that joining the triangles at `edge` saves: alone over together, times the fold's cosine."""
         a, b = edge // 3, twin // 3
         alone = self.rectangle[a] + self.rectangle[b]
         return _ratio(alone, self._pair_area(edge, twin)) * self._fold(a, b)
 
-    def fan_gain(self, right: np.ndarray, left: np.ndarray, single: np.ndarray, twin: np.ndarray) -> np.ndarray:
+    def fan_gain(self, right: Longs, left: Longs, single: Longs, twin: Longs) -> Doubles:
         """The same for a single triangle that joins a pair; `right` and `left` are half-edges of the centre."""
         apex, x, y = self.corner(right, 0), self.corner(right, 1), self.corner(right, 2)
         right_outer, left_outer = self.corner(twin[right], 2), self.corner(twin[left], 2)
@@ -276,27 +254,30 @@ class Shapes:
         fold = np.minimum(self._fold(centre, right_triangle), self._fold(centre, left_triangle))
         return _ratio(alone, width * height) * fold
 
-    def _pair_area(self, edge: np.ndarray, twin: np.ndarray) -> np.ndarray:
+    def _pair_area(self, edge: Longs, twin: Longs) -> Floats:
         """Area of the rectangle of two triangles: the longer ones of the sides opposite to each other."""
         a, b, k, m = edge // 3, twin // 3, edge % 3, twin % 3
         width = np.maximum(self.lengths[a, (k + 2) % 3], self.lengths[b, (m + 2) % 3])
         height = np.maximum(self.lengths[a, (k + 1) % 3], self.lengths[b, (m + 1) % 3])
         return width * height
 
-    def _fold(self, a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return (self.normal[a] * self.normal[b]).sum(axis=1)
+    def _fold(self, a: Longs, b: Longs) -> Floats:
+        cosines: Floats = (self.normal[a] * self.normal[b]).sum(axis=1)
+        return cosines
 
 
-def _length(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    return np.linalg.norm(a - b, axis=1)
+def _length(a: Doubles, b: Doubles) -> Doubles:
+    lengths: Doubles = np.linalg.norm(a - b, axis=1)
+    return lengths
 
 
-def _ratio(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _ratio(a: NDArray[np.floating[Any]], b: NDArray[np.floating[Any]]) -> Doubles:
     """a / b, 0 where b is 0."""
-    return np.divide(a, b, out=np.zeros(len(a)), where=b > 0)
+    ratios: Doubles = np.divide(a, b, out=np.zeros(len(a)), where=b > 0)
+    return ratios
 
 
-def _with_members(indices: np.ndarray, of_triangle: np.ndarray, codes: np.ndarray) -> Patches:
+def _with_members(indices: Ints, of_triangle: Ints, codes: Bytes) -> Patches:
     """The tables by patch that follow from each triangle's patch, role and rotation."""
     count = int(of_triangle.max()) + 1 if len(of_triangle) else 0
     members = np.full((count, 3), -1, np.int32)

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from shading_atlas_bench.packers.sas.kernels.allocate import Grid
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
 
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Words
 
-def draw_allocation(grid: Grid, words: np.ndarray) -> np.ndarray:
+
+def draw_allocation(grid: Grid, words: Words) -> Bytes:
     """Blocks of location words as uint8 (H, W, 3), black where no block lies.
 
     Red grows with the logarithm of a block's width, green with that of its height; blue changes from block to block, so

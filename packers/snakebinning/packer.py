@@ -143,11 +143,11 @@ class SnakeBinning(Parameters, Packer):
         if not filling.extend(frame, is_new, new, listed):
             return False
         if not frame.scene.skips.leaves_out("re-binning", True):
-            self._bin_in_vain(frame, filling)
+            self._force_rebinning(frame, filling)
         self.freezing.frozen_frames += 1
         return True
 
-    def _bin_in_vain(self, frame: Frame, filling: Filling) -> None:
+    def _force_rebinning(self, frame: Frame, filling: Filling) -> None:
         """What a frozen layout saves: footprints and bins of the whole set, which nobody reads."""
         device, listed = frame.scene.device, TriangleList(frame.pvs_device, len(frame.pvs))
         spare, bins = Footprints.allocate(device, frame.scene.triangles.count + MOST), BinCounts(device)

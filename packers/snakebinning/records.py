@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +15,6 @@ if TYPE_CHECKING:
 
 PIECE_BYTES = 4 + 24 + 16
 FIELDS = 4  # place, before | after << 16, height, weights and roles: see packers.snakebinning.kernels.place
-# The fields as they are sent: heights are below 2^16.
-SENT: tuple[np.dtype[np.unsignedinteger[Any]], ...] = tuple(
-    np.dtype(kind) for kind in (np.uint32, np.uint32, np.uint16, np.uint32)
-)
 
 
 class Records:
@@ -48,16 +44,17 @@ def encode_records(records: Words, before: Words) -> bytes:
     14 bytes each: the height takes 16 bits.
     """
     changes = records ^ before
-    return b"".join(shuffle(changes[:, column].astype(dtype)) for column, dtype in enumerate(SENT))
+    columns = [changes[:, 0], changes[:, 1], changes[:, 2].astype(np.uint16), changes[:, 3]]
+    return b"".join(shuffle(column) for column in columns)
 
 
 def decode_records(data: bytes, count: int) -> Words:
     """The changes, uint32 (n, 4), that `encode_records` wrote."""
     changes = np.empty((count, FIELDS), np.uint32)
     offset = 0
-    for column, dtype in enumerate(SENT):
-        changes[:, column] = unshuffle(data, dtype, count, offset)
-        offset += count * dtype.itemsize
+    for column, size in enumerate((4, 4, 2, 4)):
+        changes[:, column] = unshuffle(data, np.dtype(f"u{size}"), count, offset)
+        offset += count * size
     return changes
 
 

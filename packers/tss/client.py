@@ -11,7 +11,7 @@ from shading_atlas_bench.packers.atlas_client import LookupClient
 from shading_atlas_bench.packers.interface import ClientScene
 from shading_atlas_bench.packers.tss.kernels.bins import Bins
 from shading_atlas_bench.packers.tss.kernels.footprint import measure_triangles
-from shading_atlas_bench.packers.tss.kernels.locate import locate
+from shading_atlas_bench.packers.tss.kernels.locate import Located, locate
 from shading_atlas_bench.packers.tss.kernels.perspective import invert_depths
 from shading_atlas_bench.packers.tss.message import decode
 
@@ -33,15 +33,13 @@ class TessellatedClient(LookupClient):
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take where the frame's primitives lie, and the perspective that the server saw them in."""
         rows = len(self.geometry.pvs)
-        self.records = decode(blobs, rows, self.bins)
-        upload, triangles = self.device.upload, self.triangles
-        ids, camera = upload(np.arange(rows, dtype=np.int32)), upload(self.records.camera)
-        seen = (triangles.indices, triangles.positions, camera)
-        depths, _ = measure_triangles(self.device, ids, rows, *seen, self.records.scale, 0, STAGE)
-        tables = (self.records.pieces, self.records.starts, self.records.records)
-        self.uploaded = [upload(table) for table in tables]
-        self.inverse = invert_depths(self.device, depths, self.uploaded[0], rows, self.records.scale, STAGE)
+        records, device = decode(blobs, rows, self.bins), self.device
+        ids, camera = device.upload(np.arange(rows, dtype=np.int32)), device.upload(records.camera)
+        depths, _ = measure_triangles(device, ids, rows, self.triangles, camera, records.scale, 0, STAGE)
+        pieces, starts = device.upload(records.pieces), device.upload(records.starts)
+        inverse = invert_depths(device, depths, pieces, rows, records.scale, STAGE)
+        self.located = Located(inverse, pieces, starts, device.upload(records.records))
 
     def place(self, samples: Samples) -> Array:
         """Where the samples lie in their Ls and right triangles."""
-        return locate(self.device, samples, self.inverse, *self.uploaded, "client/locate")
+        return locate(self.device, samples, self.located, "client/locate")

@@ -13,8 +13,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.packers.geometry import shuffle, unshuffle
 from shading_atlas_bench.packers.tss.kernels.bins import Bins
@@ -22,27 +24,13 @@ from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
 from shading_atlas_bench.packers.tss.kernels.layout import REGION, place_items_twin
 from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED
 from shading_atlas_bench.packers.tss.kernels.pattern import TOP
+from shading_atlas_bench.packers.tss.placement import Placement
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Floats, Ints, Words
 
 LOST = (1 << 25) - 1  # as a rank: no place
 CAMERA = 22
-
-
-@dataclass(frozen=True)
-class Placement:
-    """What the server decided, on the host.
-
-    camera: float32 (21). scale: texels per pixel. pieces: int32 (rows). forms (m, 4), places (m, 2), firsts (m): int32,
-    see packers.tss.kernels. ranks: int32 (m), of first items. regions: int32 (B, 6), of all bins.
-    """
-
-    camera: np.ndarray
-    scale: float
-    pieces: np.ndarray
-    forms: np.ndarray
-    places: np.ndarray
-    firsts: np.ndarray
-    ranks: np.ndarray
-    regions: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -50,11 +38,11 @@ class Records:
     """What the client knows of a frame: camera float32 (21), scale, pieces and starts int32 (rows), and records int32
     (m, 4) as packers.tss.kernels.locate reads them."""
 
-    camera: np.ndarray
+    camera: Floats
     scale: float
-    pieces: np.ndarray
-    starts: np.ndarray
-    records: np.ndarray
+    pieces: Ints
+    starts: Ints
+    records: Ints
 
 
 def encode(placement: Placement, bins: Bins) -> dict[str, bytes]:
@@ -96,7 +84,7 @@ def decode(blobs: Mapping[str, bytes], rows: int, bins: Bins) -> Records:
     return Records(camera[:-1], float(camera[-1]), pieces, starts, records)
 
 
-def _decode_l(words: np.ndarray, regions: np.ndarray, bins: Bins) -> np.ndarray:
+def _decode_l(words: Words, regions: Ints, bins: Bins) -> Ints:
     level, rank = (words & 127).astype(np.int32), (words >> 7).astype(np.int64)
     sizes = bins.width[bins.of_level], bins.height[bins.of_level]
     lost = rank == LOST
@@ -106,7 +94,7 @@ def _decode_l(words: np.ndarray, regions: np.ndarray, bins: Bins) -> np.ndarray:
     return records
 
 
-def _decode_halves(quads: np.ndarray) -> np.ndarray:
+def _decode_halves(quads: Ints) -> NDArray[np.integer[Any]]:
     before, after = quads[:, 2] & 0xFFFF, quads[:, 2] >> 16
     height, first = quads[:, 3] & 0xFFFF, quads[:, 3] >> 16
     lost = (quads[:, 0] < 0) & (quads[:, 1] < 0)

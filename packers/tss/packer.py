@@ -6,14 +6,9 @@ See README.md in this folder for what is as published and what is ours.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, ClassVar
 
-import numpy as np
-
-from shading_atlas_bench.arithmetic import draws
-from shading_atlas_bench.kernels.common.rank import rank_by_class
 from shading_atlas_bench.packers.atlas_client import geometry_encoder
-from shading_atlas_bench.packers.budget import ALL, BudgetedRate
 from shading_atlas_bench.packers.interface import (
     FULL,
     ClientScene,
@@ -23,26 +18,27 @@ from shading_atlas_bench.packers.interface import (
     Parameter,
     Payload,
     ServerScene,
+    Value,
 )
 from shading_atlas_bench.packers.tss.client import TessellatedClient
-from shading_atlas_bench.packers.tss.kernels.bins import Bins
-from shading_atlas_bench.packers.tss.kernels.emit import CellTable, build_kernels, count_samples, emit_samples
+from shading_atlas_bench.packers.tss.kernels.emit import Placed, build_kernels, emit_samples
 from shading_atlas_bench.packers.tss.kernels.footprint import camera_floats
-from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED, choose_forms
-from shading_atlas_bench.packers.tss.kernels.layout import lay_out, place_items
+from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
 from shading_atlas_bench.packers.tss.kernels.perspective import invert_depths
-from shading_atlas_bench.packers.tss.kernels.primitives import Primitives, list_primitives
-from shading_atlas_bench.packers.tss.message import Placement, encode
+from shading_atlas_bench.packers.tss.mapping import AtlasMapping
+from shading_atlas_bench.packers.tss.message import encode
 from shading_atlas_bench.packers.tss.picture import draw_strategies
+from shading_atlas_bench.packers.tss.placement import Placement, find_lost, read_placement
 from shading_atlas_bench.packers.tss.statistics import describe
 
 if TYPE_CHECKING:
-    from pyopencl.array import Array
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bytes
+    from shading_atlas_bench.kernels.samples import Samples
 
 STRATEGIES = {"lpacking": float("inf"), "oversampling": 0.0}  # threshold of slantedness that they amount to
 ORDERS = ("primitive", "arrival")
 PICTURES = ("density", "size")
-LOWEST = 2.0**-16  # the smallest scale: every primitive is a single texel
 UNPLACED = "the atlas is full with every primitive at one texel"
 
 
@@ -51,7 +47,11 @@ class TessellatedShadingStreaming(Packer):
 
     name = "tss"
     paper = Paper("Tessellated Shading Streaming", 2019, "10.1111/cgf.13780")
-    parameters = {  # noqa: RUF012
+    strategy: str
+    slanted: float
+    order: str
+    picture: str
+    parameters: ClassVar[dict[str, Parameter]] = {
         "strategy": Parameter(
             "combined",
             ("combined", "lpacking", "oversampling"),
@@ -85,11 +85,11 @@ class TessellatedShadingStreaming(Packer):
         ),
     }
 
-    skips = {  # noqa: RUF012
+    skips: ClassVar[dict[str, tuple[str, str, str]]] = {
         "oversampling": ("right triangles of samples", "no primitive is slanted", "primitives are slanted"),
     }
 
-    def __init__(self, **values) -> None:
+    def __init__(self, **values: Value) -> None:
         super().__init__(**values)
         if self.strategy not in ("combined", *STRATEGIES):
             raise ValueError(f"The strategy {self.strategy!r} is not known: combined, {', '.join(STRATEGIES)}.")
@@ -101,12 +101,10 @@ class TessellatedShadingStreaming(Packer):
 
     def prepare(self, scene: ServerScene) -> None:
         """Tabulate bins and Ls."""
-        self.bins = Bins.make()
-        self.bin_tables = self.bins.upload(scene.device)
-        self.cells = CellTable.upload(scene.device)
+        by_arrival, sized = self.order == "arrival", self.picture == "size"
+        self.mapping = AtlasMapping(scene.device, self.threshold, by_arrival, sized)
         self.geometry = geometry_encoder(scene, {})
         build_kernels(scene.device)
-        self.budgeted = BudgetedRate(lowest=LOWEST)
 
     def settled(self) -> bool:
         """Only the scale is kept from frame to frame, where it was found to do; the order of arrival is another in
@@ -115,26 +113,24 @@ class TessellatedShadingStreaming(Packer):
 
     def pack(self, frame: Frame) -> TessellatedPayload:
         """Places for the triangles of the frame's set, and their shading."""
-        device, server = frame.scene.device, frame.server
+        device, server, mapping = frame.scene.device, frame.server, self.mapping
         camera = camera_floats(server.view, server.projection, server.width, server.height)
-        triangles, rows = frame.scene.triangles, len(frame.pvs)
-        arranged = self._arrange(frame, device.upload(camera))
-        primitives, listed = arranged.primitives, (*arranged.listed, self.bin_tables, arranged.regions)
-        places = place_items(device, primitives.count, frame.atlas_height, *listed)
-        placement = self._read(arranged, places, camera)
+        mapped = mapping.map(frame, device.upload(camera))
+        primitives, places = mapped.primitives, mapping.place(mapped, frame)
+        placement = read_placement(mapped, places, camera)
         lost = find_lost(placement, primitives.parents.get()[: primitives.count])
         if len(lost):
             places = device.upload(placement.places)
-        inverse = invert_depths(
-            device, primitives.depths, primitives.pieces, rows, arranged.scale, "structs/perspective"
-        )
-        placed = (primitives, arranged.forms, places, inverse, triangles, self.cells)
+        depths, pieces, rows = primitives.depths, primitives.pieces, len(frame.pvs)
+        inverse = invert_depths(device, depths, pieces, rows, mapped.scale, "structs/perspective")
+        placed = Placed(primitives, mapped.forms, places, inverse)
         slanted = bool((placement.forms[:, 0] == OVERSAMPLED).any())
         oversampled = not frame.scene.skips.leaves_out("oversampling", not slanted)
-        samples = emit_samples(device, *placed, frame.atlas_width, oversampled=oversampled)
-        blobs = encode(placement, self.bins)
+        triangles, width = frame.scene.triangles, frame.atlas_width
+        samples = emit_samples(device, placed, triangles, mapping.cells, width, oversampled=oversampled)
+        blobs = encode(placement, mapping.bins)
         statistics = describe(placement)
-        statistics[FULL] = int(frame.sample_budget is None and self.budgeted.rate < 1)
+        statistics[FULL] = int(mapping.is_atlas_full(frame))
         statistics |= {f"{name}_bytes": len(blobs[name]) for name in ("lpacking", "oversampling")}
         statistics["metadata_bytes"] = sum(len(blob) for blob in blobs.values())
         return TessellatedPayload(
@@ -148,71 +144,18 @@ class TessellatedShadingStreaming(Packer):
             placement=placement,
         )
 
-    def details(self, payload: TessellatedPayload) -> dict[str, np.ndarray]:
+    def details(self, payload: Payload) -> dict[str, arrays.Array]:
         """The primitives' forms and places, see Placement."""
-        return {"forms": payload.placement.forms, "places": payload.placement.places}
+        placement = _own(payload).placement
+        return {"forms": placement.forms, "places": placement.places}
 
-    def pictures(self, payload: TessellatedPayload) -> dict[str, np.ndarray]:
+    def pictures(self, payload: Payload) -> dict[str, Bytes]:
         """The atlas by strategy."""
-        height, width = payload.planes["atlas"].shape[:2]
-        texel = payload.samples.texel.get()[: payload.sample_count]
-        drawn = draw_strategies(payload.placement.forms, payload.placement.places, texel, width, height)
+        packed = _own(payload)
+        height, width = packed.planes["atlas"].shape[:2]
+        texel = packed.samples.texel.get()[: packed.sample_count]
+        drawn = draw_strategies(packed.placement.forms, packed.placement.places, texel, width, height)
         return {"strategies": drawn}
-
-    def _arrange(self, frame: Frame, camera: Array) -> Arranged:
-        """Primitives, bins and their positions: as many samples as the frame's budget has, without one those of the
-        largest scale that fits; at the smallest if none does.
-
-        The search begins at the last frame's scale, which mostly stays: then one layout is enough.
-        """
-        client = frame.predicted[0] if frame.predicted else frame.server
-        widest = 1.0 if self.picture == "density" else client.width / frame.server.width
-        last: Arranged
-
-        def rows(rate: float) -> int | None:
-            nonlocal last
-            last = self._arrange_at(frame, self._list(frame, camera, rate * widest), rate * widest)
-            return last.used if 0 <= last.used <= frame.atlas_height else None
-
-        def samples(rate: float) -> int | None:
-            if rows(rate) is None:
-                return None
-            return count_samples(frame.scene.device, last.primitives.count, last.forms, self.cells)
-
-        if frame.sample_budget is None:
-            self.budgeted.meet(ALL, rows, highest=1.0)
-        else:
-            self.budgeted.meet(frame.sample_budget, samples)
-        return last
-
-    def _list(self, frame: Frame, camera: Array, scale: float) -> Primitives:
-        listed = (frame.pvs_device, len(frame.pvs), frame.scene.triangles, camera, scale, self.threshold)
-        return list_primitives(frame.scene.device, *listed)
-
-    def _arrange_at(self, frame: Frame, primitives: Primitives, scale: float) -> Arranged:
-        device, count = frame.scene.device, primitives.count
-        turns = np.arange(count, dtype=np.int32)
-        if self.order == "arrival":
-            turns = draws.generator([frame.seed, frame.index]).permutation(turns)
-        turns = device.upload(turns)
-        form = (primitives, scale, self.threshold, turns, self.bin_tables)
-        forms, items = choose_forms(device, *form)
-        ranks, totals = rank_by_class(device, items, 2 * count, self.bins.count, "structs/rank")
-        regions, used = lay_out(device, self.bin_tables, totals, frame.atlas_width)
-        return Arranged(scale, primitives, forms, (turns, items, ranks), regions, used)
-
-    def _read(self, arranged: Arranged, places: Array, camera: np.ndarray) -> Placement:
-        """What was decided, on the host."""
-        primitives, count = arranged.primitives, arranged.primitives.count
-
-        def table(array: Array, width: int) -> np.ndarray:
-            return array.get().reshape(-1)[: width * count].reshape(count, width)
-
-        turns, _, ranks = arranged.listed
-        first_ranks = table(ranks, 2)[turns.get()[:count], 0]
-        pieces, firsts = primitives.pieces.get()[: primitives.rows], primitives.firsts.get()[:count]
-        decided = (table(arranged.forms, 4), table(places, 2), firsts, first_ranks, arranged.regions.get())
-        return Placement(camera, arranged.scale, pieces, *decided)
 
     def client(self, scene: ClientScene) -> TessellatedClient:
         """A client without any triangle yet."""
@@ -223,30 +166,12 @@ class TessellatedShadingStreaming(Packer):
 class TessellatedPayload(Payload):
     """A payload, and what was decided about it, which pictures and `--dump` show."""
 
+    samples: Samples
     placement: Placement
 
 
-@dataclass(frozen=True)
-class Arranged:
-    """A layout, on the device.
-
-    listed: the items' turns, bins and ranks. regions: of the bins. used: rows of the atlas that it needs, -1 if the
-    atlas is too narrow.
-    """
-
-    scale: float
-    primitives: Primitives
-    forms: Array
-    listed: tuple[Array, Array, Array]
-    regions: Array
-    used: int
-
-
-def find_lost(placement: Placement, parents: np.ndarray) -> np.ndarray:
-    """Rows of the triangles that have not all of their items placed; takes the places of the others from them."""
-    forms, places = placement.forms, placement.places
-    halves = forms[:, 0] < 0
-    missing = (places[:, 0] < 0) & (~halves | (forms[:, 2] > 0)) | halves & (forms[:, 3] > 0) & (places[:, 1] < 0)
-    lost = np.unique(parents[missing])
-    places[np.isin(parents, lost)] = -1
-    return lost
+def _own(payload: Payload) -> TessellatedPayload:
+    """A payload that was packed here."""
+    if not isinstance(payload, TessellatedPayload):
+        raise TypeError("Tessellated Shading Streaming shows only what it packed itself.")
+    return payload

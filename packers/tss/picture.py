@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
 from shading_atlas_bench.packers.tss.statistics import samples_by_primitive
 
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
+
 LPACKING, OVERSAMPLING, SINGLE = (70, 200, 90), (60, 110, 230), (230, 200, 80)
 
 
-def draw_strategies(forms: np.ndarray, places: np.ndarray, texel: np.ndarray, width: int, height: int) -> np.ndarray:
+def draw_strategies(forms: Ints, places: Ints, texel: NDArray[np.integer[Any]], width: int, height: int) -> Bytes:
     """Ls in green, right triangles in blue, single texels in yellow, the rest black: uint8 (height, width, 3).
 
     forms: int32 (m, 4), places: int32 (m, 2), of primitives. texel: int (n), of their samples, in order. Brightness

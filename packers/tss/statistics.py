@@ -4,13 +4,17 @@ from __future__ import annotations
 
 from functools import cache
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.packers.tss.kernels.emit import row_length
 from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
 from shading_atlas_bench.packers.tss.kernels.pattern import TOP, cell_count, vertex_count
-from shading_atlas_bench.packers.tss.message import Placement
+from shading_atlas_bench.packers.tss.placement import Placement
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Ints, Longs
 
 CELLS = np.array([1, *(cell_count(level) for level in range(1, TOP + 1))])
 COPIES = CELLS - np.array([1, *(vertex_count(level) for level in range(1, TOP + 1))])
@@ -30,7 +34,7 @@ def published(w: int, h: int) -> int:
     return rows * blocks * (2 * h - blocks - 1) // 2 + 2 * h + w + 1
 
 
-def samples_by_primitive(forms: np.ndarray, places: np.ndarray) -> np.ndarray:
+def samples_by_primitive(forms: Ints, places: Ints) -> Longs:
     """Samples of each primitive, int (m): forms int32 (m, 4), places int32 (m, 2), as in Placement."""
     counts = np.where(forms[:, 0] == OVERSAMPLED, 0, CELLS[np.maximum(forms[:, 0], 0)]) * (places[:, 0] >= 0)
     for k in (0, 1):
@@ -74,7 +78,7 @@ def describe(placement: Placement) -> dict[str, float]:
     }
 
 
-def _levels(by_level: np.ndarray) -> dict[str, float]:
+def _levels(by_level: Longs) -> dict[str, float]:
     """Primitives by level, in doublings: level_1, level_2, level_4 (3 and 4) to level_64 (33 to 64)."""
     ends = [0, *(1 << k for k in range(7))]
     return {f"level_{b}": int(by_level[a + 1 : b + 1].sum()) for a, b in pairwise(ends)}

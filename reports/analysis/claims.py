@@ -42,7 +42,7 @@ OPTIONAL_OF_CAUSE = ("claims", "places", "instead", "runs", "measure", "rule", "
 
 Row = dict[str, Any]
 Variant = tuple[str, str]
-Key = tuple  # of a value: its frame, and in an experiment with several models and sizes those before it
+Key = tuple[Any, ...]  # of a value: its frame, and in an experiment with several models and sizes those before it
 
 
 class ClaimsError(ValueError):
@@ -122,13 +122,17 @@ class Claim:
 
     def asked(self) -> set[tuple[str, str]]:
         """Run and method of every value that it takes."""
-        found = set()
-        for place in self.runs:
-            if self.measure.how in ("over", "minus"):
-                found |= {(place[0], self.measure.value.method), (place[-1], self.measure.other.method)}
-            else:
-                found |= {(name, operand.method) for operand in self.operands() for name in place}
-        return found
+        if self.measure is None:
+            return set()
+        value, other = self.measure.value, self.measure.other
+        if other is None or self.measure.how == "exponent":
+            return {(name, each.method) for each in self.operands() for place in self.runs for name in place}
+        return {(place[end], each.method) for place in self.runs for end, each in ((0, value), (-1, other))}
+
+    @property
+    def rule_text(self) -> str:
+        """What the measured value must be, in words; empty where it cannot be measured."""
+        return self.rule.text if self.rule else ""
 
 
 @dataclass(frozen=True)
@@ -274,8 +278,10 @@ def _experiments(entry: Mapping[str, Any], claim: Claim, where: str) -> list[Exp
     return [Experiment(replace(changed, runs=(test,)), explains) for test, explains in tests]
 
 
-def _instead(measure: Measure, names: Mapping[str, str]) -> Measure:
+def _instead(measure: Measure | None, names: Mapping[str, str]) -> Measure | None:
     """The measure with other methods."""
+    if measure is None:
+        return None
 
     def other(operand: Operand) -> Operand:
         return replace(operand, method=names.get(operand.method, operand.method))
@@ -303,7 +309,7 @@ def _places(value: Any, where: str) -> tuple[tuple[str, ...], ...]:
 
 def _check_runs(claim: Claim, known: Mapping[str, Any], where: str) -> None:
     """Raise ClaimsError for runs that do not exist, are too many or few, or lack a method."""
-    how = claim.measure.how
+    how = claim.measure.how if claim.measure else ""
     for place in claim.runs:
         unknown = [name for name in place if name not in known]
         if unknown:
@@ -322,14 +328,16 @@ def _check_runs(claim: Claim, known: Mapping[str, Any], where: str) -> None:
 def _rule(entry: Mapping[str, Any], where: str) -> Rule:
     rule = entry["rule"]
     _known(rule, ("above", "below", "between"), f"{where}, rule")
-    name, value = next(iter(rule.items()), ("", None))
-    numbers = value if name == "between" else [value]
+    ends = {name: value if name == "between" else [value] for name, value in rule.items()}
+    name, numbers = next(iter(ends.items()), ("", []))
     good = isinstance(numbers, list) and all(type(each) in (int, float) for each in numbers)
     if len(rule) != 1 or not good or len(numbers) != (2 if name == "between" else 1):
         raise ClaimsError(f"{where} has the rule {rule!r}: give above or below a number, or between two.")
     if name == "between" and not numbers[0] < numbers[1]:
         raise ClaimsError(f"{where} has the rule {rule!r}: give the lower number first.")
-    return {"above": lambda: Rule(low=value), "below": lambda: Rule(high=value)}.get(name, lambda: Rule(*value))()
+    if name == "between":
+        return Rule(*numbers)
+    return Rule(low=numbers[0]) if name == "above" else Rule(high=numbers[0])
 
 
 def _measure(table: Any, where: str) -> Measure:
@@ -347,7 +355,7 @@ def _measure(table: Any, where: str) -> Measure:
 
 
 def _operand(table: Mapping[str, Any], where: str) -> Operand:
-    value, filters = table.get("value"), table.get("where", {})
+    value, filters = table.get("value", ()), table.get("where", {})
     values = [value] if isinstance(value, str) else value
     checks = [
         (_texts(values), "value", "a column, statistic or stage, or a list of such to add"),
@@ -441,13 +449,13 @@ def values_of(operand: Operand, run: RunRows, variants: Mapping[str, Variant]) -
         _refuse_otherwise(rows, operand, run)
     found: dict[Key, float] = {}
     for row in rows:
-        numbers = [_number(name, row, run) for name in operand.values]
-        if None not in numbers and row.get("frame", operand.start) >= operand.start:
+        numbers = [number for name in operand.values if (number := _number(name, row, run)) is not None]
+        if len(numbers) == len(operand.values) and row.get("frame", operand.start) >= operand.start:
             found[_key(row, operand)] = math.fsum(numbers)
     if not found:
         of = operand.method or ", ".join(f"{name} {value}" for name, value in operand.where)
-        rate = f" at CRF {operand.crf}" if operand.crf is not None else ""
-        raise UnmeasuredError(f"The run has no {' + '.join(operand.values)} of {of}{rate}.")
+        at = f" at CRF {operand.crf}" if operand.crf is not None else ""
+        raise UnmeasuredError(f"The run has no {' + '.join(operand.values)} of {of}{at}.")
     return _half(found, operand.half)
 
 
@@ -475,8 +483,9 @@ def _refuse_otherwise(rows: Sequence[Row], operand: Operand, run: RunRows) -> No
 
 def _number(name: str, row: Row, run: RunRows) -> float | None:
     if name in row:
-        return row[name]
-    return run.extra.get((row.get("method"), row.get("variant"), row.get("frame")), {}).get(name)
+        value: float | None = row[name]
+        return value
+    return run.extra.get((row.get("method", ""), row.get("variant", ""), row.get("frame", -1)), {}).get(name)
 
 
 def _key(row: Row, operand: Operand) -> Key:
@@ -495,11 +504,10 @@ def _half(values: dict[Key, float], half: str) -> dict[Key, float]:
     return {(*key[:-1], place[key[-1]]): value for key, value in values.items() if key[-1] in place}
 
 
-def measure(claim: Claim, runs: Sequence[RunRows], variants: Mapping[str, Variant]) -> list[float]:
-    """The claim's value in each frame, sorted by frame. Raises UnmeasuredError where the runs do not give it."""
-    what = claim.measure
-    if what.how == "exponent":
-        return _exponents(what, runs, variants)
+def measured(what: Measure, runs: Sequence[RunRows], variants: Mapping[str, Variant]) -> list[float]:
+    """The value in each frame, sorted by frame. Raises UnmeasuredError where the runs do not give it."""
+    if what.other and what.how == "exponent":
+        return _exponents(what.value, what.other, runs, variants)
     tops = values_of(what.value, runs[0], variants)
     if what.other is None:
         return [tops[key] for key in sorted(tops)]
@@ -514,15 +522,15 @@ def measure(claim: Claim, runs: Sequence[RunRows], variants: Mapping[str, Varian
     return found
 
 
-def _exponents(what: Measure, runs: Sequence[RunRows], variants: Mapping[str, Variant]) -> list[float]:
+def _exponents(value: Operand, other: Operand, runs: Sequence[RunRows], variants: Mapping[str, Variant]) -> list[float]:
     """In each frame, the slope of the logarithm of the value over that of the other one, through all runs."""
-    ys = [values_of(what.value, run, variants) for run in runs]
-    xs = [values_of(what.other, run, variants) for run in runs]
+    ys = [values_of(value, run, variants) for run in runs]
+    xs = [values_of(other, run, variants) for run in runs]
     shared = sorted(set.intersection(*(set(values) for values in (*xs, *ys))))
     slopes = [_slope([x[key] for x in xs], [y[key] for y in ys]) for key in shared]
     found = [slope for slope in slopes if slope is not None]
     if not found:
-        raise UnmeasuredError(f"{' + '.join(what.other.values)} does not vary between the runs.")
+        raise UnmeasuredError(f"{' + '.join(other.values)} does not vary between the runs.")
     return found
 
 
@@ -558,7 +566,7 @@ def judge(values: Sequence[float], rule: Rule) -> tuple[str, str, float, float |
     """Verdict, reason, median, and the ends of its interval."""
     middle = median(values)
     low, high = median_interval(sorted(values))
-    if low is None:
+    if low is None or high is None:
         text = f"{len(values)} values have no 95 % interval: it takes {FEWEST}."
         return UNDECIDED, text, middle, None, None
     if rule.low < low and high < rule.high:
@@ -580,8 +588,9 @@ def judge_all(
     """
     found = []
     for claim in claims:
-        if claim.measure is None:
+        if claim.measure is None or claim.rule is None:
             found.append(Judged(claim, (), NOT_MEASURABLE, claim.not_measurable))
+            continue
         for place in claim.runs:
             lacking = next((name for name in place if name in problems), None)
             if lacking:
@@ -589,15 +598,15 @@ def judge_all(
                 continue
             runs = [rows_of(name) for name in place]
             try:
-                values = measure(claim, runs, variants)
+                values = measured(claim.measure, runs, variants)
             except UnmeasuredError as error:
                 found.append(Judged(claim, place, NOT_MEASURED, str(error)))
                 continue
-            verdict, reason, *numbers = judge(values, claim.rule)
+            verdict, reason, middle, low, high = judge(values, claim.rule)
             if verdict == UNDECIDED and claim.undecided:
                 reason = claim.undecided
             size = "/".join(dict.fromkeys(", ".join(run.sizes) for run in runs))
-            found.append(Judged(claim, place, verdict, reason, *numbers, count=len(values), size=size))
+            found.append(Judged(claim, place, verdict, reason, middle, low, high, len(values), size))
     return found
 
 

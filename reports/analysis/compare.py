@@ -28,8 +28,8 @@ OK = Column("ok", "0..1", "share of frames with status ok", "status", float, "hi
 
 Coding = tuple[str | None, int | None]
 Method = tuple[str, str]
-Named = tuple[str, str, str]  # method, variant and label, as a Comparison has them
-Rows = dict[Method, dict[Coding, dict[int, dict[str, Any]]]]
+Frames = dict[int, dict[str, Any]]
+Rows = dict[Method, dict[Coding, Frames]]
 
 
 class CompareError(StoreError):
@@ -37,15 +37,24 @@ class CompareError(StoreError):
 
 
 @dataclass(frozen=True)
+class Named:
+    """What is compared: fields of a Comparison."""
+
+    method: str
+    variant: str
+    label: str
+
+
+@dataclass(frozen=True)
 class Comparison:
     """One metric of one method in two runs.
 
     variant, label: of run a, and `A -> B` where variants of the runs are matched. codec: `all`, with crf None, for a
-        metric that is the same for every coding. a, b: medians over the paired frames (for `ok` the shares), those of
-        sizes without the keyframe, as in summary.csv; of WHOLE the values of the runs' common frames. mean_a, mean_b:
-        means over the same frames as the medians, None for `ok` and WHOLE. change: median of the paired differences
-        b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test, two-sided, 1.0 where all pairs are
-        equal, None for WHOLE. frames: pairs compared.
+        metric that is the same for every coding; None for frames that were not coded. a, b: medians over the paired
+        frames (for `ok` the shares), those of sizes without the keyframe, as in summary.csv; of WHOLE the values of the
+        runs' common frames. mean_a, mean_b: means over the same frames as the medians, None for `ok` and WHOLE. change:
+        median of the paired differences b - a over |a|, None where a is 0. p: of the Wilcoxon signed-rank test,
+        two-sided, 1.0 where all pairs are equal, None for WHOLE. frames: pairs compared.
     verdict: `better` or `worse` (of b) where p < ALPHA and the change reaches the threshold (TIME_THRESHOLD for times,
         OTHER_THRESHOLD else); `same` where all pairs are equal or the change is certain but smaller; else `ambiguous`.
         WHOLE has no `ambiguous`: its change is certain.
@@ -54,7 +63,7 @@ class Comparison:
     method: str
     variant: str
     label: str
-    codec: str
+    codec: str | None
     crf: int | None
     metric: str
     unit: str
@@ -104,13 +113,13 @@ def differences(folder_a: Path, folder_b: Path) -> list[str]:
     """Sentences about what else differs between two runs: settings, and methods that only one of them has."""
     with Store(folder_a, must_exist=True) as a, Store(folder_b, must_exist=True) as b:
         plans = [flat(store.plan() or {}) for store in (a, b)]
-        labels = [read_labels(store) for store in (a, b)]
+        labels_a, labels_b = read_labels(a), read_labels(b)
     found = []
     for key in sorted(set(plans[0]) | set(plans[1])):
         old, new = (plan.get(key) for plan in plans)
         if old != new and not key.startswith("methods"):
             found.append(f"{key.removeprefix('settings.')}: {old} in A, {new} in B")
-    for name, here, there in (("A", *labels), ("B", *reversed(labels))):
+    for name, here, there in (("A", labels_a, labels_b), ("B", labels_b, labels_a)):
         lone = [label for key, label in here.items() if key not in there]
         if lone and len(here) > 1:
             found.append(f"only {name} has {', '.join(lone)}")
@@ -141,10 +150,11 @@ def _matches(a: Rows, b: Rows) -> list[tuple[Method, Method]]:
 def _named(a: Method, b: Method, label_a: str, label_b: str) -> Named:
     """What is compared; of one variant the label in run a, as runs of earlier versions may call it otherwise."""
     pairs = (a[1], b[1]), (label_a, label_b)
-    return a[0], *(one if a == b or one == other else f"{one} -> {other}" for one, other in pairs)
+    variant, label = (one if a == b or one == other else f"{one} -> {other}" for one, other in pairs)
+    return Named(a[0], variant, label)
 
 
-def _compare_method(of: Named, a: dict, b: dict) -> list[Comparison]:
+def _compare_method(of: Named, a: dict[Coding, Frames], b: dict[Coding, Frames]) -> list[Comparison]:
     codings = [coding for coding in a if coding in b]
     found = []
     for metric in (OK, *MEASURES):
@@ -160,13 +170,13 @@ def _compare_method(of: Named, a: dict, b: dict) -> list[Comparison]:
     return found
 
 
-def _common(a: dict[int, dict], b: dict[int, dict]) -> list[int]:
+def _common(a: Frames, b: Frames) -> list[int]:
     """The frames with numbers in both runs."""
     frames = sorted(a.keys() & b.keys())
     return [f for f in frames if a[f]["status"] in MEASURED_STATUSES and b[f]["status"] in MEASURED_STATUSES]
 
 
-def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple[float, float]]:
+def _pairs(metric: Column, a: Frames, b: Frames) -> list[tuple[float, float]]:
     if metric is OK:
         common = sorted(a.keys() & b.keys())
         return [(float(a[frame]["status"] == "ok"), float(b[frame]["status"] == "ok")) for frame in common]
@@ -176,8 +186,8 @@ def _pairs(metric: Column, a: dict[int, dict], b: dict[int, dict]) -> list[tuple
 
 def _judge(of: Named, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
     middle = fmean if metric is OK else median
-    a, b = (float(middle(values)) for values in zip(*pairs, strict=True))
-    means = (None, None) if metric is OK else tuple(fmean(values) for values in zip(*pairs, strict=True))
+    old, new = zip(*pairs, strict=True)
+    a, b = float(middle(old)), float(middle(new))
     shift = float(middle([after - before for before, after in pairs]))
     p = _p_value(pairs)
     if all(before == after for before, after in pairs) or (p < ALPHA and not _matters(metric, a, shift)):
@@ -186,12 +196,27 @@ def _judge(of: Named, coding: Coding, metric: Column, pairs: list[tuple[float, f
         verdict = "ambiguous"
     else:
         verdict = _direction(metric, shift)
-    change = shift / abs(a) if a else None
-    named = (*of, *coding, metric.name, metric.unit, metric.better)
-    return Comparison(*named, a, b, *means, change, p, len(pairs), verdict)
+    return Comparison(
+        method=of.method,
+        variant=of.variant,
+        label=of.label,
+        codec=coding[0],
+        crf=coding[1],
+        metric=metric.name,
+        unit=metric.unit,
+        better=metric.better,
+        a=a,
+        b=b,
+        mean_a=None if metric is OK else fmean(old),
+        mean_b=None if metric is OK else fmean(new),
+        change=shift / abs(a) if a else None,
+        p=p,
+        frames=len(pairs),
+        verdict=verdict,
+    )
 
 
-def _judge_whole(of: Named, coding: Coding, a: dict[int, dict], b: dict[int, dict]) -> Iterator[Comparison]:
+def _judge_whole(of: Named, coding: Coding, a: Frames, b: Frames) -> Iterator[Comparison]:
     """What two runs sent as a whole, in the frames that both have."""
     common = _common(a, b)
     old, new = (measure_statistics(BY_NAME["bytes_total"], [run[frame] for frame in common]) for run in (a, b))
@@ -200,10 +225,24 @@ def _judge_whole(of: Named, coding: Coding, a: dict[int, dict], b: dict[int, dic
         if before is None or after is None:
             continue
         shift = after - before
-        verdict = _direction(column, shift) if _matters(column, before, shift) else "same"
-        named = (*of, *coding, column.name, column.unit, column.better)
-        change = shift / abs(before) if before else None
-        yield Comparison(*named, float(before), float(after), None, None, change, None, len(common), verdict)
+        yield Comparison(
+            method=of.method,
+            variant=of.variant,
+            label=of.label,
+            codec=coding[0],
+            crf=coding[1],
+            metric=column.name,
+            unit=column.unit,
+            better=column.better,
+            a=float(before),
+            b=float(after),
+            mean_a=None,
+            mean_b=None,
+            change=shift / abs(before) if before else None,
+            p=None,
+            frames=len(common),
+            verdict=_direction(column, shift) if _matters(column, before, shift) else "same",
+        )
 
 
 def _matters(metric: Column, before: float, shift: float) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from shading_atlas_bench.reports.store.csv_files import median_interval
 
@@ -62,7 +62,7 @@ def ranges_won(candidates: Sequence[Candidate]) -> list[Range]:
     Of a candidate without an interval nobody knows where it begins and ends: it may be within every budget, so it has
     to be beaten at all of them, and it is within none for sure, so it wins nothing.
     """
-    known = [_bounded(candidate) for candidate in candidates]
+    known = [_Bounded.of(candidate) for candidate in candidates]
     steps = sorted({end for each in known for end in (each.low, each.high) if math.isfinite(end)})
     seen: dict[tuple[int, int], bool] = {}
     found: list[Range] = []
@@ -75,14 +75,25 @@ def ranges_won(candidates: Sequence[Candidate]) -> list[Range]:
     return found
 
 
-def _bounded(candidate: Candidate) -> Candidate:
-    """The candidate, with an interval of all costs where it has none."""
-    if candidate.low is None or candidate.high is None:
-        return replace(candidate, low=-math.inf, high=math.inf)
-    return candidate
+@dataclass(frozen=True)
+class _Bounded:
+    """What is asked of a candidate, with an interval of all costs where it has none."""
+
+    method: str
+    low: float
+    high: float
+    error: float
+    errors: dict[int, float]
+
+    @classmethod
+    def of(cls, candidate: Candidate) -> _Bounded:
+        low, high = candidate.low, candidate.high
+        if low is None or high is None:
+            low, high = -math.inf, math.inf
+        return cls(candidate.method, low, high, candidate.error, candidate.errors)
 
 
-def _winner(known: list[Candidate], budget: float, seen: dict[tuple[int, int], bool]) -> tuple[str | None, bool]:
+def _winner(known: list[_Bounded], budget: float, seen: dict[tuple[int, int], bool]) -> tuple[str | None, bool]:
     """The method that wins at a budget, if any, and whether it is alone."""
     possible = [candidate for candidate in known if candidate.low <= budget]
     certain = [candidate for candidate in known if candidate.high <= budget]
@@ -96,7 +107,7 @@ def _winner(known: list[Candidate], budget: float, seen: dict[tuple[int, int], b
     return None, False
 
 
-def _beats(a: Candidate, b: Candidate, seen: dict[tuple[int, int], bool]) -> bool:
+def _beats(a: _Bounded, b: _Bounded, seen: dict[tuple[int, int], bool]) -> bool:
     """Whether the 95 % interval of the median of b - a, frame by frame, is above zero."""
     key = (id(a), id(b))
     if key not in seen:

@@ -51,13 +51,13 @@ class Point:
 
     def shown(self) -> bool:
         """Whether it is a point of a plot: all its frames are ok."""
-        return self.row["status"] == "ok"
+        return bool(self.row["status"] == "ok")
 
 
 def read_sweep(folder: Path) -> dict[str, Any]:
     """The content of sweep.json. Raises StoreError if there is none."""
     try:
-        sweep = json.loads((folder / FILE).read_text(encoding="utf-8"))
+        sweep: dict[str, Any] = json.loads((folder / FILE).read_text(encoding="utf-8"))
     except (OSError, json.JSONDecodeError) as error:
         raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote.") from error
     for cell in sweep["cells"]:
@@ -150,7 +150,8 @@ class _Run:
 
     @classmethod
     def read(cls, folder: Path) -> _Run:
-        rows, repeats = defaultdict(list), defaultdict(list)
+        rows: dict[tuple[str, str], list[Row]] = defaultdict(list)
+        repeats: dict[tuple[str, str], list[Row]] = defaultdict(list)
         if not (folder / "results.sqlite").is_file():
             return cls(rows, repeats, {})
         with Store(folder, must_exist=True) as store:
@@ -164,13 +165,14 @@ class _Run:
 def _points(sweep: dict[str, Any], cell: dict[str, Any], run: _Run) -> list[Point]:
     """The point of each coding whose picture is judged."""
     key = cell["method"], cell["variant"]
-    by_coding: dict[tuple, list[Row]] = defaultdict(list)
+    by_coding: dict[tuple[str | None, int | None], list[Row]] = defaultdict(list)
     for row in run.rows.get(key, []):
         by_coding[row["codec"], row["crf"]].append(row)
     stop = run.stops.get(f"{cell['method']}[{cell['variant']}]", "")
     points = []
     for kind, coding in cell["codings"].items():
-        row, numbers = _row(sweep, cell, coding, by_coding[tuple(coding)])
+        codec, crf = coding
+        row, numbers = _row(sweep, cell, codec, crf, by_coding[codec, crf])
         repeats = run.repeats.get(key, [])
         timed = row["status"] in MEASURED_STATUSES
         row |= (_times(numbers["server_ms"], repeats) if timed else {}) | {
@@ -187,10 +189,12 @@ def _label(cell: dict[str, Any]) -> str:
     return ", ".join(f"{name}={value}" for name, value in cell["varied"].items()) or "as it is"
 
 
-def _row(sweep: dict[str, Any], cell: dict[str, Any], coding: list, rows: list[Row]) -> tuple[Row, Numbers]:
+def _row(
+    sweep: dict[str, Any], cell: dict[str, Any], codec: str | None, crf: int | None, rows: list[Row]
+) -> tuple[Row, Numbers]:
     """The columns of sweep.csv but those of time, and the measures by frame."""
     status, reason = _status(rows, sweep["frames"])
-    fixed = {name: cell[name] for name in ("method", "variant", "contender")} | {"codec": coding[0], "crf": coding[1]}
+    fixed = {name: cell[name] for name in ("method", "variant", "contender")} | {"codec": codec, "crf": crf}
     row: Row = {column.name: None for column in SWEEP_COLUMNS}
     row |= {name: _typed(name, cell["settings"][name]) for name in SWEEP_SETTINGS} | fixed
     row["scene"] = rows[0]["scene"] if rows else row["scene"]
@@ -223,7 +227,7 @@ def _by_frame(rows: list[Row], name: str) -> dict[int, float]:
 def _memory(row: Row) -> float | None:
     """Megabytes of the atlas at four bytes per texel, or of the lists before compression."""
     if row["atlas_width"]:
-        return row["atlas_width"] * row["atlas_height"] * 4e-6
+        return float(row["atlas_width"] * row["atlas_height"] * 4e-6)
     return row["bytes_video"] / row["compression_ratio"] * 1e-6 if row["compression_ratio"] else None
 
 

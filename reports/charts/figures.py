@@ -140,7 +140,7 @@ def _over_frames(rows: list[Row], labels: Labels, column: Column) -> Figure | No
     traces = []
     for index, (key, label) in enumerate(labels.items()):
         codings = displayed_codings([row for row in rows if _key(row) == key])
-        drawn: list[list] = []
+        drawn: list[list[float | None]] = []
         for coding, frames in codings.items():
             values = [row[column.name] if row["status"] in MEASURED_STATUSES else None for row in frames]
             if all(value is None for value in values) or values in drawn:
@@ -209,7 +209,7 @@ def _dash(index: int, nth: int) -> str:
     return DASHES[(index // len(COLOURS) + nth - 1) % len(DASHES)]
 
 
-def _figure(traces: list[dict], x_title: str, y_title: str, from_zero: bool = False) -> Figure | None:
+def _figure(traces: list[dict[str, Any]], x_title: str, y_title: str, from_zero: bool = False) -> Figure | None:
     if not traces:
         return None
     mode = {"rangemode": "tozero"} if from_zero else {}

@@ -15,9 +15,11 @@ from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypedDict
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.reports.store.results import StoreError
 
 EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
@@ -44,6 +46,21 @@ class Pictures:
     def frames(self) -> list[int]:
         """All frames that have a picture of some method."""
         return sorted({frame for frames in self.methods.values() for frame in frames})
+
+
+class FrameUrls(TypedDict):
+    """Pictures of a frame as data URLs. methods: by label, then name of the picture."""
+
+    frame: int
+    reference: str | None
+    methods: dict[str, dict[str, str]]
+
+
+class Embedded(TypedDict):
+    """What the report's viewer shows. exact: whether pictures, but for atlases, are embedded as they are."""
+
+    exact: bool
+    frames: list[FrameUrls]
 
 
 def find_pictures(folder: Path) -> Pictures:
@@ -76,15 +93,15 @@ def _known(folder: Path) -> dict[str, dict[str, str]]:
         raise StoreError(f"{file} is broken ({error}): run the same command again, or remove the file.") from error
 
 
-def embed(pictures: Pictures, frames: Iterable[int], labels: dict[tuple[str, str], str]) -> dict:
+def embed(pictures: Pictures, frames: Iterable[int], labels: dict[tuple[str, str], str]) -> Embedded:
     """The pictures of the first of `frames` that fit, but at least of one, as data URLs, for the report's viewer.
 
     Pictures are embedded as they are if those of all frames fit, else all as JPEG; atlases always as JPEG, reduced to
-    ATLAS_SIDE. Returns {"exact": bool, "frames": [{"frame", "reference", "methods": {label: {name: url}}}]}.
+    ATLAS_SIDE.
     """
     frames = list(frames)
     exact = sum(path.stat().st_size for frame in frames for path in _exact_files(pictures, frame)) <= EMBED_BYTES
-    chosen: list[dict] = []
+    chosen: list[FrameUrls] = []
     size = 0
     for frame in frames:
         entry, cost = _embed_frame(pictures, frame, labels, exact)
@@ -102,10 +119,13 @@ def _exact_files(pictures: Pictures, frame: int) -> list[Path]:
     return references + [path for files in by_method for name, path in files.items() if name not in REDUCED]
 
 
-def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], str], exact: bool) -> tuple[dict, int]:
+def _embed_frame(
+    pictures: Pictures, frame: int, labels: dict[tuple[str, str], str], exact: bool
+) -> tuple[FrameUrls, int]:
     """One frame for the viewer, and how many bytes its pictures have."""
     reference = pictures.references.get(frame)
-    entry: dict = {"frame": frame, "reference": reference and _data_url(reference, exact), "methods": {}}
+    seen = None if reference is None else _data_url(reference, exact)
+    entry: FrameUrls = {"frame": frame, "reference": seen, "methods": {}}
     asked = []
     for key, label in labels.items():
         files = pictures.methods.get(key, {}).get(frame, {})
@@ -118,7 +138,7 @@ def _embed_frame(pictures: Pictures, frame: int, labels: dict[tuple[str, str], s
         ]
         for (label, name, _), url in zip(asked, coded, strict=True):
             entry["methods"].setdefault(label, {})[name] = url.result()
-    urls = [entry["reference"] or "", *(url for layers in entry["methods"].values() for url in layers.values())]
+    urls = [seen or "", *(url for layers in entry["methods"].values() for url in layers.values())]
     return entry, sum(len(url) * 3 // 4 for url in urls)
 
 
@@ -134,8 +154,11 @@ def _jpeg(path: Path, side: int | None) -> bytes:
     source = ImageInput.open(str(path))
     if source is None:
         raise OSError(f"{path} cannot be embedded in the report: {geterror()}.")
-    pixels = source.read_image(UINT8)[..., :3]
+    channels = source.read_image(UINT8)
+    if channels is None:
+        raise OSError(f"{path} cannot be embedded in the report: {source.geterror()}.")
     source.close()
+    pixels = channels[..., :3]
     if side:
         pixels = _reduced(pixels, -(-max(pixels.shape) // side))
     spec = ImageSpec(pixels.shape[1], pixels.shape[0], 3, UINT8)
@@ -144,12 +167,14 @@ def _jpeg(path: Path, side: int | None) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "picture.jpg"
         output = ImageOutput.create(str(file))
+        if output is None:
+            raise OSError(f"{path} cannot be embedded in the report: {geterror()}.")
         if not (output.open(str(file), spec) and output.write_image(np.ascontiguousarray(pixels)) and output.close()):
             raise OSError(f"{path} cannot be embedded in the report: {output.geterror()}.")
         return file.read_bytes()
 
 
-def _reduced(pixels: np.ndarray, factor: int) -> np.ndarray:
+def _reduced(pixels: Bytes, factor: int) -> Bytes:
     """Means of whole blocks of factor x factor pixels, uint8; blocks that the picture cuts are left out."""
     height, width = (length // factor for length in pixels.shape[:2])
     if factor == 1 or 0 in (height, width):

@@ -40,7 +40,7 @@ from shading_atlas_bench.reports.store.results import Store
 BROKEN_STAGES = ("atlas/lookup", "sas/sides", "metrics/flip", "metrics/delta_e")  # by relaxed arithmetic
 
 
-class Lanes:
+class RunResults:
     """The results of one run: medians over its frames, of sizes over those after the keyframe; None where there is no
     value. keys: method and variant of each lane, in the order of the rows."""
 
@@ -141,20 +141,20 @@ def _coherence(folder: Path) -> dict[tuple[str, str, str], float | None]:
     for cell in sweep.read_sweep(folder)["cells"]:
         varied = " ".join(f"{name}={value}" for name, value in cell["varied"].items())
         key = cell["method"], cell["variant"]
-        found[*key, varied] = Lanes(folder / cell["folder"]).median(key, "coherence")
+        found[*key, varied] = RunResults(folder / cell["folder"]).median(key, "coherence")
     return found
 
 
 def transparency_parts(folders: Sequence[Path]) -> Parts:
     """Runs of scenes in pairs, as they are and made opaque: errors side by side, and what is sent and shaded."""
     rows = []
-    for seen, opaque in zip(*([Lanes(folder) for folder in folders[k::2]] for k in (0, 1)), strict=True):
+    for seen, opaque in zip(*([RunResults(folder) for folder in folders[k::2]] for k in (0, 1)), strict=True):
         for key in seen.keys:
             row: Row = {"scene": seen.scene, "method": key[0]}
             for end, coded in (("", False), ("_coded", True)):
-                own, other = (lanes.median(key, "flip", coded) for lanes in (seen, opaque))
+                own, other = (results.median(key, "flip", coded) for results in (seen, opaque))
                 row |= {f"flip{end}": own, f"opaque{end}": other, f"ratio{end}": _ratio(own, other)}
-            row["samples"] = _ratio(*(lanes.median(key, "samples") for lanes in (seen, opaque)))
+            row["samples"] = _ratio(*(results.median(key, "samples") for results in (seen, opaque)))
             rows.append(row | {"bytes_alpha": seen.median(key, "bytes_alpha", True)})
     return {ROWS: rows}
 
@@ -191,44 +191,45 @@ def switch_parts(folders: Sequence[Path]) -> Parts:
     """
     rows = []
     for (settings, switches), folder in zip(SETTINGS.items(), folders, strict=True):
-        lanes = Lanes(folder)
-        ours = [variant for method, variant in lanes.keys if method == "snakebinning"]
+        results = RunResults(folder)
+        ours = [variant for method, variant in results.keys if method == "snakebinning"]
         usual = Counter(part for variant in ours for part in variant.split(","))
         found = {}
-        for key in lanes.keys:
+        for key in results.keys:
             changed = [part for part in key[1].split(",") if key[1] in ours and usual[part] <= len(ours) / 2]
             labels = [label for label, value in switches.items() if changed[:1] and changed[0].startswith(value)]
             label = (labels or ["none" if key[0] == "snakebinning" else key[0]])[0]
-            found[label] = {"settings": settings, "variant": label} | _switched(lanes, key)
+            found[label] = {"settings": settings, "variant": label} | _switched(results, key)
         rows += [found.pop(name) for name in ("none", *switches) if name in found] + list(found.values())
     return {ROWS: rows}
 
 
-def _switched(lanes: Lanes, key: tuple[str, str]) -> Row:
+def _switched(results: RunResults, key: tuple[str, str]) -> Row:
     """Means over the frames after the first, and of bytes over those of them that were rebuilt and the others."""
-    row: Row = {name: lanes.mean(key, name) for name in ("samples", "fill", "coherence", "flip", "dssim")}
-    row |= {name: lanes.mean(key, name, coded=True) for name in ("bytes_total", "bytes_video", "bytes_metadata")}
-    row |= {name: lanes.mean_statistic(key, name) for name in ("triangles_moved", "unwritten_lookups", "atlas_full")}
-    rebuilt = lanes.rebuilt(key)
+    row: Row = {name: results.mean(key, name) for name in ("samples", "fill", "coherence", "flip", "dssim")}
+    row |= {name: results.mean(key, name, coded=True) for name in ("bytes_total", "bytes_video", "bytes_metadata")}
+    row |= {name: results.mean_statistic(key, name) for name in ("triangles_moved", "unwritten_lookups", "atlas_full")}
+    rebuilt = results.rebuilt(key)
     row["rebuilt"] = None if rebuilt is None else len(rebuilt)
-    for end, chosen in (("rebuilt", rebuilt), ("frozen", None if rebuilt is None else lanes.later - rebuilt)):
-        row[f"bytes_{end}"] = lanes.mean(key, "bytes_total", True, chosen) if chosen else None
-        row[f"moved_{end}"] = lanes.mean_statistic(key, "triangles_moved", chosen) if chosen else None
+    for end, chosen in (("rebuilt", rebuilt), ("frozen", None if rebuilt is None else results.later - rebuilt)):
+        row[f"bytes_{end}"] = results.mean(key, "bytes_total", True, chosen) if chosen else None
+        row[f"moved_{end}"] = results.mean_statistic(key, "triangles_moved", chosen) if chosen else None
     return row
 
 
 def mapping_parts(folders: Sequence[Path]) -> Parts:
     """Runs of SnakeBinning with mapping and without, in several packings: what superblocks take, and in runs that are
     coded, what mapping changes in layouts made anew in every frame and in frozen ones."""
-    rows, costs = [], {}
+    rows: list[Row] = []
+    costs: dict[tuple[str, ...], Row] = {}
     for folder in folders:
-        lanes = Lanes(folder, first=1)
-        size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
-        variants = [(dict(part.split("=", 1) for part in key[1].split(",")), key) for key in lanes.keys]
+        results = RunResults(folder, first=1)
+        size = f"{results.rows[0]['width']}x{results.rows[0]['height']}"
+        variants = [(dict(part.split("=", 1) for part in key[1].split(",")), key) for key in results.keys]
         found = {tuple(of[n] for n in ("assignment", "orphans", "freeze", "mapping")): key for of, key in variants}
         for assignment, orphans, freeze in dict.fromkeys(place[:3] for place in found):
-            off, on = (_packed(lanes, found.get((assignment, orphans, freeze, value))) for value in ("off", "exact"))
-            name = {"scene": lanes.scene, "size": size, "assignment": assignment, "orphans": orphans}
+            off, on = (_packed(results, found.get((assignment, orphans, freeze, value))) for value in ("off", "exact"))
+            name = {"scene": results.scene, "size": size, "assignment": assignment, "orphans": orphans}
             if off["bytes"] is None:
                 rows.append(name | _areas(off, on))
             else:
@@ -244,14 +245,14 @@ def _by_scene(rows: Iterable[Row]) -> list[Row]:
     return sorted(found, key=lambda row: places.index((row["scene"], row["size"])))
 
 
-def _packed(lanes: Lanes, key: tuple[str, str] | None) -> Row:
+def _packed(results: RunResults, key: tuple[str, str] | None) -> Row:
     """Texels that superblocks take, and rows of strips in them; what else depends on the packing."""
-    row = {name: lanes.statistic(key, name) for name in ("bins_after_mapping", "triangles_moved", "points")}
-    unused, loose = (lanes.statistic(key, name) for name in ("unallocated", "wasted_in_superblocks"))
-    first = lanes.rows[0]
+    row = {name: results.statistic(key, name) for name in ("bins_after_mapping", "triangles_moved", "points")}
+    unused, loose = (results.statistic(key, name) for name in ("unallocated", "wasted_in_superblocks"))
+    first = results.rows[0]
     row["superblocks"] = None if unused is None else first["atlas_width"] * first["atlas_height"] - unused
     row["strips"] = None if row["superblocks"] is None or loose is None else row["superblocks"] - loose
-    return row | {"flip": lanes.median(key, "flip"), "bytes": lanes.median(key, "bytes_total", True)}
+    return row | {"flip": results.median(key, "flip"), "bytes": results.median(key, "bytes_total", True)}
 
 
 def _areas(off: Row, on: Row) -> Row:
@@ -278,45 +279,45 @@ def strategy_parts(folders: Sequence[Path]) -> Parts:
 
     slanted_of_larger: the share of slanted ones among primitives that take more than a texel."""
     rows = []
-    for lanes in map(Lanes, folders):
-        variants = [(key, dict(part.split("=", 1) for part in key[1].split(","))) for key in lanes.keys]
+    for results in map(RunResults, folders):
+        variants = [(key, dict(part.split("=", 1) for part in key[1].split(","))) for key in results.keys]
         for key, chosen in sorted(variants, key=lambda variant: float(variant[1]["slanted"])):
-            row: Row = {"scene": lanes.scene, "strategy": chosen["strategy"], "slanted": chosen["slanted"]}
-            row["size"] = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
-            names = ("scale", "oversampling_share", "oversampling_outside_share", "gather_over_shading")
-            names += ("lpacking_samples", "oversampling_inside", "oversampling_outside")
-            row |= {name: lanes.statistic(key, name) for name in names}
-            of = {name: lanes.statistic(key, name) for name in ("primitives", "single_texels")}
+            row: Row = {"scene": results.scene, "strategy": chosen["strategy"], "slanted": chosen["slanted"]}
+            row["size"] = f"{results.rows[0]['width']}x{results.rows[0]['height']}"
+            names = ["scale", "oversampling_share", "oversampling_outside_share", "gather_over_shading"]
+            names += ["lpacking_samples", "oversampling_inside", "oversampling_outside"]
+            row |= {name: results.statistic(key, name) for name in names}
+            primitives, single = (results.statistic(key, name) for name in ("primitives", "single_texels"))
             inside = (row["lpacking_samples"], row["oversampling_inside"])
             row["inside"] = None if None in inside else sum(inside)
-            larger = None if None in of.values() else of["primitives"] - of["single_texels"]
-            row["slanted_of_larger"] = _ratio(lanes.statistic(key, "oversampling_primitives"), larger)
-            row |= {name: lanes.median(key, name, True) for name in ("samples", "dssim", "flip", "bytes_total")}
-            rows.append(row | {"flip_lossless": lanes.median(key, "flip")})
+            larger = None if primitives is None or single is None else primitives - single
+            row["slanted_of_larger"] = _ratio(results.statistic(key, "oversampling_primitives"), larger)
+            row |= {name: results.median(key, name, True) for name in ("samples", "dssim", "flip", "bytes_total")}
+            rows.append(row | {"flip_lossless": results.median(key, "flip")})
     return {ROWS: rows}
 
 
 def speed_parts(folders: Sequence[Path]) -> Parts:
     """The two ratios of time that `bench run` prints, per scene and method."""
     rows = []
-    for lanes in map(Lanes, folders):
-        for key in lanes.keys:
+    for results in map(RunResults, folders):
+        for key in results.keys:
             names = ("structs_share", "gather_over_shading")
-            rows.append({"scene": lanes.scene, "method": key[0]} | {n: lanes.statistic(key, n) for n in names})
+            rows.append({"scene": results.scene, "method": key[0]} | {n: results.statistic(key, n) for n in names})
     return {ROWS: rows}
 
 
 def limit_parts(folders: Sequence[Path]) -> Parts:
     """Runs of linked lists as they are by default and in full: what ending them early saves and costs."""
     rows = []
-    for lanes in map(Lanes, folders):
-        full = next(key for key in lanes.keys if "mode=full" in key[1])
-        limited = next(key for key in lanes.keys if key != full)
-        row: Row = {"scene": lanes.scene, "size": f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"}
+    for results in map(RunResults, folders):
+        full = next(key for key in results.keys if "mode=full" in key[1])
+        limited = next(key for key in results.keys if key != full)
+        row: Row = {"scene": results.scene, "size": f"{results.rows[0]['width']}x{results.rows[0]['height']}"}
         for end, key in (("_full", full), ("", limited)):
-            row |= {f"{name}{end}": lanes.median(key, name) for name in ("bytes_total", "flip", "holes_px")}
+            row |= {f"{name}{end}": results.median(key, name) for name in ("bytes_total", "flip", "holes_px")}
         row |= {f"{name}_ratio": _ratio(row[name], row[f"{name}_full"]) for name in ("bytes_total", "flip")}
-        rows.append(row | {"server_ratio": _ratio(*(lanes.median(key, "server_ms") for key in (limited, full)))})
+        rows.append(row | {"server_ratio": _ratio(*(results.median(key, "server_ms") for key in (limited, full)))})
     return {ROWS: rows}
 
 
@@ -324,11 +325,14 @@ def full_atlas_parts(folders: Sequence[Path]) -> Parts:
     """Runs in atlases of several sizes: what share of the triangles has a place, at which error and with how many
     samples."""
     rows = []
-    for lanes in map(Lanes, folders):
-        for key in lanes.keys:
-            row: Row = {"atlas": f"{lanes.rows[0]['atlas_width']}x{lanes.rows[0]['atlas_height']}", "method": key[0]}
-            row |= {"placed": _ratio(*(lanes.median(key, f"{name}_triangles") for name in ("placed", "pvs")))}
-            rows.append(row | {name: lanes.median(key, name) for name in ("samples", "flip")})
+    for results in map(RunResults, folders):
+        for key in results.keys:
+            row: Row = {
+                "atlas": f"{results.rows[0]['atlas_width']}x{results.rows[0]['atlas_height']}",
+                "method": key[0],
+            }
+            row |= {"placed": _ratio(*(results.median(key, f"{name}_triangles") for name in ("placed", "pvs")))}
+            rows.append(row | {name: results.median(key, name) for name in ("samples", "flip")})
     return {ROWS: rows}
 
 
@@ -338,20 +342,20 @@ def equal_parts(folders: Sequence[Path]) -> Parts:
     rows = []
     for folder in folders:
         places = dict.fromkeys(cell["folder"] for cell in sweep.read_sweep(folder)["cells"])
-        rows += sorted((_equal(Lanes(folder / place)) for place in places), key=lambda row: row["asked"])
+        rows += sorted((_equal(RunResults(folder / place)) for place in places), key=lambda row: row["asked"])
     return {ROWS: rows}
 
 
-def _equal(lanes: Lanes) -> Row:
+def _equal(results: RunResults) -> Row:
     """One number of samples per pixel."""
-    first = lanes.rows[0]
-    asked = {row["method"]: row["sample_budget"] for row in lanes.rows}
-    row: Row = {"scene": lanes.scene, "asked": max(asked.values()) / (first["width"] * first["height"])}
+    first = results.rows[0]
+    asked = {row["method"]: row["sample_budget"] for row in results.rows}
+    row: Row = {"scene": results.scene, "asked": max(asked.values()) / (first["width"] * first["height"])}
     off = []
-    for key in lanes.keys:
-        method, share = key[0], lanes.median(key, "samples") / asked[key[0]] - 1
-        row |= {f"flip_{method}": lanes.median(key, "flip"), f"coded_{method}": lanes.median(key, "flip", True)}
-        row[f"kbytes_{method}"] = lanes.median(key, "bytes_total", True) / 1000
+    for key in results.keys:
+        method, share = key[0], results.median(key, "samples") / asked[key[0]] - 1
+        row |= {f"flip_{method}": results.median(key, "flip"), f"coded_{method}": results.median(key, "flip", True)}
+        row[f"kbytes_{method}"] = _ratio(results.median(key, "bytes_total", True), 1000)
         off += [f"{method} {share:+.0%}"] if abs(share) > 0.05 else []
     return row | {"off": ", ".join(off)}
 
@@ -359,11 +363,29 @@ def _equal(lanes: Lanes) -> Row:
 def texel_parts(folders: Sequence[Path]) -> Parts:
     """Runs of Shading Atlas Streaming: its bias, and how many triangles with a place own no texel."""
     rows = []
-    for lanes in map(Lanes, folders):
-        (key,) = lanes.keys
-        row: Row = {"scene": lanes.scene, "atlas": f"{lanes.rows[0]['atlas_width']}x{lanes.rows[0]['atlas_height']}"}
-        row |= {name: lanes.statistic(key, name) for name in ("bias", "triangles_without_texel")}
-        rows.append(row | {name: lanes.median(key, name) for name in ("placed_triangles", "samples", "flip")})
+    for results in map(RunResults, folders):
+        (key,) = results.keys
+        row: Row = {
+            "scene": results.scene,
+            "atlas": f"{results.rows[0]['atlas_width']}x{results.rows[0]['atlas_height']}",
+        }
+        row |= {name: results.statistic(key, name) for name in ("bias", "triangles_without_texel")}
+        rows.append(row | {name: results.median(key, name) for name in ("placed_triangles", "samples", "flip")})
+    return {ROWS: rows}
+
+
+def cell_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of one method in one view cell each: its samples, and whether the atlas had no room for its own rule."""
+    rows = []
+    for results in map(RunResults, folders):
+        (key,) = results.keys
+        row: Row = {
+            "scene": results.scene,
+            "cell": f"{results.rows[0]['cell_radius']:g} m, {results.rows[0]['cell_fov']:g}°",
+        }
+        rows.append(
+            row | {"samples": results.median(key, "samples"), "atlas_full": results.statistic(key, "atlas_full")}
+        )
     return {ROWS: rows}
 
 
@@ -371,12 +393,14 @@ def set_parts(folders: Sequence[Path]) -> Parts:
     """Runs of one method over densities of the visible set's views: its triangles, what it lacks, and its time."""
     rows = []
     for folder in folders:
-        lanes = Lanes(folder)
-        (key,) = lanes.keys
-        size = f"{lanes.rows[0]['width']}x{lanes.rows[0]['height']}"
+        results = RunResults(folder)
+        (key,) = results.keys
+        size = f"{results.rows[0]['width']}x{results.rows[0]['height']}"
         density = json.loads((folder / "run.json").read_text(encoding="utf-8"))["settings"]["pvs_density"]
         names = ("pvs_triangles", "missing_px", "flip", "pvs_ms")
-        rows.append({"scene": lanes.scene, "size": size, "density": density} | {n: lanes.median(key, n) for n in names})
+        rows.append(
+            {"scene": results.scene, "size": size, "density": density} | {n: results.median(key, n) for n in names}
+        )
     usual = {(row["scene"], row["size"]): row["pvs_ms"] for row in rows if row["density"] == 2}
     return {ROWS: [row | {"time": _ratio(row.pop("pvs_ms"), usual[row["scene"], row["size"]])} for row in rows]}
 
@@ -384,7 +408,7 @@ def set_parts(folders: Sequence[Path]) -> Parts:
 def reset_parts(folders: Sequence[Path]) -> Parts:
     """What one method sends in the first 12 frames of a run and in all of them, and the frame that sends most."""
     (folder,) = folders
-    coded = [row for row in Lanes(folder).rows if row["codec"] != "none"]
+    coded = [row for row in RunResults(folder).rows if row["codec"] != "none"]
     rows = []
     for count in (12, len(coded)):
         (summary,) = summarise(coded[:count])
@@ -429,7 +453,7 @@ def stress_parts(folders: Sequence[Path]) -> Parts:
     (folder,) = folders
     rows = _typed(folder / "stress.csv", STRESS_COLUMNS)
     rows = [row | {"label": row["method"]} for row in rows]
-    ordered = {(r["test"], r["label"]): [] for r in rows}
+    ordered: dict[tuple[str, str], list[Row]] = {(r["test"], r["label"]): [] for r in rows}
     for row in sorted(rows, key=lambda row: row["step"]):
         ordered[row["test"], row["label"]].append(row)
     tests, errors = [], []
@@ -491,27 +515,27 @@ def claim_parts(folders: Sequence[Path]) -> Parts:
     (folder,) = folders
     results, _ = write_claims(folder)
     machine = {result.claim.id: _of_machine(result.claim) for result in results}
-    values = [
+    values: list[Row] = [
         {"id": r.claim.id, "run": "/".join(r.place), "measured": r.measured, "low": r.low, "high": r.high}
         | {"verdict": r.verdict, "machine": _of_machine(r.claim)}
         for r in results
     ]
-    claims = []
+    claims: list[Row] = []
     for _, group in groupby(results, key=lambda result: result.claim.id):
         own = list(group)
         claim = own[0].claim
         row = {"id": claim.id, "claim": claim.claim, "source": f"{claim.paper}, {claim.source}"}
-        row |= {"published": claim.published, "rule": claim.rule.text if claim.rule else ""}
+        row |= {"published": claim.published, "rule": claim.rule_text}
         claims.append(row | {"measured": places_text(own), "machine": _of_machine(claim)})
     verdicts = (CONFIRMED, NOT_CONFIRMED, UNDECIDED, NOT_MEASURABLE, NOT_MEASURED)
     counts = {
         (verdict, timed): sum(row["verdict"] == verdict and row["machine"] == timed for row in values)
         for verdict, timed in product(verdicts, (False, True))
     }
-    counted = [
+    counted: list[Row] = [
         {"verdict": v, "timed": "timed" if t else "exact", "count": n, "machine": t} for (v, t), n in counts.items()
     ]
-    why = {
+    why: Parts = {
         f"why-{method}": [row | {"machine": machine[row["id"]]} for row in why_not(folder, method)]
         for method in sorted({name for result in results for name in result.claim.methods})
     }
@@ -522,7 +546,7 @@ def _visible_sets(folder: Path) -> list[Row]:
     """Triangles of the first visible set of each run below a folder."""
     rows = []
     for run in sorted(file.parent for file in folder.glob(f"*/{RESULTS}")):
-        first = next((row for row in Lanes(run).rows if row["pvs_triangles"]), None)
+        first = next((row for row in RunResults(run).rows if row["pvs_triangles"]), None)
         if first:
             rows.append({"run": run.name, "triangles": first["pvs_triangles"]})
     return rows
@@ -534,7 +558,7 @@ def places_text(results: Sequence[Judged]) -> str:
     for r in results:
         if not r.place:
             return f"{r.verdict}: {r.reason}"
-        ends = "" if r.low is None else f" ({short(r.low)} to {short(r.high)})"
+        ends = "" if r.low is None or r.high is None else f" ({short(r.low)} to {short(r.high)})"
         value = "" if r.measured is None else f" {short(r.measured)}{ends}"
         size = f" ({r.size})" if r.size else ""
         texts.append(f"{' / '.join(r.place)}{size}{value} **{r.verdict}**")

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from shading_atlas_bench.reports.documents.digests import Lanes
+from shading_atlas_bench.reports.documents.digests import RunResults
 from shading_atlas_bench.reports.documents.kept import DocumentError, Parts, Row
 from shading_atlas_bench.reports.store.columns import BY_NAME
 from shading_atlas_bench.reports.store.labels import read_labels
@@ -51,19 +51,19 @@ class Measured:
     """The runs of one scene and cell. usual: with each method at its defaults and as published; equal: at the samples
     that SnakeBinning has there in its paper."""
 
-    usual: Lanes
-    equal: Lanes
+    usual: RunResults
+    equal: RunResults
     published: dict[str, str]  # method to its variant as published
 
     def value(self, quantity: Quantity, methods: Sequence[str], setting: str) -> float | None:
         return _over([self._one(quantity.name, method, setting) for method in methods])
 
     def _one(self, name: str, method: str, setting: str) -> float | None:
-        lanes = self.equal if setting == "equal" else self.usual
-        own = [key for key in lanes.keys if key[0] == method]
+        results = self.equal if setting == "equal" else self.usual
+        own = [key for key in results.keys if key[0] == method]
         variant = self.published.get(method)
         chosen = [key for key in own if (key[1] == variant) == (setting == "as_published")] or own
-        value = (lanes.median if name in BY_NAME else lanes.statistic)(chosen[0] if chosen else None, name)
+        value = (results.median if name in BY_NAME else results.statistic)(chosen[0] if chosen else None, name)
         return 1 - value if value is not None and name == WORSE_FROM_ONE else value
 
 
@@ -85,7 +85,7 @@ def published_parts(folders: Sequence[Path]) -> Parts:
     runs = [_measured(*folders[at : at + 2]) for at in range(0, len(folders), 2)]
     scenes = [runs[at : at + len(CELLS)] for at in range(0, len(runs), len(CELLS))]
     for cells in scenes:
-        of = dict.fromkeys(lanes.scene for cell in cells for lanes in (cell.usual, cell.equal))
+        of = dict.fromkeys(results.scene for cell in cells for results in (cell.usual, cell.equal))
         if len(of) > 1:
             raise DocumentError(
                 f"Runs of {' and '.join(of)} are taken for cells of one scene: give them in their order."
@@ -105,7 +105,7 @@ def _measured(usual: Path, equal: Path) -> Measured:
         published = {
             method: variant for (method, variant), label in read_labels(store).items() if label == f"{method}@published"
         }
-    return Measured(Lanes(usual), Lanes(equal), published)
+    return Measured(RunResults(usual), RunResults(equal), published)
 
 
 def _numbers(quantity: Quantity, methods: Sequence[str], cells: Sequence[Measured]) -> Iterator[Row]:
@@ -140,9 +140,9 @@ def _title(quantity: Quantity, methods: Sequence[str]) -> str:
 
 def _over(values: list[float | None]) -> float | None:
     first, *rest = values
-    if first is None or None in rest or 0 in rest:
-        return None
-    return first / rest[0] if rest else first
+    if not rest:
+        return first
+    return first / rest[0] if first is not None and rest[0] else None
 
 
 def _short(value: Any, bold: bool = False) -> str:

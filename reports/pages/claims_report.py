@@ -8,7 +8,6 @@ from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from html import escape
-from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from shading_atlas_bench.reports.analysis.claims import (
     read_claims,
 )
 from shading_atlas_bench.reports.pages.html import caption, facts_list, section
+from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.columns import CAUSE_COLUMNS, CLAIM_COLUMNS, CLAIM_VERDICTS
 from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
@@ -108,7 +108,7 @@ def as_row(result: Judged) -> dict[str, Any]:
         "low": result.low,
         "high": result.high,
         "frames": result.count or None,
-        "rule": claim.rule.text if claim.rule else "",
+        "rule": claim.rule_text,
         "verdict": result.verdict,
         "reason": result.reason,
         "why": claim.why,
@@ -131,7 +131,7 @@ def as_cause(each: Explained) -> dict[str, Any]:
         "low": test and test.low,
         "high": test and test.high,
         "frames": (test and test.count) or None,
-        "rule": test.claim.rule.text if test else "",
+        "rule": test.claim.rule_text if test else "",
         "verdict": each.verdict,
         "reason": test.reason if test else each.cause.untested,
     }
@@ -146,7 +146,7 @@ def interval_text(middle: float | None, low: float | None, high: float | None) -
     """A median with its 95 % interval where it has one; empty without a median."""
     if middle is None:
         return ""
-    return short(middle) + ("" if low is None else f" ({short(low)}{NONE}{short(high)})")
+    return short(middle) + ("" if low is None or high is None else f" ({short(low)}{NONE}{short(high)})")
 
 
 def short(value: float) -> str:
@@ -189,7 +189,7 @@ def _why_lines(own: dict[str, dict[str, str]], causes: list[dict[str, str]]) -> 
             f"{place} ({own[place]['size']}) {_interval(own[place])}, not {own[place]['rule']}" for place in places
         )
 
-    lines = []
+    lines: list[tuple[str, ...]] = []
     for _, group in groupby(sorted(causes, key=lambda row: row["id"]), key=lambda row: row["id"]):
         tests = list(group)
         then = [
@@ -231,7 +231,7 @@ def _page(claims: Claims, results: Sequence[Judged], causes: Sequence[Explained]
         "Date": state["date"].replace("T", " "),
     }
     papers = "".join(_paper(name, title, results) for name, title in claims.papers.items())
-    style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    style = page_style()
     return PAGE.format(
         style=style + STYLE,
         facts=facts_list(facts),
@@ -265,7 +265,7 @@ def _body(results: Sequence[Judged]) -> str:
     first = (
         f'<td rowspan="{rows}">{escape(claim.claim)}<small>{escape(about)}</small><small>{escape(claim.why)}</small>'
         f"<code>{escape(claim.id)}</code></td>"
-        f'<td rowspan="{rows}">{escape(claim.published)}<small>{escape(claim.rule.text)}</small></td>'
+        f'<td rowspan="{rows}">{escape(claim.published)}<small>{escape(claim.rule_text)}</small></td>'
     )
     lines = [
         f"<td>{escape(' / '.join(result.place))}<small>{escape(result.size)}</small></td>"
@@ -290,7 +290,7 @@ def _causes(results: Sequence[Judged], causes: Sequence[Explained]) -> str:
             test, where = each.test, f"{each.claim}, {'/'.join(each.place)}"
             then = each.cause.untested
             if test:
-                then = f"{'/'.join(test.place)} {measured_text(test)}, must be {test.claim.rule.text}"
+                then = f"{'/'.join(test.place)} {measured_text(test)}, must be {test.claim.rule_text}"
             lines.append([where, f"{each.cause.cause} ({each.cause.id})", each.cause.test or NONE, then, each.verdict])
     if not lines:
         return ""

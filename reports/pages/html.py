@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from html import escape
 from importlib.resources import files
 from itertools import groupby
@@ -11,7 +12,7 @@ from statistics import median
 from typing import Any
 
 from shading_atlas_bench.reports.charts import figures as charts
-from shading_atlas_bench.reports.charts.pictures import MOST_FRAMES, Pictures, embed, find_pictures
+from shading_atlas_bench.reports.charts.pictures import MOST_FRAMES, Embedded, Pictures, embed, find_pictures
 from shading_atlas_bench.reports.pages.budget import Budget, budget_figure, budget_table, budgets, visible_set
 from shading_atlas_bench.reports.pages.tables import (
     NONE,
@@ -68,7 +69,9 @@ def write_report(folder: Path) -> Path:
     return folder / "report.html"
 
 
-def fill_page(title: str, header: str, sections: list[str], figures: dict[str, Any], pictures: dict[str, Any]) -> str:
+def fill_page(
+    title: str, header: str, sections: list[str], figures: dict[str, Any], pictures: Mapping[str, object]
+) -> str:
     """A page that needs nothing else. title: plain text; header, sections: HTML; figures: by the name in data-figure.
 
     A figure is one of Plotly, or one for each value that the choosers of this name can have, joined by `/`.
@@ -235,7 +238,7 @@ def _budget(spent: list[Budget], rows: list[Row]) -> str:
     )
 
 
-def _viewer(embedded: dict) -> str:
+def _viewer(embedded: Embedded) -> str:
     if not embedded["frames"]:
         return ""
     exact = (
@@ -350,7 +353,7 @@ def _skipped(notes: dict[str, dict[str, str]], rows: list[Row], labels: Labels) 
     methods = _reasons([row for row in rows if row["status"] == "skipped"], labels)
     lines = [[method, reason, f"frames {frames}", ""] for method, _, frames, reason in methods]
     saved = {name: json.loads(text)["saved_ms"] for name, text in notes["saved"].items()}
-    frames: dict[str, set[tuple]] = {}
+    frames: dict[str, set[tuple[str, str, int]]] = {}
     for row in rows:
         for name in filter(None, (row["skipped"] or "").split("; ")):
             frames.setdefault(name, set()).add((row["method"], row["variant"], row["frame"]))
@@ -398,4 +401,5 @@ def _json(value: Any) -> str:
 def _plotly() -> str:
     from plotly.offline import get_plotlyjs
 
-    return get_plotlyjs()
+    script: str = get_plotlyjs()
+    return script

@@ -6,10 +6,10 @@ import base64
 from collections.abc import Iterable
 from dataclasses import dataclass
 from html import escape
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.store.columns import STRESS_COLUMNS
 from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
 
@@ -75,7 +75,7 @@ def write_stress(folder: Path, rows: list[Row], tests: dict[str, str], facts: di
     write_csv(folder / "stress.csv", STRESS_COLUMNS, rows)
     found = matrix(rows)
     body = "\n".join([_matrix_section(found, tests), _breaks_section(found, folder), _charts_section(rows, tests)])
-    style = files(__package__).joinpath("page.css").read_text(encoding="utf-8")
+    style = page_style()
     replace_file(folder / "stress.html", PAGE.format(style=style + STYLE, facts=_facts(facts), body=body))
 
 

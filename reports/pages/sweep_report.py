@@ -350,7 +350,7 @@ def _with_interval(row: dict[str, Any], name: str) -> str:
 
 def _troubles(points: Sequence[Point]) -> str:
     """Cells that are no points of the plot, and why."""
-    lines: dict[tuple, list[str]] = {}
+    lines: dict[tuple[str, str, str, str], list[str]] = {}
     for point in points:
         row = point.row
         if row["status"] != "ok":

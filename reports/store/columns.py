@@ -1,6 +1,6 @@
 """Every column of the CSV files: its name, unit, meaning, and which direction is better.
 
-COLUMNS.md is written from this file by `python -m reports.columns`.
+COLUMNS.md is written from this file by `python -m shading_atlas_bench.reports.store.columns`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 STATUSES = ("ok", "skipped", "overflow", "invalid", "timeout", "failed")
-STRESS_STATUSES = ("ok", "overflow", "refused", "inaccurate", "unsteady", "invalid", "failed", "timeout")
+STRESS_STATUSES = ("ok", "overflow", "refused", "inaccurate", "nondeterministic", "invalid", "failed", "timeout")
 # Frames with numbers: where triangles found no place the picture shows it, so its numbers are fair.
 MEASURED_STATUSES = ("ok", "overflow")
 KINDS = ("key", "setting", "status", "time", "count", "size", "quality")
@@ -483,8 +483,8 @@ def _of_commands() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "stress.csv",
             "One row per method, test and magnitude of `bench stress`. `refused`: loading said in a sentence why the "
             "input cannot be used; `inaccurate`: valid, but another picture than a float64 rendering's, or, where the "
-            "test must not change the picture, than the first magnitude's; `unsteady`: other bytes when packed again "
-            "or with other work-groups; the others as in frames.csv.",
+            "test must not change the picture, than the first magnitude's; `nondeterministic`: other bytes when packed "
+            "again or with other work-groups; the others as in frames.csv.",
             STRESS_COLUMNS,
         ),
         (

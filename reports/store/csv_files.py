@@ -12,7 +12,7 @@ from itertools import groupby
 from math import comb
 from pathlib import Path
 from statistics import fmean, median
-from typing import Any
+from typing import Any, TypeVar
 
 from shading_atlas_bench.reports.store.columns import (
     FRAME_COLUMNS,
@@ -29,6 +29,8 @@ from shading_atlas_bench.reports.store.columns import (
     summary_columns,
 )
 from shading_atlas_bench.reports.store.results import Store, StoreError
+
+Value = TypeVar("Value")
 
 SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
 
@@ -116,7 +118,7 @@ def measured_statistics(rows: Sequence[dict[str, Any]], statistics: Sequence[dic
     return [row for row in statistics if (row["method"], row["variant"], row["frame"]) not in bad]
 
 
-def after_keyframe(name: str, values: Mapping[int, float]) -> dict[int, float]:
+def after_keyframe(name: str, values: Mapping[int, Value]) -> dict[int, Value]:
     """The values, by frame, that a measure's statistics are over."""
     return {frame: value for frame, value in values.items() if frame != KEYFRAME or name not in KEYFRAME_APART}
 

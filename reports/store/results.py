@@ -9,13 +9,15 @@ import json
 import math
 import os
 import sqlite3
-from collections.abc import Iterable, Iterator, Mapping, MutableMapping
+from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 from zlib import crc32
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, FRAME_COLUMNS, FRAME_KEY, STATUSES, Column
+
+Cell: TypeAlias = str | int | float | None  # of a table
 
 FILE = "results.sqlite"
 LONGEST_PATH = 504  # bytes, of a file that SQLite opens with its journal beside it
@@ -219,7 +221,7 @@ class Store:
             raise
         self._connection.execute("COMMIT")
 
-    def _insert(self, table: str, records: list[tuple]) -> None:
+    def _insert(self, table: str, records: Sequence[tuple[Cell, ...]]) -> None:
         if records:
             places = ", ".join("?" * len(records[0]))
             self._connection.executemany(f"INSERT INTO {table} VALUES ({places})", records)
@@ -247,7 +249,8 @@ class Notes(MutableMapping[str, str]):
         found = self._connection.execute("SELECT value FROM notes WHERE key = ?", (key,)).fetchone()
         if found is None:
             raise KeyError(key)
-        return found[0]
+        text: str = found[0]
+        return text
 
     def __setitem__(self, key: str, value: object) -> None:
         self._connection.execute("INSERT OR REPLACE INTO notes VALUES (?, ?)", (key, str(value)))
@@ -260,7 +263,8 @@ class Notes(MutableMapping[str, str]):
         return iter([key for (key,) in self._connection.execute("SELECT key FROM notes ORDER BY key")])
 
     def __len__(self) -> int:
-        return self._connection.execute("SELECT count(*) FROM notes").fetchone()[0]
+        (count,) = self._connection.execute("SELECT count(*) FROM notes").fetchone()
+        return int(count)
 
     def under(self, prefix: str) -> dict[str, str]:
         """The notes whose key starts with `prefix`/ (the slash may be given), by the rest of their key."""
@@ -283,7 +287,7 @@ def _of_frames(table: str, values: str, order: str) -> str:
     )
 
 
-def _record(row: dict[str, Any], given: dict[str, Any]) -> tuple:
+def _record(row: dict[str, Any], given: dict[str, Any]) -> tuple[Cell, ...]:
     """A row as the values of all columns in order, checked; `given` is the row as the caller gave it."""
     unknown = [name for name in row if name not in BY_NAME]
     if unknown:
@@ -302,14 +306,16 @@ def _record(row: dict[str, Any], given: dict[str, Any]) -> tuple:
     return tuple(record.values())
 
 
-def _checked(column: Column, value: Any) -> str | int | float | None:
+def _checked(column: Column, value: Any) -> Cell:
     """The value as the column's type; None for None, NaN and infinity."""
     if hasattr(value, "item"):
         value = value.item()
+    if value is None:
+        return None
     if column.type is str:
-        if value is None or isinstance(value, str):
+        if isinstance(value, str):
             return value
-    elif value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
+    elif isinstance(value, int | float) and not isinstance(value, bool):
         number = _number(value)
         if number is None or column.type is float:
             return number

@@ -87,7 +87,7 @@ def test_the_transform_is_that_of_numpy(side):
 def test_draws_are_those_of_numpy_but_for_the_ends():
     mine, numpys = draws.generator([5, 7]), np.random.default_rng([5, 7])
     np.testing.assert_array_equal(mine.uniform(-2, 3, 100), numpys.uniform(-2, 3, 100))
-    np.testing.assert_array_equal(mine.uniform([0, 1], [2, 5]), numpys.uniform([0, 1], [2, 5]))
+    np.testing.assert_array_equal(mine.uniform([0, 1], [2, 5], 2), numpys.uniform([0, 1], [2, 5]))
     assert mine.uniform(1, 2) == numpys.uniform(1, 2)
     np.testing.assert_array_equal(mine.integers(0, 99, 50), numpys.integers(0, 99, 50))
     for name, arguments, least, most in (
@@ -102,4 +102,4 @@ def test_draws_are_those_of_numpy_but_for_the_ends():
         assert (least <= one).all()
         assert (one <= most).all()
     np.testing.assert_allclose(mine.lognormal(1, 0.4, 50), numpys.lognormal(1, 0.4, 50), rtol=1e-15)
-    assert mine.normal([0, 1], 2).shape == (2,)
+    assert mine.normal(0, 1, 2).shape == mine.normal(size=2).shape == (2,)

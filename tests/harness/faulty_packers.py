@@ -42,7 +42,7 @@ class UnwrittenTexel(Grid):
 class Unsteady(Grid):
     """Other bytes every time."""
 
-    name = "unsteady"
+    name = "nondeterministic"
     packed = 0
 
     def pack(self, frame):

@@ -17,7 +17,7 @@ from shading_atlas_bench.harness.run import plan
 from shading_atlas_bench.harness.workload import pvs, upload, walks
 from shading_atlas_bench.harness.workload.environment import cached_environment_map
 from shading_atlas_bench.harness.workload.settings import Settings
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.shade.environment import SHAPE
 from shading_atlas_bench.packers.sas import patches
@@ -109,7 +109,7 @@ def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: 
     if request.param == "visible set":
         counted(monkeypatch, pvs, "_draw", made)
         server, pose = upload.upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
-        frustum = CellFrustum.around(Cell(0.1, 50), 40, 96, 54)
+        frustum = CellFrustum.around(ViewCell(0.1, 50), 40, 96, 54)
         return Kind(root / "pvs", lambda: pvs.potentially_visible(server, pose, 0.1, frustum, 0.01, 2.0).ids, made)
     session = SimpleNamespace(settings=Settings(), scene=SimpleNamespace(host=scene))
     guess = plan.expected_pace(session.settings, scene.content_hash)

@@ -26,7 +26,12 @@ def stages() -> dict:
     [
         (faulty.WrongTexel, "picture", "invalid", "1 texels differ by up to 128 levels from what the shading function"),
         (faulty.UnwrittenTexel, "one triangle", "invalid", "touch 1 texels that were not written. First: triangles"),
-        (faulty.Unsteady, "picture", "unsteady", "packed with work-groups of 16: other bytes in the blob noise"),
+        (
+            faulty.Unsteady,
+            "picture",
+            "nondeterministic",
+            "packed with work-groups of 16: other bytes in the blob noise",
+        ),
         (faulty.NotANumber, "picture", "invalid", "the statistics waste are not finite"),
         (faulty.Elsewhere, "one triangle", "invalid", "First: triangles 0"),
         (faulty.Crashing, "empty set", "failed", "IndexError in faulty_packers.py, line"),

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.experiments.claims import Wanted, needs, variants_of
+from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, needs, variants_of
 from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, FEWEST
 from tests.harness.test_run import bench
 
@@ -172,7 +172,7 @@ def test_what_was_left_by_a_stop_is_kept_and_said(whole: Path, claims: Path):
 
 def test_the_runs_of_the_suite_are_ones_that_bench_run_takes():
     for quick in (False, True):
-        claims, runs = needs(Wanted(quick=quick))
+        claims, runs = needs(ClaimsRequest(quick=quick))
         assert {run.name for run in runs} == set(claims.runs)
         frames = [run.options["frames"] for run in runs]
         assert min(frames) >= FEWEST, "enough for an interval"
@@ -189,7 +189,7 @@ def test_options_that_the_thesis_experiment_does_not_take_are_refused(tmp_path: 
     file = tmp_path / "thesis.toml"
     file.write_text(text.replace(run, f'{run}atlas = "64x64"\nseize = "64x64"\n'), encoding="utf-8")
     with pytest.raises(InputError, match=r"--size, --device, --out and --dry-run only, not --atlas, --seize\."):
-        needs(Wanted(("bilateral-grows",), file=file))
+        needs(ClaimsRequest(("bilateral-grows",), file=file))
 
 
 def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):

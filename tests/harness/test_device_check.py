@@ -12,7 +12,7 @@ from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.doctor import devices as device_check
 from shading_atlas_bench.harness.doctor.devices import Report, check_devices, show_reports
-from shading_atlas_bench.harness.doctor.worker import Finding, examine_case
+from shading_atlas_bench.harness.doctor.worker import CaseOutcome, examine_case
 from shading_atlas_bench.kernels.case import EXACT, INPUTS, Bound, Case, Result, Trial, distance
 from shading_atlas_bench.kernels.device import Device, kernel_names
 from shading_atlas_bench.kernels.runtime.opencl import FoundDevice
@@ -64,11 +64,11 @@ def fake(name: str, key: str, refused: str | None = None) -> FoundDevice:
     return Fake(device, key)
 
 
-def well(milliseconds: float = 1.0) -> list[Finding]:
+def well(milliseconds: float = 1.0) -> list[CaseOutcome]:
     """Findings of a device on which every kernel ran."""
     return [
-        Finding("a/case", "typical", 0.5, None, tuple(kernel_names()), milliseconds),
-        Finding("a/case", "adversarial", 0.75, None, (), None),
+        CaseOutcome("a/case", "typical", 0.5, None, tuple(kernel_names()), milliseconds),
+        CaseOutcome("a/case", "adversarial", 0.75, None, (), None),
     ]
 
 
@@ -127,7 +127,7 @@ def test_only_devices_with_the_name(monkeypatch, capsys):
 
 def test_every_column_fits_with_long_names(capsys):
     long = max(CASES, key=len)
-    finding = Finding(long, "typical", np.inf, "off", (), 1.0)
+    finding = CaseOutcome(long, "typical", np.inf, "off", (), 1.0)
     show_reports([Report(fake("NVIDIA A Very Long Name Of A Card, 80 GB", "a"), 118 * [finding])], "a")
     table = capsys.readouterr().out.partition("failed: ")[0]
     assert max(map(len, table.splitlines())) <= 80

@@ -18,7 +18,7 @@ from shading_atlas_bench.kernels.runtime.vendors import how_to_get_one
 from shading_atlas_bench.scenes.model import SceneError
 
 
-def findings(name: str) -> list[doctor.Finding]:
+def findings(name: str) -> list[doctor.Examined]:
     return [finding for finding in doctor.examine() if finding.name == name]
 
 
@@ -99,14 +99,14 @@ def test_a_missing_system_library_names_its_package(monkeypatch: pytest.MonkeyPa
         raise SceneError(f"--repair needs {library}")
 
     monkeypatch.setattr(doctor, "load_pymeshlab", fail)
-    assert list(doctor._mesh_repair()) == [doctor.Finding("mesh repair", None, f"--repair needs {library}")]
+    assert list(doctor._mesh_repair()) == [doctor.Examined("mesh repair", None, f"--repair needs {library}")]
 
 
 def test_a_missing_package(monkeypatch: pytest.MonkeyPatch):
     needed = ["numpy>=1", "no-such-thing[x]>=2", "far>=1; sys_platform == 'plan9'", 'other; extra == "test"']
     monkeypatch.setattr(doctor, "requires", lambda name: needed)
     missing, present = doctor._packages()
-    assert missing == doctor.Finding("packages", False, "no-such-thing missing: run pip install -e . again.")
+    assert missing == doctor.Examined("packages", False, "no-such-thing missing: run pip install -e . again.")
     assert "numpy" in present.detail
 
 
@@ -121,7 +121,7 @@ def test_a_cache_that_cannot_be_written(monkeypatch: pytest.MonkeyPatch, tmp_pat
 
 def test_a_busy_machine_is_a_warning(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(noise, "noise_warnings", lambda: ["The machine was busy."])
-    assert list(doctor._calm()) == [doctor.Finding("calm", None, "The machine was busy.")]
+    assert list(doctor._calm()) == [doctor.Examined("calm", None, "The machine was busy.")]
 
 
 def test_an_unexpected_error_is_a_finding(monkeypatch: pytest.MonkeyPatch):
@@ -129,4 +129,4 @@ def test_an_unexpected_error_is_a_finding(monkeypatch: pytest.MonkeyPatch):
         raise RuntimeError("first line\nsecond line")
 
     monkeypatch.setattr(doctor, "_pictures", broken)
-    assert findings("pictures") == [doctor.Finding("pictures", False, "first line second line")]
+    assert findings("pictures") == [doctor.Examined("pictures", False, "first line second line")]

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.kernel_timing.timing import Wanted, bench_kernels, choose_cases, errors_of
+from shading_atlas_bench.harness.kernel_timing.timing import TimingRequest, bench_kernels, choose_cases, errors_of
 from shading_atlas_bench.kernels.case import Result
 from shading_atlas_bench.reports.pages.kernels import compare_variants
 from shading_atlas_bench.reports.store.columns import KERNEL_COLUMNS
@@ -64,7 +64,7 @@ def test_an_unknown_kernel_names_the_nearest():
 
 
 def test_a_row_per_kernel_input_and_variant_and_a_page(tmp_path, capsys):
-    bench_kernels(Wanted(("smoke", "rank_items"), repeat=1), tmp_path)
+    bench_kernels(TimingRequest(("smoke", "rank_items"), repeat=1), tmp_path)
     with open(tmp_path / "kernels.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert list(rows[0]) == [column.name for column in KERNEL_COLUMNS]

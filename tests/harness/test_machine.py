@@ -13,7 +13,7 @@ from shading_atlas_bench.harness.measure.machine import load, peak_memory
 from shading_atlas_bench.harness.run.folder import locked
 
 ROOT = Path(__file__).parents[2]
-PEAK = "from harness.machine import peak_memory; print(peak_memory())"
+PEAK = "from shading_atlas_bench.harness.measure.machine import peak_memory; print(peak_memory())"
 HOLD = """
 import sys
 from pathlib import Path

@@ -125,7 +125,7 @@ def test_who_is_honest_is_ok_in_the_kit(stage):
 
 
 class SharingClient(ShadingAtlasClient):
-    """Leaves its planes to the other client of its lane, if it can, and writes to them, if it can."""
+    """Leaves its planes to the other client of its pipeline, if it can, and writes to them, if it can."""
 
     def receive(self, payload):
         super().receive(replace(payload, planes=payload.blobs.pop("left", payload.planes)))

@@ -99,7 +99,7 @@ def test_options_of_the_preset():
 @pytest.mark.parametrize(
     ("arguments", "refused"),
     [
-        (["--atlas", "junk", "--scene", "nowhere.glb", "--crf", "99"], "--atlas, --scene, --crf"),
+        (["--atlas", "junk", "--scene", "nowhere.glb", "--crf", "99"], "--scene, --atlas, --crf"),
         (["--config", "x.json"], "--config"),
         (["--explain"], "--explain"),
         (["--opaque", "--dump"], "--opaque, --dump"),

@@ -11,9 +11,9 @@ from shading_atlas_bench.harness.workload.pvs import POOR, cell_eyes, potentiall
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.harness.workload.views import (
-    Cell,
     CellFrustum,
     Pose,
+    ViewCell,
     client_view,
     confined,
     from_rotation_vector,
@@ -85,14 +85,14 @@ def test_views_from_inside_the_cell_show_hardly_anything_else(hall):
 
 
 def test_what_a_wall_hides_is_not_potentially_visible(wall):
-    frustum = CellFrustum.around(Cell(0.1, 80), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0.1, 80), 60, 96, 54)
     found = potentially_visible(wall, Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
     assert found.ids.tolist() == [0, 1]
 
 
 def test_views_that_add_nothing_are_not_drawn(wall):
     """A view whose clusters are marked already is skipped; a hidden triangle in one keeps it."""
-    frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0.1, 60), 60, 96, 54)
     ahead = Pose(np.zeros(3), AHEAD)
     wall_only = potentially_visible(wall, ahead, 0.1, frustum, 0.01, 2.0)
     assert wall_only.ids.tolist() == [0, 1]
@@ -118,7 +118,7 @@ def _without_the_hidden(wall, skips=None):
 
 
 def test_a_set_comes_from_the_cache_the_second_time(wall):
-    frustum = CellFrustum.around(Cell(0.1, 80), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0.1, 80), 60, 96, 54)
     pose = Pose(np.zeros(3), AHEAD)
     first = potentially_visible(wall, pose, 0.1, frustum, 0.01, 2.0)
     again = potentially_visible(wall, pose, 0.1, frustum, 0.01, 2.0)
@@ -171,7 +171,7 @@ def _missing(scene, pvs, eye):
 def test_tiny_triangles_are_looked_for_with_more_samples(device, opacity, monkeypatch):
     """One denser eye among nine halves what they miss, as views from anywhere in the cell show."""
     carpet = _carpet(device, 400, opacity)
-    frustum = CellFrustum.around(Cell(0.1, 80), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0.1, 80), 60, 96, 54)
     cell = (Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
     found = potentially_visible(carpet, *cell)
     assert found.planned == 9
@@ -187,7 +187,7 @@ def test_tiny_triangles_are_looked_for_with_more_samples(device, opacity, monkey
 @pytest.mark.parametrize(("cells", "densest"), [(8, 2), (400, 6)])
 def test_only_tiny_triangles_have_a_denser_view(device, monkeypatch, cells, densest):
     widths, draw = [], pvs._mark
-    frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0.1, 60), 60, 96, 54)
     monkeypatch.setattr(
         pvs,
         "_mark",
@@ -199,7 +199,7 @@ def test_only_tiny_triangles_have_a_denser_view(device, monkeypatch, cells, dens
 
 def test_no_view_is_larger_than_can_be_drawn(device, monkeypatch):
     monkeypatch.setattr(pvs, "LARGEST_VIEW", 256)
-    frustum = CellFrustum.around(Cell(0.1, 60), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0.1, 60), 60, 96, 54)
     carpet = _carpet(device, 400)
     with device.record() as record:
         found = potentially_visible(carpet, Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
@@ -207,7 +207,7 @@ def test_no_view_is_larger_than_can_be_drawn(device, monkeypatch):
 
 
 def test_a_cell_of_one_point_is_looked_at_twice_where_triangles_are_tiny(device):
-    frustum = CellFrustum.around(Cell(0, 60), 60, 96, 54)
+    frustum = CellFrustum.around(ViewCell(0, 60), 60, 96, 54)
     ahead = Pose(np.zeros(3), AHEAD)
     assert potentially_visible(_carpet(device, 400), ahead, 0.0, frustum, 0.01, 2.0).planned == 2
     assert potentially_visible(_carpet(device, 8), ahead, 0.0, frustum, 0.01, 2.0).planned == 1

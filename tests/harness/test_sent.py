@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from shading_atlas_bench.harness.measure.codecs import EncodedFrame
-from shading_atlas_bench.harness.measure.lane import Sent
+from shading_atlas_bench.harness.measure.pipeline import Sent
 
 KEY = ("h264", 25)
 

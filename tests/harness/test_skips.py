@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.measure.lane import Lane
 from shading_atlas_bench.harness.measure.metrics import Metrics
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.run.explain import explain as measure_skips
 from shading_atlas_bench.harness.run.explain import rows_of
 from shading_atlas_bench.harness.run.run import run
@@ -45,18 +45,18 @@ class Work:
     def __init__(self, session, host, off=(), standing=False):
         scene = upload_scene(session.device, host, Skips(off))
         source = FrameSource(scene, session.path, session.head, session.settings, cached=False)
-        lanes = [Lane(packer, scene, session.settings) for packer in find_methods(session.settings)]
+        pipelines = [Pipeline(packer, scene, session.settings) for packer in find_methods(session.settings)]
         self.results, self.skipped, self.packs = [], set(scene.skips.always), []
-        for lane in lanes:
-            lane.prepare()
+        for pipeline in pipelines:
+            pipeline.prepare()
         with session.device.record() as record:
             for index in range(FRAMES):
                 work = source.work(0 if standing else index)
                 picture, visible = ForwardRenderer(scene).draw(work.novel)
                 self.results += [work.frame.pvs.tobytes(), picture.rgb.get().tobytes(), visible.depth.get().tobytes()]
                 self.skipped |= work.skipped
-                for lane in lanes:
-                    packed = lane.pack(work.frame)
+                for pipeline in pipelines:
+                    packed = pipeline.pack(work.frame)
                     self.results.append(payload_bytes(packed.payload))
                     self.skipped |= packed.skipped
                     self.packs.append(len(packed.stages))

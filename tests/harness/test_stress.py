@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
 from shading_atlas_bench.harness.conformance.stress import Contender, Log, StressRun
-from shading_atlas_bench.harness.conformance.trial import Case, Finding, Stage, try_method, try_rasteriser
+from shading_atlas_bench.harness.conformance.trial import Finding, Stage, TrialCase, try_method, try_rasteriser
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.exact import draw_exact
 from shading_atlas_bench.harness.watch.watchdog import time_limit
@@ -33,7 +33,7 @@ FAULTY = Path(faulty.__file__)
 def stage(device) -> Stage:
     """Two frames of a small room."""
     scene = scene_of(room()[::3])
-    return Stage.of(device, Case(scene, walk(scene), size=(96, 54), atlas=(128, 128)))
+    return Stage.of(device, TrialCase(scene, walk(scene), size=(96, 54), atlas=(128, 128)))
 
 
 def test_the_catalogue_holds_what_a_test_needs():
@@ -67,7 +67,7 @@ def test_a_sound_packer_passes(stage):
     [
         (faulty.WrongTexel, "invalid", ["Frame 0: 1 texels differ by up to 128 levels", "of triangle"]),
         (faulty.UnwrittenTexel, "invalid", ["touch 1 texels that were not written", "triangles ", "texels ("]),
-        (faulty.Unsteady, "unsteady", ["packed a second time: other bytes in the blob noise"]),
+        (faulty.Unsteady, "nondeterministic", ["packed a second time: other bytes in the blob noise"]),
         (faulty.NotANumber, "invalid", ["the statistics waste are not finite"]),
         (faulty.Elsewhere, "invalid", ["find another surface", "First: triangles 0, 1"]),
     ],
@@ -86,7 +86,7 @@ def test_a_hang_ends_in_a_sentence(stage):
 
 def test_an_atlas_too_small_must_be_explained(device):
     scene = scene_of(facing(scattered(200, 2.0), 0.2))
-    stage = Stage.of(device, Case(scene, walk(scene, 1), size=(96, 54), atlas=(12, 12)))
+    stage = Stage.of(device, TrialCase(scene, walk(scene, 1), size=(96, 54), atlas=(12, 12)))
     assert "there are more triangles than texels" in try_method(stage, Grid).sentence
     found = try_method(stage, faulty.Silent)
     assert found.status == "invalid"

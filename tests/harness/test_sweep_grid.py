@@ -8,7 +8,7 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.sweep import timing
 from shading_atlas_bench.harness.sweep.grid import Cell, make_grid, shuffled
-from shading_atlas_bench.harness.sweep.timing import Rule, Timed
+from shading_atlas_bench.harness.sweep.timing import StopRule, Timed
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, settings_of
 
 ALL = Settings(methods=("ppll", "sas", "snakebinning"), frames=2)
@@ -122,7 +122,7 @@ def test_the_order_is_seeded_and_mixes_methods():
 
 
 def test_timing_stops_when_precise_and_not_before_there_is_an_interval():
-    rule = Rule(precision=0.05, repetitions=20, budget=100)
+    rule = StopRule(precision=0.05, repetitions=20, budget=100)
     assert rule.stop([10.0] * 5, 0) is None
     assert rule.stop([10.0] * 6, 0) == "precise"
     assert rule.stop([10.0, 10.6] * 3, 0) is None
@@ -130,7 +130,7 @@ def test_timing_stops_when_precise_and_not_before_there_is_an_interval():
 
 
 def test_timing_stops_at_its_limits():
-    rule = Rule(precision=0.01, repetitions=9, budget=30)
+    rule = StopRule(precision=0.01, repetitions=9, budget=30)
     noisy = list(np.random.default_rng(0).normal(10, 2, 9))
     assert rule.stop(noisy, 0) == "repetitions"
     assert rule.stop(noisy[:8], 30) == "budget"
@@ -141,7 +141,7 @@ def test_more_passes_narrow_the_interval_until_it_is_precise():
     draws = np.random.default_rng(3).normal(10, 0.5, 400)
     counts = []
     for precision in (0.2, 0.1, 0.05):
-        rule = Rule(precision, repetitions=400, budget=1)
+        rule = StopRule(precision, repetitions=400, budget=1)
         counts.append(next(n for n in range(1, 401) if rule.stop(list(draws[:n]), 0) == "precise"))
     assert counts == sorted(counts)
     assert counts[0] < counts[-1]
@@ -155,5 +155,5 @@ def test_the_budget_counts_preparing_and_packing_by_the_clock(tmp_path, monkeypa
     assert timed.again(None, warm=True)
     assert timed.again(None, warm=True)
     assert timed.spent == pytest.approx(2 * 0.75)
-    assert Rule(precision=0, repetitions=9, budget=1.4).stop(timed.times, timed.spent) == "budget"
-    assert timed.goes_on(Rule(precision=0, repetitions=9, budget=1.6))
+    assert StopRule(precision=0, repetitions=9, budget=1.4).stop(timed.times, timed.spent) == "budget"
+    assert timed.goes_on(StopRule(precision=0, repetitions=9, budget=1.6))

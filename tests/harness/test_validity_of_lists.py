@@ -11,7 +11,7 @@ from shading_atlas_bench.harness.measure.verification.lists import (
     count_fragments,
     is_at,
 )
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
 from shading_atlas_bench.packers.interface import HeldLists, Payload, View
 
 
@@ -66,7 +66,7 @@ def test_bytes_are_counted_and_bounded():
 @pytest.mark.parametrize("position", [(0, 0, 0), (0, 0, 2.5), (1e-17, -3, 1e5), (70, 20, -400)])
 def test_views_turned_in_any_way_are_seen_from_the_same_eye_and_moved_ones_are_not(position):
     """Also in a cell of one point, and with coordinates that are 0 but for rounding."""
-    frustum, generator, near = CellFrustum.around(Cell(0, 170), 70, 160, 90), np.random.default_rng(3), 0.01
+    frustum, generator, near = CellFrustum.around(ViewCell(0, 170), 70, 160, 90), np.random.default_rng(3), 0.01
     for quaternion in generator.normal(size=(50, 4)):
         pose = Pose(np.array(position, np.float64), quaternion)
         eye, views = frustum.server_view(pose, near).eye, frustum.split(pose, near)

@@ -12,7 +12,7 @@ import pytest
 from shading_atlas_bench.harness.measure.validity import Violation, check
 from shading_atlas_bench.harness.plugins import find_packers, load_packer
 from shading_atlas_bench.harness.workload.upload import upload_scene
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.packers.interface import Client, Decoded, Frame, Owners, Payload, ServerScene
 from shading_atlas_bench.scenes.model import Material, Scene
@@ -39,7 +39,7 @@ def server(device: Device) -> ServerScene:
 
 def frame_of(server: ServerScene, index: int, pvs: np.ndarray) -> Frame:
     pose = Pose(np.array([0.3 * index, 0, 0]), np.array([0, 0, 0, 1.0]))
-    view = CellFrustum.around(Cell(0.1, 90), 60, 320, 180).server_view(pose, 0.01)
+    view = CellFrustum.around(ViewCell(0.1, 90), 60, 320, 180).server_view(pose, 0.01)
     return Frame(index, server, view, 0.1, 90, pvs, server.device.upload(pvs), (), ATLAS, ATLAS)
 
 

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shading_atlas_bench.harness.workload.views import (
-    Cell,
     CellFrustum,
     Pose,
+    ViewCell,
     client_view,
     confined,
     conjugate,
@@ -62,7 +62,7 @@ def test_a_camera_looks_along_minus_z_with_row_0_on_top():
 )
 def test_the_frusta_cover_the_cell_at_the_density_asked_for(turn, cell_fov, size, seed):
     pose = Pose(np.array([3.0, -2.0, 5.0]), turn)
-    frustum = CellFrustum.around(Cell(0.1, cell_fov), 60, *size)
+    frustum = CellFrustum.around(ViewCell(0.1, cell_fov), 60, *size)
     views = frustum.frusta(pose, 0.01, 2 * frustum.density)
     random = np.random.default_rng(seed).uniform(-1, 1, (50, 2))
     rays = np.concatenate([[[-1, -1], [-1, 1], [1, -1], [1, 1], [0, 0]], random]) * (frustum.tan_x, frustum.tan_y)
@@ -81,7 +81,7 @@ def test_the_frusta_cover_the_cell_at_the_density_asked_for(turn, cell_fov, size
 @settings(max_examples=50)
 @given(turn=turns, shift=vectors, look=vectors)
 def test_a_confined_client_stays_inside_the_cell(turn, shift, look):
-    frustum = CellFrustum.around(Cell(0.1, 80), 60, 960, 540)
+    frustum = CellFrustum.around(ViewCell(0.1, 80), 60, 960, 540)
     server = Pose(np.zeros(3), turn)
     wanted = Pose(shift, multiply(turn, from_rotation_vector(look)))
     client = client_view(wanted, 60, 960, 540, 0.1)
@@ -93,7 +93,7 @@ def test_a_confined_client_stays_inside_the_cell(turn, shift, look):
 
 
 def test_a_client_inside_the_cell_is_not_moved():
-    frustum = CellFrustum.around(Cell(0.1, 80), 60, 960, 540)
+    frustum = CellFrustum.around(ViewCell(0.1, 80), 60, 960, 540)
     server = Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
     wanted = Pose(np.array([0.05, 0, 0]), from_rotation_vector(np.array([0.02, 0.05, 0.01])))
     pose, moved = confined(server, wanted, 0.1, frustum, client_view(wanted, 60, 960, 540, 0.1))

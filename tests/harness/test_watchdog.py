@@ -81,13 +81,13 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
 
     monkeypatch.setattr("shading_atlas_bench.harness.run.loop.time_limit", limit)
     packer = SimpleNamespace(skip=lambda host: "")
-    lane = SimpleNamespace(
+    pipeline = SimpleNamespace(
         packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0, warm_up=lambda *_: None
     )
     runs = Run.__new__(Run)
     runs.frames, runs.settings, runs.tried, runs.folder = 2, Settings(timeout=6.0), 1, "folder"
     runs.session = SimpleNamespace(scene=SimpleNamespace(host=None), source=SimpleNamespace(work=None))
     runs.store = SimpleNamespace(notes={})
-    runs._prepare(lane, finished=0)
-    assert lane.dead is None
+    runs._prepare(pipeline, finished=0)
+    assert pipeline.dead is None
     assert asked == [(60.0, "preparing: m"), (18.0, "warming up: m")]

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.inputs.materials import Material
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.shade.capture import BRIGHTEST, scene_around, sky_around
@@ -21,7 +22,7 @@ from shading_atlas_bench.kernels.shade.environment import (
     look_up,
     map_share,
 )
-from shading_atlas_bench.kernels.shade.inputs import EYE, LIGHTS, SKY, make_samples, make_shader, material
+from shading_atlas_bench.kernels.shade.inputs import EYE, LIGHTS, SKY, make_samples, make_shader
 from shading_atlas_bench.kernels.shade.radiance import radiance
 from shading_atlas_bench.kernels.shade.shader import Shader
 from shading_atlas_bench.kernels.shade.tables import Lighting, Surface
@@ -132,7 +133,7 @@ def colours(device: Device, shader: Shader) -> np.ndarray:
 @pytest.mark.parametrize(("roughness", "changes"), [(0.3, True), (0.75, True), (MATT, False), (1.0, False)])
 def test_a_map_changes_glossy_surfaces_only(device: Device, roughness: float, changes: bool) -> None:
     """To the byte: rough surfaces beside glossy ones look as they do in a scene without a map."""
-    surfaces = [material(roughness=roughness, metallic=0.5)]
+    surfaces = [Material(roughness=roughness, metallic=0.5)]
     plain, mapped = (make_shader(device, surfaces, LIGHTS[:1], mirrors=mirrors) for mirrors in (False, True))
     assert (colours(device, plain) != colours(device, mapped)).any() == changes
 
@@ -140,7 +141,7 @@ def test_a_map_changes_glossy_surfaces_only(device: Device, roughness: float, ch
 def test_a_mirror_shows_the_map(device: Device) -> None:
     """A smooth metal floor, seen at 45 degrees: what comes from the other side, by white metal's reflectance."""
     corners = np.array([[-9, 0, -9], [-9, 0, 9], [9, 0, 0]], np.float32)
-    shader = on_corners(device, corners, [material(base_colour=(1,) * 4, roughness=0.0, metallic=1.0)])
+    shader = on_corners(device, corners, [Material(base_colour=(1,) * 4, roughness=0.0, metallic=1.0)])
     shader = shader.reflecting(environment_map(lambda direction: 1.0 + 0.5 * direction))
     eye = np.array([-1.0, 1.0, 0.0])
     found = radiance(shader, at_origin(device, corners), eye)[0]
@@ -175,14 +176,14 @@ def captured(device: Device, materials: list, seen_from: np.ndarray) -> np.ndarr
 def test_a_capture_has_golden_bytes(device: Device) -> None:
     """The same on every runtime and processor: after a change that is meant to change them, what is found belongs
     here."""
-    texels = captured(device, [material(roughness=0.4), material(double_sided=True)], np.zeros(3))
+    texels = captured(device, [Material(roughness=0.4), Material(double_sided=True)], np.zeros(3))
     assert hashlib.blake2b(texels.tobytes(), digest_size=8).hexdigest() == GOLDEN
 
 
 def test_a_capture_holds_the_scene_and_the_sky(device: Device) -> None:
     """From far away the triangles, of edges up to 6, fill less than a quarter of one half of the sky."""
-    from_far = captured(device, [material(base_colour=(0, 0, 0, 1))], np.array([0.0, 0.0, 40.0]))
-    sky = environment_map(sky_around(make_shader(device, [material()], [])))
+    from_far = captured(device, [Material(base_colour=(0, 0, 0, 1))], np.array([0.0, 0.0, 40.0]))
+    sky = environment_map(sky_around(make_shader(device, [Material()], [])))
     differs = (np.abs(level_of(from_far, 0) - level_of(sky, 0)) > 1e-6).any(axis=-1)
     towards = directions(SIDE)[0][..., 2] < -0.9
     assert differs[towards].any()
@@ -195,12 +196,12 @@ def test_black_metal_is_not_the_sky(device: Device) -> None:
     triangles = Triangles.upload(device, corners, np.array([[0, 1, 2]]), np.zeros(1, np.uint8))
     down, above = np.array([[0.0, -1, 0]]), np.array([0.0, 1, 0])
     for colour in ((0.0, 0.0, 0.0, 1.0), (0.8, 0.0, 0.0, 1.0)):
-        shader = on_corners(device, corners, [material(base_colour=colour, roughness=1.0, metallic=1.0)])
+        shader = on_corners(device, corners, [Material(base_colour=colour, roughness=1.0, metallic=1.0)])
         seen = scene_around(device, Rasteriser(device, triangles), None, shader, above, 0.01)(down)[0]
         np.testing.assert_array_equal(seen[1:], 0)
 
 
 def test_what_glows_is_brighter_than_white_but_bounded(device: Device) -> None:
-    lamp, furnace = (captured(device, [material(emissive=(glow,) * 3)], np.zeros(3)) for glow in (5.0, 1e5))
+    lamp, furnace = (captured(device, [Material(emissive=(glow,) * 3)], np.zeros(3)) for glow in (5.0, 1e5))
     assert 5 < lamp.max() < 7
     assert furnace.max() == pytest.approx(BRIGHTEST / 0.7, rel=1e-6)

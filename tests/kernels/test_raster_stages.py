@@ -6,8 +6,8 @@ import pytest
 from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, pixel_points, random_soup, soup
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.clusters import EVER
-from shading_atlas_bench.kernels.raster.picture import Picture
 from shading_atlas_bench.kernels.raster.rasteriser import TILE, Rasteriser
+from shading_atlas_bench.kernels.raster.render_target import RenderTarget
 from shading_atlas_bench.kernels.raster.setup import MASK_BIT, RECORD, Scratch, set_up, set_up_twin
 from shading_atlas_bench.kernels.raster.tiles import draw_tiles, draw_tiles_twin
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -17,9 +17,9 @@ SIZE = (256, 128)
 
 def stages(device, triangles, camera):
     """Records int32 (n, RECORD), and triangle and depth images, of the kernels."""
-    picture, scratch = Picture.allocate(device, camera, TILE), Scratch(device, 4096, 16384)
+    picture, scratch = RenderTarget.allocate(device, camera, TILE), Scratch(device, 4096, 16384)
     clusters = Rasteriser(device, triangles, cull=False).clusters
-    chosen, _ = clusters.choose(camera, 0, EVER, "raster/cull")
+    chosen, _ = clusters.cull_frustum(camera, 0, EVER, "raster/cull")
     bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
     draw_tiles(device, bins, picture, False, triangles, None, "raster/draw")
     assert scratch.fits(bins.needed)

@@ -8,6 +8,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from shading_atlas_bench.kernels.inputs.materials import Light, Material
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.shade.faces import uv_scale_twin
 from shading_atlas_bench.kernels.shade.inputs import (
@@ -18,10 +19,8 @@ from shading_atlas_bench.kernels.shade.inputs import (
     PLAIN,
     TEXTURED,
     TRIANGLES,
-    light,
     make_samples,
     make_shader,
-    material,
 )
 from shading_atlas_bench.kernels.shade.shade import shade_twin
 from shading_atlas_bench.kernels.shade.shader import Shader
@@ -117,8 +116,8 @@ def test_matt_white_under_pi_is_the_exposure_through_the_tone_curve(device):
     dark = SimpleNamespace(zenith=(0,) * 3, horizon=(0,) * 3, ground=(0,) * 3)
     positions = np.array([[0, 0, 0], [0, 0, 1], [1, 0, 0]], np.float32)
     triangles = Triangles.upload(device, positions, np.array([[0, 1, 2]]), np.zeros(1))
-    surface = Surface(np.tile([0, 1, 0], (3, 1)), np.zeros((3, 2)), np.zeros(1, int), [material(base_colour=(1,) * 4)])
-    sun = light("directional", colour=(np.pi,) * 3, direction=(0.0, -1.0, 0.0))
+    surface = Surface(np.tile([0, 1, 0], (3, 1)), np.zeros((3, 2)), np.zeros(1, int), [Material(base_colour=(1,) * 4)])
+    sun = Light("directional", colour=(np.pi,) * 3, direction=(0.0, -1.0, 0.0))
     shader = Shader(device, triangles, surface, Lighting([sun], dark), TextureBuffers.upload(device, []))
     samples = make_samples(device, count=1)
     samples.triangle.fill(np.int32(0))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.kernels.shade.shadow import LARGE_SIZE, ShadowMaps, shadow_camera
-from shading_atlas_bench.kernels.shade.shadow_lookup import lit_share
+from shading_atlas_bench.kernels.shade.shadow_lookup import shadow_visibility
 from shading_atlas_bench.kernels.shade.tables import light_rows
 from shading_atlas_bench.kernels.triangles import Triangles
 
@@ -41,7 +41,7 @@ def lit(device, triangles, one, points, faces=(0.0, 1.0, 0.0), focus=(0.0, 0.0, 
     row[20:] = shadows.rows[0]
     to_light = -row[8:11] if one.kind == "directional" else row[4:7] - points
     to_light = np.broadcast_to(to_light / np.linalg.norm(to_light, axis=-1, keepdims=True), points.shape)
-    return lit_share(row, shadows.maps.get(), points, np.broadcast_to(faces, points.shape), to_light)
+    return shadow_visibility(row, shadows.maps.get(), points, np.broadcast_to(faces, points.shape), to_light)
 
 
 def on_the_floor(side, y=0.0, count=3000):

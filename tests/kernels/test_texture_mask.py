@@ -36,7 +36,7 @@ def test_foliage_keeps_its_density_in_the_distance(device):
     uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
     mask = AlphaMask.upload(device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [masked_material()], [texture])
     near = np.mean(texture.texels[..., 3] > 127)
-    levels, alphas = mask.host["levels"], mask.host["alphas"]
+    levels, alphas = mask.host.levels, mask.host.alphas
     assert len(levels) > 3
     for offset, width, height, bits in levels[:, :4]:
         level = alphas[offset : offset + width * height].reshape(height, width)
@@ -68,7 +68,7 @@ def test_masks_follow_their_triangles_into_another_list(device, masked_soup):
     n = len(chosen)
     values = np.full(n, 0.25), np.full(n, 0.25), np.full(n, 1000.0)
     np.testing.assert_array_equal(margin_twin(part, np.arange(n), *values), margin_twin(mask, chosen, *values))
-    np.testing.assert_array_equal(part.slots.get(), part.host["slots"])
+    np.testing.assert_array_equal(part.slots.get(), part.host.slots)
 
 
 def margins(device, alphas, texels, material, pixels):

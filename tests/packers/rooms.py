@@ -8,7 +8,7 @@ import numpy as np
 
 from shading_atlas_bench.harness.workload.pvs import potentially_visible
 from shading_atlas_bench.harness.workload.upload import upload_scene
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, client_view
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell, client_view
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.packers.interface import Frame, ServerScene, View
 from shading_atlas_bench.scenes.model import Light, Material, Scene
@@ -16,7 +16,7 @@ from shading_atlas_bench.scenes.model import Light, Material, Scene
 NEAR = 0.02
 FOV = 60.0
 SIZE = (320, 180)
-CELL = Cell(0.08, 80)
+CELL = ViewCell(0.08, 80)
 
 
 def wall(origin, across, down, columns: int, rows: int, bump: float) -> tuple[np.ndarray, np.ndarray]:

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, from_rotation_vector, rotation
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell, from_rotation_vector, rotation
 from shading_atlas_bench.packers.cell_views import owned_pixels, owned_spans, owners
 from shading_atlas_bench.packers.interface import View
 
@@ -13,7 +13,7 @@ POSE = Pose(np.array([3.0, -2.0, 5.0]), from_rotation_vector(np.array([0.4, -1.1
 
 
 def views_of(cell_fov: float, size: tuple[int, int], pose: Pose = POSE) -> tuple[CellFrustum, list[View]]:
-    frustum = CellFrustum.around(Cell(0.1, cell_fov), 60, *size)
+    frustum = CellFrustum.around(ViewCell(0.1, cell_fov), 60, *size)
     return frustum, frustum.frusta(pose, 0.01, frustum.density)
 
 
@@ -66,5 +66,5 @@ def test_a_cell_is_split_above_100_degrees_only():
 @pytest.mark.parametrize(("fov", "cell_fov"), [(110, 120), (140, 145), (179, 179)])
 def test_a_client_that_is_itself_as_wide_has_one_view(fov, cell_fov):
     """At the density of its centre frusta would have fewer pixels near its edges than it has itself."""
-    frustum = CellFrustum.around(Cell(0.1, cell_fov), fov, 160, 90)
+    frustum = CellFrustum.around(ViewCell(0.1, cell_fov), fov, 160, 90)
     assert frustum.split(POSE, 0.01) == ()

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
-from shading_atlas_bench.harness.conformance.fuzz import hunt, read_soup, save_soup, try_soup
+from shading_atlas_bench.harness.conformance.fuzz import find_failure, read_soup, save_soup, try_soup
 from shading_atlas_bench.harness.conformance.trial import Finding, Stage
 from shading_atlas_bench.harness.plugins import load_packer
 
@@ -34,13 +34,13 @@ def kit(device, stages, packer_spec) -> Kit:
 def test_packers_pass_the_check(kit, name, request):
     if name.startswith("stress") and name not in ALWAYS and not request.config.getoption("--packer", default=None):
         pytest.skip("run with --packer, and by bench check")
-    found = guarded_run(name, CHECKS[name].run, kit, 60)
+    found = guarded_run(name, CHECKS[name].run, kit, 60 * CHECKS[name].patience)
     assert found.good, found.sentence
 
 
 def test_no_soup_breaks_a_packer(kit):
     """What breaks is kept, and tried on every packer from then on."""
-    smallest = hunt(kit.device, kit.kind, EXAMPLES, kit.parameters)
+    smallest = find_failure(kit.device, kit.kind, EXAMPLES, kit.parameters)
     if smallest:
         path = save_soup(REGRESSIONS, kit.kind.name, *smallest)
         pytest.fail(f"{smallest[1].status}: {smallest[1].sentence} Kept as {path.name}.")
@@ -62,7 +62,7 @@ def test_a_failing_soup_is_shrunk_and_kept(device, tmp_path, monkeypatch):
 
     monkeypatch.setattr("shading_atlas_bench.harness.conformance.fuzz.try_soup", breaks)
     (packer,) = load_packer("sas")
-    soup, found = hunt(device, type(packer), 20)
+    soup, found = find_failure(device, type(packer), 20)
     assert len(soup.corners) == 3
     assert len(soup.sets) == 1
     path = save_soup(tmp_path / "kept", "sas", soup, found)

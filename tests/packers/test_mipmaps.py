@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.harness.conformance.trial import Stage, try_method
-from shading_atlas_bench.harness.measure.lane import Lane
+from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth
 from shading_atlas_bench.harness.plugins import load_packer
 from shading_atlas_bench.harness.workload.settings import Settings
@@ -37,10 +37,10 @@ def scene(device):
 
 
 def packed(spec: str, scene):
-    """What a lane of this method packs."""
-    lane = Lane(*load_packer(spec), scene, Settings())
-    lane.prepare()
-    return lane.pack(frame_of(scene, 256, 256)).payload
+    """What a pipeline of this method packs."""
+    pipeline = Pipeline(*load_packer(spec), scene, Settings())
+    pipeline.prepare()
+    return pipeline.pack(frame_of(scene, 256, 256)).payload
 
 
 class Aliased:

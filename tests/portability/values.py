@@ -15,7 +15,7 @@ import numpy as np
 
 from shading_atlas_bench.harness.workload.prediction import predict
 from shading_atlas_bench.harness.workload.pvs import cell_eyes
-from shading_atlas_bench.harness.workload.views import Cell, CellFrustum, Pose, client_view, confined
+from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell, client_view, confined
 from shading_atlas_bench.kernels.metrics.flip import Filters, largest_colour_difference
 from shading_atlas_bench.kernels.metrics.iwssim import decorrelation
 from shading_atlas_bench.kernels.metrics.mse import psnr
@@ -71,7 +71,7 @@ def scene_hashes(name: str, detail: int | None) -> Iterator[tuple[str, str]]:
 def host_values(scene: Scene, path: CameraPath) -> Iterator[object]:
     """What goes to kernels and clients of a frame: cameras, views, predictions, shadows, slices."""
     poses = [Pose(path.positions[k], path.orientations[k]) for k in range(40)]
-    frustum = CellFrustum.around(Cell(), 60.0, 320, 180)
+    frustum = CellFrustum.around(ViewCell(), 60.0, 320, 180)
     server = frustum.server_view(poses[0], 0.02)
     guesses = predict(path.times_ms[:40], poses, [33.0, 100.0], scene.metres_per_unit)
     client = client_view(guesses[1], 60.0, 320, 180, 0.02)

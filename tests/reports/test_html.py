@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shading_atlas_bench.reports.charts.pictures import find_pictures
+from shading_atlas_bench.reports.charts.pictures import Pictures, embed, find_pictures
 from shading_atlas_bench.reports.pages.html import chosen_frames, write_report
 from shading_atlas_bench.reports.pages.tables import number, prose, ranges
 from shading_atlas_bench.reports.store.csv_files import write_all
@@ -142,6 +142,17 @@ def test_pictures_are_embedded_for_chosen_frames(folder: Path, page: str) -> Non
     client = base64.b64decode(entry["methods"]["sas"]["client"].removeprefix("data:image/png;base64,"))
     assert client == (folder / "pictures/sas-1a2b/frame_0009_client.png").read_bytes()
     assert entry["methods"]["sas"]["atlas"].startswith("data:image/jpeg;base64,")
+
+
+def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "frame_0000_atlas.png"
+    write_png(file, make_picture(0, 64, 36))
+    content = bytearray(file.read_bytes())
+    start = content.index(b"IDAT") + len(b"IDAT")
+    content[start : start + 16] = b"\xff" * 16
+    file.write_bytes(content)
+    with pytest.raises(OSError, match=r"frame_0000_atlas\.png cannot be embedded in the report: "):
+        embed(Pictures({}, {("sas", ""): {0: {"atlas": file}}}), [0], {("sas", ""): "sas"})
 
 
 def test_only_certain_differences_are_marked(page: str) -> None:

@@ -28,7 +28,7 @@ ROW = COMMON | {"codec": "none", "status": "ok"}
 
 def test_columns_are_the_promised_ones_and_documented() -> None:
     assert [column.name for column in FRAME_COLUMNS] == ISSUE_ORDER.replace("\n", "").split(",")
-    assert DOCUMENT.read_text(encoding="utf-8") == document(), "run python -m reports.columns"
+    assert DOCUMENT.read_text(encoding="utf-8") == document(), "run python -m shading_atlas_bench.reports.store.columns"
 
 
 def test_everything_committed_is_read_back(tmp_path: Path) -> None:

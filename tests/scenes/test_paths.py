@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from shading_atlas_bench.scenes.builder import Palette, ball, box, merge, sheet
 from shading_atlas_bench.scenes.hall import make_hall
 from shading_atlas_bench.scenes.load import load_scene
-from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Scene
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Material, Scene
 from shading_atlas_bench.scenes.paths import HALF_ACROSS, HALF_UP, CameraPath, PathError, list_paths, make_path
 from shading_atlas_bench.scenes.quaternions import conjugate, from_matrix, looking, multiply, rotate, slerp
 from shading_atlas_bench.scenes.village import make_village
@@ -35,7 +35,7 @@ def village() -> Scene:
 def _room(unit: float = 1.0, wall: bool = True, **properties) -> Scene:
     """A room of 8 x 3 x 8 m with a wall across most of it, in any unit."""
     palette = Palette()
-    m = palette.material("grey")
+    m = palette.material(Material("grey"))
     parts = [
         sheet((-4, 0, 4), (8, 0, 0), (0, 0, -8), m),
         sheet((-4, 3, -4), (8, 0, 0), (0, 0, 8), m),
@@ -53,7 +53,7 @@ def _room(unit: float = 1.0, wall: bool = True, **properties) -> Scene:
 
 def _object(scale: float) -> Scene:
     palette = Palette()
-    m = palette.material("grey")
+    m = palette.material(Material("grey"))
     scene = palette.assemble("thing", [merge([ball(1.0, 12, m), box((0, 1.5, 0), (0.5, 3, 4), m)])], place=False)
     scene.positions *= np.float32(scale)
     return scene

@@ -12,7 +12,7 @@ import pytest
 from shading_atlas_bench.arithmetic.functions import sin
 from shading_atlas_bench.scenes.builder import Palette, ball, box, boxes, merge, sheet
 from shading_atlas_bench.scenes.load import load_scene
-from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.model import Material, Scene
 from shading_atlas_bench.scenes.paths import make_path
 from shading_atlas_bench.scenes.rays import SLOPES, TURNS, Rays, panorama_directions
 from shading_atlas_bench.scenes.standing import decide
@@ -21,8 +21,8 @@ from tests.conftest import REAL_SCENES
 from tests.scenes.checks import nearest, point_distance
 
 PALETTE = Palette()
-GREY = PALETTE.material("grey")
-BOTH = PALETTE.material("seen from both sides", double_sided=True)
+GREY = PALETTE.material(Material("grey"))
+BOTH = PALETTE.material(Material("seen from both sides", double_sided=True))
 
 
 def _scene(*parts) -> Scene:

@@ -7,8 +7,7 @@ import zlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
-import numpy as np
-
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.harness.measure.validity import Violation
 from shading_atlas_bench.harness.measure.verification import lists as of_lists
 from shading_atlas_bench.harness.measure.verification.payload import (
@@ -49,7 +48,7 @@ class Verifier:
         self,
         frame: Frame,
         payload: Payload,
-        planes: Mapping[str, np.ndarray],
+        planes: Mapping[str, Bytes],
         owners: Owners | None,
         client: Client,
         stages: Iterable[str] | None,
@@ -82,9 +81,9 @@ class Verifier:
             yield violation("plain", 1, sentence)
 
     def _of_planes(
-        self, frame: Frame, payload: Payload, planes: Mapping[str, np.ndarray], owners: Owners | None, draw: str
+        self, frame: Frame, payload: Payload, planes: Mapping[str, Bytes], owners: Owners | None, draw: str
     ) -> Verified:
-        if owners is None:
+        if owners is None or payload.samples is None:
             return Verified(0)
         count = len(owners.texel)
         found = list(check_sample_count(payload, count))
@@ -107,10 +106,12 @@ class Verifier:
         return Verified(count, found)
 
 
-def name_draw(method: str, payload: Payload, planes: Mapping[str, np.ndarray]) -> str:
+def name_draw(method: str, payload: Payload, planes: Mapping[str, Bytes]) -> str:
     """A name for the random numbers that choose what is looked at: it depends on all that was sent, so that nobody can
     know the choice before and be right only there."""
     checksum = 0
-    for part in (*planes.values(), *payload.lists.values()):
-        checksum = zlib.crc32(part, checksum)
+    for plane in planes.values():
+        checksum = zlib.crc32(plane.data, checksum)
+    for lists in payload.lists.values():
+        checksum = zlib.crc32(lists, checksum)
     return f"{method} {checksum:08x}"

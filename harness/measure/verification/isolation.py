@@ -9,10 +9,10 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
-from typing import Any
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
 from shading_atlas_bench.harness.measure.validity import Violation
 from shading_atlas_bench.harness.measure.verification.lists import ListView, blended, list_views
 from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth, violation
@@ -40,7 +40,7 @@ OWN = ("shading_atlas_bench.packers.interface", "abc", "builtins")  # modules wh
 class Step:
     """An object, and how it is reached."""
 
-    value: Any
+    value: object
     path: str
 
 
@@ -65,7 +65,7 @@ def check_references(client: Client, scene: ServerScene, forbidden: dict[int, st
         yield violation("isolated", 1, f"The client holds over {MOST:,} objects: too many to tell what it shares.")
 
 
-def _forbidden_kind(value: Any) -> str | None:
+def _forbidden_kind(value: object) -> str | None:
     kinds = {ServerScene: "the server's scene", Packer: "a packer", Payload: "a payload", Frame: "a frame"}
     return next((name for kind, name in kinds.items() if isinstance(value, kind)), None)
 
@@ -140,14 +140,14 @@ def _own_classes(kind: type) -> list[type]:
     return [one for one in kind.__mro__ if one.__module__ not in OWN]
 
 
-def _slots(value: Any) -> tuple[str, ...]:
+def _slots(value: object) -> tuple[str, ...]:
     slots = getattr(type(value), "__slots__", ())
     return (slots,) if isinstance(slots, str) else tuple(slots)
 
 
-def shared_state(kinds: tuple[type, ...]) -> dict[str, Any]:
+def shared_state(kinds: tuple[type, ...]) -> dict[str, object]:
     """What classes and their modules keep outside of objects: prints of all their data by name."""
-    found: dict[str, Any] = {}
+    found: dict[str, object] = {}
     for one in {own for kind in kinds for own in _own_classes(kind)}:
         found |= {f"{one.__name__}.{name}": _print_of(part) for name, part in vars(one).items() if _is_data(name, part)}
         module = sys.modules.get(one.__module__)
@@ -156,16 +156,16 @@ def shared_state(kinds: tuple[type, ...]) -> dict[str, Any]:
     return found
 
 
-def _is_data(name: str, value: Any) -> bool:
+def _is_data(name: str, value: object) -> bool:
     """Functions are: they have defaults and attributes."""
     own = isinstance(value, FunctionType) or not callable(value)
     return own and not (name.startswith(("__", "_abc")) or isinstance(value, (ModuleType, property)))
 
 
-def _print_of(value: Any, depth: int = 4) -> Any:
+def _print_of(value: object, depth: int = 4) -> object:
     """What changes when a container does, or something in it."""
     if isinstance(value, np.ndarray) and value.dtype != object:
-        return id(value), zlib.crc32(np.ascontiguousarray(value))
+        return id(value), zlib.crc32(value.tobytes())
     if depth == 0:
         return id(value)
     if isinstance(value, dict):
@@ -180,14 +180,14 @@ def _print_of(value: Any, depth: int = 4) -> Any:
     return id(value), _print_of(getattr(value, "__dict__", None), depth - 1)
 
 
-def check_shared_state(before: dict[str, Any], after: dict[str, Any]) -> Iterator[Violation]:
+def check_shared_state(before: dict[str, object], after: dict[str, object]) -> Iterator[Violation]:
     """That packing and drawing keep nothing in classes and modules."""
     if changed := sorted(name for name in after if name not in before or after[name] != before[name]):
         names = ", ".join(changed)
         yield violation("isolated", len(changed), f"State is kept outside of packer and client, in {names}.")
 
 
-def fixed(array: np.ndarray) -> np.ndarray:
+def fixed(array: Bytes) -> Bytes:
     """The array, which nobody writes to any more: what clients are given is what is checked."""
     array.flags.writeable = False
     return array
@@ -229,8 +229,8 @@ def check_isolation(truth: Truth, make: Callable[[], Packer], frame: Frame, view
 class _Shown:
     """A picture on the host: rgb uint8 (h, w, 3), triangle int32 (h, w) or None."""
 
-    rgb: np.ndarray
-    triangle: np.ndarray | None
+    rgb: Bytes
+    triangle: Ints | None
 
     @classmethod
     def by(cls, client: Client, view: View) -> _Shown:
@@ -263,7 +263,7 @@ def _check_again(truth: Truth, packer: Packer, payload: Decoded, view: View, sho
         yield from _check_inverted(truth, shown, inverted)
 
 
-def _check_decoy(truth: Truth, client: Client, view: View, sent: np.ndarray) -> Iterator[Violation]:
+def _check_decoy(truth: Truth, client: Client, view: View, sent: Ints) -> Iterator[Violation]:
     """A client that was sent few triangles shows no others, and one that was sent lists shows these."""
     held = client.fragments()
     if held:
@@ -299,7 +299,7 @@ def _check_blend(truth: Truth, client: Client, lists: ListView) -> Iterator[Viol
         yield violation("isolated", wrong, sentence)
 
 
-def _check_inverted(truth: Truth, shown: _Shown, inverted: np.ndarray) -> Iterator[Violation]:
+def _check_inverted(truth: Truth, shown: _Shown, inverted: Bytes) -> Iterator[Violation]:
     """Inverted planes show an inverted picture, where opaque triangles are drawn."""
     drawn = np.ones(inverted.shape[:2], bool)
     if shown.triangle is not None:

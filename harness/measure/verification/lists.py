@@ -21,15 +21,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
+from shading_atlas_bench.arithmetic.arrays import Array, Bools, Bytes, Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import product
-from shading_atlas_bench.harness.measure.validity import Violation
+from shading_atlas_bench.harness.measure.validity import Violation, Whole
 from shading_atlas_bench.harness.measure.verification.rays import Hits, cast_rays
 from shading_atlas_bench.harness.measure.verification.truth import CHOSEN, LEVELS, Truth, violation
 from shading_atlas_bench.packers.cell_views import owned_pixels, owners
 from shading_atlas_bench.packers.interface import ALIKE, Frame, HeldLists, Payload, View
+
+Number = TypeVar("Number", bound=np.generic)
 
 HEADER, COLOUR, NORMAL = 4, 12, 24  # bytes: of a pixel, of a fragment, of one with a normal and a position
 NEAREST = 0.01  # share of pixels whose nearest fragment may be another: sets and rounding explain some
@@ -90,7 +95,7 @@ class ListView:
 
     view: View
     parts: tuple[HeldLists, ...]
-    owned: np.ndarray
+    owned: Bools
 
 
 def list_views(held: tuple[HeldLists, ...]) -> list[ListView]:
@@ -101,7 +106,7 @@ def list_views(held: tuple[HeldLists, ...]) -> list[ListView]:
         parts.setdefault(part.view.view.tobytes() + part.view.projection.tobytes() + size.tobytes(), []).append(part)
     views = [some[0].view for some in parts.values()]
     owned = [owned_pixels(views, number).ravel() for number in range(len(views))]
-    return [ListView(*of) for of in zip(views, map(tuple, parts.values()), owned, strict=True)]
+    return [ListView(view, tuple(some), own) for view, some, own in zip(views, parts.values(), owned, strict=True)]
 
 
 def check_fragments(
@@ -121,7 +126,7 @@ def check_fragments(
     if holds in ("every", "nearest"):
         yield from _check_exactly(truth, hits, lists, pixel, eye, holds == "nearest")
         return
-    colours = truth.shade(hits.triangle, hits.bary, hits.footprint, eye)
+    colours = truth.shade(hits, eye)
     if holds == "moved":
         yield from _check_moved(hits, colours, lists)
     else:
@@ -129,7 +134,7 @@ def check_fragments(
         yield from _check_blends(hits, colours, lists, pixel, in_parts, ALIKE if holds == "alike" else 0)
 
 
-def is_at(view: View, eye: np.ndarray) -> bool:
+def is_at(view: View, eye: Doubles) -> bool:
     """Whether a view is seen from an eye, float64 (3), up to the rounding of its matrix: that is relative to how far
     the eye is from the origin, whichever of its coordinates are near 0."""
     return bool(np.abs(view.eye - eye).max() <= SAME_EYE * np.abs(eye).max())
@@ -144,26 +149,27 @@ def _check_views(truth: Truth, frame: Frame, method: str, holds: str, views: lis
     rays = product(rays, frame.server.view[:3, :3])
     owner = owners([of.view for of in views], rays)
     inside = np.stack([_is_in_picture(of.view, rays) for of in views])[owner, np.arange(CHOSEN)]
-    if not inside.all():
-        sentence = f"{np.count_nonzero(~inside)} of {CHOSEN} rays of the cell's frustum are in no picture of lists."
-        yield violation("fragments", np.count_nonzero(~inside), sentence)
+    if outside := int(np.count_nonzero(~inside)):
+        sentence = f"{outside} of {CHOSEN} rays of the cell's frustum are in no picture of lists."
+        yield violation("fragments", outside, sentence)
     stray, count = 0, count_fragments(tuple(part for of in views for part in of.parts))
     for of in views if len(views) > 1 else ():
         for part in of.parts:
             pixel = np.repeat(np.arange(len(of.owned)), np.diff(part.offsets))
-            stray += np.count_nonzero((part.rgba[:, 3] > 0) & ~of.owned[pixel])
+            stray += int(np.count_nonzero((part.rgba[:, 3] > 0) & ~of.owned[pixel]))
     if stray > (STRAY * count if holds == "moved" else 0):
         sentence = f"{stray} of {count} fragments lie on rays that belong to another view than theirs."
         yield violation("once", stray, sentence)
 
 
-def _is_in_picture(view: View, rays: np.ndarray) -> np.ndarray:
-    """bool (n), of rays (n, 3) in scene axes."""
+def _is_in_picture(view: View, rays: Doubles) -> Bools:
+    """(n), of rays (n, 3) in scene axes."""
     x, y, _, w = product(rays, product(view.projection[:, :3], view.view[:3, :3]).T).T
-    return (w > 0) & (np.maximum(np.abs(x), np.abs(y)) <= w * (1 + 1e-9))
+    inside: Bools = (w > 0) & (np.maximum(np.abs(x), np.abs(y)) <= w * (1 + 1e-9))
+    return inside
 
 
-def _chosen(truth: Truth, frame: Frame, method: str, views: list[ListView]) -> tuple[np.ndarray, np.ndarray]:
+def _chosen(truth: Truth, frame: Frame, method: str, views: list[ListView]) -> tuple[Whole, Whole]:
     """Some pixels whose rays belong to their views: int (CHOSEN) each, the view's number and the pixel."""
     places = [np.flatnonzero(of.owned) for of in views]
     ends = np.cumsum([len(of) for of in places])
@@ -172,7 +178,7 @@ def _chosen(truth: Truth, frame: Frame, method: str, views: list[ListView]) -> t
     return number, np.array([places[of][place - ends[of]] for of, place in zip(number, at, strict=True)])
 
 
-def _cast(truth: Truth, frame: Frame, views: list[ListView], number: np.ndarray, pixel: np.ndarray) -> Hits:
+def _cast(truth: Truth, frame: Frame, views: list[ListView], number: Whole, pixel: Whole) -> Hits:
     """What the rays through pixels of views meet; a ray's number is that of its pixel among them."""
     found = []
     for at in np.unique(number):
@@ -186,8 +192,8 @@ def _cast(truth: Truth, frame: Frame, views: list[ListView], number: np.ndarray,
 class List:
     """One pixel's visible fragments of all parts, nearest first: rgba uint8 (n, 4), depth float64 (n)."""
 
-    rgba: np.ndarray
-    depth: np.ndarray
+    rgba: Bytes
+    depth: Doubles
 
 
 def _at(parts: tuple[HeldLists, ...], pixel: int) -> List:
@@ -216,13 +222,15 @@ def _check_nearest(truth: Truth, frame: Frame, views: list[ListView]) -> Iterato
         yield violation("fragments", wrong.size, sentence, texels=wrong)
 
 
-def _nearest_surfaces(truth: Truth, view: View) -> tuple[np.ndarray, np.ndarray]:
-    """Depth float32 and triangle int32 (pixels), 0 and -1 where there is nothing."""
-    scene, camera = truth.scene, (view.view, view.projection, view.width, view.height)
+def _nearest_surfaces(truth: Truth, view: View) -> tuple[Floats, Ints]:
+    """Depth and triangle (pixels), 0 and -1 where there is nothing."""
+    scene = truth.scene
     if scene.layers is None:
-        visible = scene.rasteriser.draw(*camera, stage="check")
+        visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="check")
         return visible.depth.get().ravel(), visible.triangle.get().ravel()
-    visible, fragments = scene.layers.rasteriser.draw(*camera, stage="check")
+    visible, fragments = scene.layers.rasteriser.draw(
+        view.view, view.projection, view.width, view.height, stage="check"
+    )
     depth, ids = visible.depth.get().ravel(), visible.triangle.get().ravel()
     n = fragments.count
     opacity = scene.layers.opacity.of(fragments.samples, "check").get()[:n]
@@ -231,7 +239,7 @@ def _nearest_surfaces(truth: Truth, view: View) -> tuple[np.ndarray, np.ndarray]
     return np.where(nearer > 0, nearer, depth), np.where(nearer > 0, covered - 1, ids)
 
 
-def _first_visible(offsets: np.ndarray, opacity: np.ndarray, depth: np.ndarray) -> np.ndarray:
+def _first_visible(offsets: Whole, opacity: Array, depth: NDArray[Number]) -> NDArray[Number]:
     """Of each pixel's first fragment that has any opacity, its entry in `depth` (n), or 0: (pixels)."""
     if not opacity.all():
         seen = np.flatnonzero(opacity)
@@ -243,13 +251,15 @@ def _first_visible(offsets: np.ndarray, opacity: np.ndarray, depth: np.ndarray) 
 
 
 def _check_exactly(
-    truth: Truth, hits: Hits, lists: list[List], pixel: np.ndarray, eye: np.ndarray, may_end: bool
+    truth: Truth, hits: Hits, lists: list[List], pixel: Whole, eye: Doubles, may_end: bool
 ) -> Iterator[Violation]:
     """Each certain hit is one fragment, and each fragment one hit."""
-    missing, added, pairs = [], [], []
+    missing: list[int] = []
+    added: list[int] = []
+    pairs: list[tuple[int, int, list[int]]] = []
     for number, fragments in enumerate(lists):
         own = np.flatnonzero(hits.ray == number)
-        free = list(own)
+        free: list[int] = own.tolist()
         for at, depth in enumerate(fragments.depth):
             off = np.abs(hits.depth[free] - depth) - hits.reach[free] - SAME_DEPTH * depth
             if not free or not off.min() <= 0:
@@ -270,7 +280,7 @@ def _check_exactly(
 
 
 def _wrongly_coloured(
-    truth: Truth, hits: Hits, lists: list[List], pairs: list[tuple[int, int, list[int]]], eye: np.ndarray
+    truth: Truth, hits: Hits, lists: list[List], pairs: list[tuple[int, int, list[int]]], eye: Doubles
 ) -> list[int]:
     """Numbers of lists with a fragment whose colour or opacity is that of none of the hits at its depth."""
     if not pairs:
@@ -278,15 +288,15 @@ def _wrongly_coloured(
     tried = [(which, hit) for which, (_, _, fits) in enumerate(pairs) for hit in fits]
     which, hit = np.array(tried).T
     rgba = np.array([lists[number].rgba[at] for number, at, _ in pairs])[which]
-    points = (hits.triangle[hit], hits.bary[hit], hits.footprint[hit])
-    low, high = hits.opacity[hit].T
-    fine = truth.off(rgba[:, :3], points, eye) <= LEVELS
+    met = hits.at(hit)
+    low, high = met.opacity.T
+    fine = truth.off(rgba[:, :3], met, eye) <= LEVELS
     fine &= (rgba[:, 3] >= low - OPACITY) & (rgba[:, 3] <= high + OPACITY)
     matched = np.bincount(which[fine], minlength=len(pairs)) > 0
     return [number for (number, _, _), good in zip(pairs, matched, strict=True) if not good]
 
 
-def _check_moved(hits: Hits, colours: np.ndarray, lists: list[List]) -> Iterator[Violation]:
+def _check_moved(hits: Hits, colours: Bytes, lists: list[List]) -> Iterator[Violation]:
     """Most certain hits have a fragment about there that looks about so."""
     certain = np.flatnonzero(hits.certain)
     found = 0
@@ -301,7 +311,7 @@ def _check_moved(hits: Hits, colours: np.ndarray, lists: list[List]) -> Iterator
 
 
 def _check_blends(
-    hits: Hits, colours: np.ndarray, lists: list[List], pixel: np.ndarray, in_parts: bool, slack: int
+    hits: Hits, colours: Bytes, lists: list[List], pixel: Whole, in_parts: bool, slack: int
 ) -> Iterator[Violation]:
     """Lists blend to the colour of what rays meet, where rounding decides neither that nor its order."""
     bad = []
@@ -319,7 +329,7 @@ def _check_blends(
         yield violation("colours", len(bad), sentence, texels=pixel[bad])
 
 
-def blended(colours: np.ndarray, opacity: np.ndarray) -> np.ndarray:
+def blended(colours: Array, opacity: Array) -> Doubles:
     """float64 (4): colours (n, 3) of opacities (n), of 255, nearest first, over nothing; and what they let through."""
     through = np.cumprod(np.concatenate([[1.0], 1 - np.asarray(opacity, np.float64) / 255]))
     weights = through[:-1] * np.asarray(opacity) / 255

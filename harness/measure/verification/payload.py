@@ -6,14 +6,18 @@ import inspect
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import fields
 from numbers import Real
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.harness.measure.validity import Violation
-from shading_atlas_bench.harness.measure.verification.truth import CHOSEN, LEVELS, Truth, violation
+from shading_atlas_bench.harness.measure.verification.truth import CHOSEN, LEVELS, Points, Truth, violation
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.packers.interface import ALPHA, Frame, Owners, Payload
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
 
 GROUPS = ("structs/", "gather/")
 OPACITY = 3  # levels of 255 that an opacity may be off
@@ -74,15 +78,15 @@ def statistics_of(payload: Payload) -> dict[str, float]:
     return {name: float(value) for name, value in known if isinstance(value, Real) and np.isfinite(value)}
 
 
-def _all_of(values: Any, kinds: tuple[type, ...]) -> bool:
+def _all_of(values: object, kinds: tuple[type, ...]) -> bool:
     return type(values) is dict and all(type(value) in kinds for value in values.values())
 
 
-def _is_name(name: Any) -> bool:
+def _is_name(name: object) -> bool:
     return type(name) is str and name.isidentifier() and len(name) <= LONGEST_NAME
 
 
-def _arrays(samples: Samples) -> tuple:
+def _arrays(samples: Samples) -> tuple[Array, ...]:
     return samples.triangle, samples.bary1, samples.bary2, samples.footprint, samples.texel
 
 
@@ -94,7 +98,7 @@ def check_sample_count(payload: Payload, derived: int, share: float = 0.0) -> It
 
 
 def check_texels(
-    truth: Truth, frame: Frame, draw: str, samples: Samples, owners: Owners, planes: Mapping[str, np.ndarray]
+    truth: Truth, frame: Frame, draw: str, samples: Samples, owners: Owners, planes: Mapping[str, Bytes]
 ) -> Iterator[Violation]:
     """Colours, and opacities, of some texels against float64.
 
@@ -108,7 +112,7 @@ def check_texels(
     within &= (triangle >= 0) & (triangle < truth.triangles.count)  # others break a rule of harness/measure/validity.py
     chosen, texel, triangle = chosen[within], texel[within], triangle[within]
     footprint = samples.footprint.get()[chosen].astype(np.float64)
-    points = (triangle, owners.bary[chosen].astype(np.float64), footprint)
+    points = Points(triangle, owners.bary[chosen].astype(np.float64), footprint)
     colours = {name: plane.reshape(-1, 4)[texel, :3] for name, plane in planes.items()}
     (shaded,) = (values for name, values in colours.items() if name != ALPHA)
     off = truth.off(shaded, points, frame.server.eye)
@@ -118,7 +122,7 @@ def check_texels(
         )
         yield violation("colours", bad.size, sentence, triangle[bad], texel[bad])
     if ALPHA in colours:
-        low, high = truth.opacity(*points).T
+        low, high = truth.opacity(points).T
         alpha = colours[ALPHA].astype(np.float64)
         wrong = (alpha.min(axis=1) < low - OPACITY) | (alpha.max(axis=1) > high + OPACITY)
         if (bad := np.flatnonzero(wrong)).size:

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bools, Floats, Ints
 from shading_atlas_bench.harness.measure.exact import DEPTH
 from shading_atlas_bench.harness.measure.novel_view import Seen
-from shading_atlas_bench.harness.measure.validity import Violation
+from shading_atlas_bench.harness.measure.validity import Violation, Whole
 from shading_atlas_bench.harness.measure.verification.truth import Truth, violation
 from shading_atlas_bench.kernels.raster.camera import SUBPIXELS, Camera
 from shading_atlas_bench.packers.interface import Frame, Image, Payload
@@ -53,7 +54,7 @@ def _is_plain(truth: Truth, image: Image, size: tuple[int, int]) -> bool:
     )
 
 
-def _check_ids(truth: Truth, novel: Seen, ids: np.ndarray, known: np.ndarray) -> tuple[float, list[Violation]]:
+def _check_ids(truth: Truth, novel: Seen, ids: Ints, known: Bools) -> tuple[float, list[Violation]]:
     count, reference = truth.triangles.count, novel.visibility
     strange = (ids < -1) | (ids >= count)
     ids = np.where(strange, -1, ids)
@@ -75,7 +76,7 @@ def _check_ids(truth: Truth, novel: Seen, ids: np.ndarray, known: np.ndarray) ->
     return float(holes.mean()), found
 
 
-def _can_be_seen(truth: Truth, novel: Seen, triangle: np.ndarray, pixel: np.ndarray) -> np.ndarray:
+def _can_be_seen(truth: Truth, novel: Seen, triangle: Ints, pixel: Whole) -> Bools:
     """Whether triangles (n) come within MARGIN of the centres of pixels (n): bool (n)."""
     view, triangles = novel.view, truth.triangles
     camera = Camera.of(view.view, view.projection, view.width, view.height)
@@ -89,11 +90,12 @@ def _can_be_seen(truth: Truth, novel: Seen, triangle: np.ndarray, pixel: np.ndar
         margins = (edges * at[:, None]).sum(axis=2) / np.sqrt(
             edges[..., 0] * edges[..., 0] + edges[..., 1] * edges[..., 1]
         )
-    return (margins >= -MARGIN - DEPTH).all(axis=1)
+    seen: Bools = np.all(margins >= -MARGIN - DEPTH, axis=1)
+    return seen
 
 
 def _check_depth(
-    truth: Truth, frame: Frame, draw: str, novel: Seen, depth: np.ndarray, known: np.ndarray
+    truth: Truth, frame: Frame, draw: str, novel: Seen, depth: Floats, known: Bools
 ) -> Iterator[Violation]:
     """Depths that a client claims, at some pixels of surfaces that it was sent."""
     places = np.flatnonzero(known[novel.triangle])

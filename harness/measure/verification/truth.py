@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import zlib
+from dataclasses import dataclass, replace
 from functools import cached_property
 from threading import Lock
 from typing import TYPE_CHECKING
@@ -10,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic import draws
-from shading_atlas_bench.harness.measure.validity import FIRST, Violation
+from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles, Floats, Ints
+from shading_atlas_bench.harness.measure.validity import Violation, Whole, first_few
 from shading_atlas_bench.kernels.fragments.opacity import opacity_twin
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.shade.shade import shade_twin
@@ -23,6 +25,20 @@ LEVELS = 2  # of 255, by which a colour may differ from what the shading functio
 CHOSEN = 64  # texels, pixels or fragments examined per frame
 THINNEST = 1e-5  # height over longest edge, below which float32 does not tell where a face looks
 NUDGES = 1e-5 * np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # barycentrics that rounding may be off
+NONE: Ints = np.empty(0, np.int32)
+
+
+@dataclass(frozen=True)
+class Points:
+    """Surface points: triangle int (n), scene ids. bary float64 (n, 2). footprint float64 (n), as samples have it."""
+
+    triangle: Whole
+    bary: Doubles
+    footprint: Doubles
+
+    def at(self, chosen: Whole) -> Points:
+        """Those of these numbers."""
+        return Points(self.triangle[chosen], self.bary[chosen], self.footprint[chosen])
 
 
 class Truth:
@@ -51,75 +67,95 @@ class Truth:
         return self.scene.triangles
 
     @cached_property
-    def blended(self) -> np.ndarray:
-        """bool (T)."""
+    def blended(self) -> Bools:
+        """(T): whether triangles are blended."""
         return (self.triangles.host_flags & Triangles.BLENDED) > 0
 
     @cached_property
-    def _shading(self) -> tuple:
-        shader = self.scene.shader
-        return shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get()
+    def _faces(self) -> Ints:
+        faces: Ints = self.scene.shader.faces.get()
+        return faces
 
-    def shade(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray, eye: np.ndarray) -> np.ndarray:
-        """uint8 (n, 3) of surface points: triangle int (n), bary (n, 2), footprint (n), seen from eye (3)."""
-        if not len(triangle):
+    @cached_property
+    def _shadow_maps(self) -> Floats:
+        maps: Floats = self.scene.shader.shadows.maps.get()
+        return maps
+
+    def shade(self, points: Points, eye: Doubles) -> Bytes:
+        """(n, 3), of surface points seen from eye (3)."""
+        if not len(points.triangle):
             return np.empty((0, 3), np.uint8)
+        shader = self.scene.shader
         with np.errstate(all="ignore"):  # a corner in a light or without a normal
-            return shade_twin(*self._shading, triangle, bary, footprint, eye)[:, :3]
+            return shade_twin(
+                shader.tables,
+                self._faces,
+                shader.textures,
+                self._shadow_maps,
+                points.triangle,
+                points.bary,
+                points.footprint,
+                eye,
+            )[:, :3]
 
-    def opacity(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    def opacity(self, points: Points) -> Doubles:
         """float64 (n, 2): from and to where, of 255, surface points may cover what is behind them.
 
         Textures are looked up at one mip level: the range is that of the two levels that a footprint lies between.
         """
         layers = self.scene.layers
-        if layers is None or not len(triangle):
-            return np.full((len(triangle), 2), 255.0)
+        if layers is None or not len(points.triangle):
+            return np.full((len(points.triangle), 2), 255.0)
         with np.errstate(all="ignore"):
-            tries = [opacity_twin(layers.opacity, triangle, bary, footprint * by) for by in (0.99, 1.0, 1.01)]
+            tries = [
+                opacity_twin(layers.opacity, points.triangle, points.bary, points.footprint * by)
+                for by in (0.99, 1.0, 1.01)
+            ]
         return np.stack([np.min(tries, axis=0), np.max(tries, axis=0)], axis=1)
 
-    def is_flat(self, triangle: np.ndarray) -> np.ndarray:
-        """bool (n): whether triangles are lower than THINNEST of their longest edge."""
+    def is_flat(self, triangle: Whole) -> Bools:
+        """(n): whether triangles are lower than THINNEST of their longest edge."""
         corners = self.triangles.host_positions[self.triangles.host_indices[triangle]].astype(np.float64)
         sides = corners - np.roll(corners, 1, axis=1)
         longest = (sides * sides).sum(axis=2).max(axis=1, initial=0)
-        return ~(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) > THINNEST * longest)
+        flat: Bools = ~(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1) > THINNEST * longest)
+        return flat
 
-    def off(
-        self, colours: np.ndarray, points: tuple[np.ndarray, np.ndarray, np.ndarray], eye: np.ndarray
-    ) -> np.ndarray:
-        """int (n): levels by which colours uint8 (n, 3) differ from those of surface points, as for `shade`.
+    def off(self, colours: Bytes, points: Points, eye: Doubles) -> Whole:
+        """(n): levels by which colours (n, 3) differ from those of surface points, as for `shade`.
 
         Where rounding decides (at a shadow's edge, between texels, on triangles that reach far beyond the scene), the
         nearest colour close by counts, or what the shading function itself gives the point here; any does on triangles
         too thin to have a side in float32.
         """
-        triangle, bary, footprint = points
-        off = np.where(self.is_flat(triangle), 0, _apart(colours, self.shade(*points, eye)))
+        off: Whole = np.where(self.is_flat(points.triangle), 0, _apart(colours, self.shade(points, eye)))
         far = np.flatnonzero(off > LEVELS)
         for nudge in NUDGES if far.size else ():
-            near = self.shade(triangle[far], bary[far] + nudge, footprint[far], eye)
-            off[far] = np.minimum(off[far], _apart(colours[far], near))
+            near = points.at(far)
+            moved = self.shade(replace(near, bary=near.bary + nudge), eye)
+            off[far] = np.minimum(off[far], _apart(colours[far], moved))
         far = np.flatnonzero(off > LEVELS)
         if far.size:
-            off[far] = _apart(colours[far], self._rounded(triangle[far], bary[far], footprint[far], eye))
+            off[far] = _apart(colours[far], self._rounded(points.at(far), eye))
         return off
 
-    def _rounded(self, triangle: np.ndarray, bary: np.ndarray, footprint: np.ndarray, eye: np.ndarray) -> np.ndarray:
+    def _rounded(self, points: Points, eye: Doubles) -> Bytes:
         """As `shade`, in float32: the shading kernel, launched from here."""
-        device, count = self.scene.device, len(triangle)
+        device, count = self.scene.device, len(points.triangle)
+        bary1, bary2 = points.bary.T
         with self.drawing:
-            samples = Samples.upload(device, triangle, *bary.T, footprint, np.arange(count))
+            samples = Samples.upload(device, points.triangle, bary1, bary2, points.footprint, np.arange(count))
             colours = device.zeros((1, count, 4), np.uint8)
             self.scene.shader.shade(samples, eye, colours, stage="check")
-            return colours.get()[0, :, :3]
+            shaded: Bytes = colours.get()[0, :, :3]
+            return shaded
 
 
-def _apart(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    return np.abs(one.astype(np.int16) - other).max(axis=1, initial=0)
+def _apart(one: Bytes, other: Bytes) -> Whole:
+    levels: Whole = np.abs(one.astype(np.int16) - other).max(axis=1, initial=0)
+    return levels
 
 
-def violation(rule: str, count: int, sentence: str, triangles=(), texels=()) -> Violation:
-    """A violation with its first offenders; triangles, texels: int (n)."""
-    return Violation(rule, int(count), sentence, *(tuple(int(v) for v in some[:FIRST]) for some in (triangles, texels)))
+def violation(rule: str, count: int, sentence: str, triangles: Whole = NONE, texels: Whole = NONE) -> Violation:
+    """A violation with its first offenders; triangles, texels: (n)."""
+    return Violation(rule, count, sentence, first_few(triangles), first_few(texels))

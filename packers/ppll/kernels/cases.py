@@ -10,9 +10,12 @@ from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, s
 from shading_atlas_bench.kernels.fragments.cases import fragments_of, host, most_layers
 from shading_atlas_bench.kernels.inputs.soups import look_at, perspective
 from shading_atlas_bench.kernels.raster.cases import camera
+from shading_atlas_bench.packers.interface import View
 from shading_atlas_bench.packers.ppll.kernels.inputs import normal_lists, random_lists
-from shading_atlas_bench.packers.ppll.kernels.limit import limit_fragments, limit_twin
+from shading_atlas_bench.packers.ppll.kernels.limit import Depth, limit_fragments, limit_twin
 from shading_atlas_bench.packers.ppll.kernels.lists import (
+    Lists,
+    ListView,
     changed_colours,
     changed_lists,
     changed_twin,
@@ -38,7 +41,10 @@ from shading_atlas_bench.packers.ppll.kernels.splat import draw_lists, draw_list
 from shading_atlas_bench.packers.ppll.kernels.wire import LAYOUTS, write_lists, write_twin
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.fragments.build import Fragments
 
 
 LIMITING = {
@@ -55,21 +61,21 @@ def limiting(device: Device, kind: str, size: int) -> Trial:
     _, fragments = fragments_of(device, kind, size)
     levels = [0, 51, 102, 127, 128] if kind == "adversarial" else [0, 1, 100, 128, 255]
     opacity = seeded(kind).choice(levels, fragments.count).astype(np.int32)
-    uploaded, limits = device.upload(opacity), (4, 0.8)
+    uploaded, depth = device.upload(opacity), Depth(4, 0.8)
     spans = np.sort(seeded(kind).integers(0, size + 1, (fragments.height, 2)).astype(np.int32), axis=1)
 
-    def run() -> tuple:
-        return limit_fragments(device, fragments, uploaded, *limits, spans, "limit")
+    def run() -> tuple[Fragments, Array | None]:
+        return limit_fragments(device, fragments, uploaded, depth, spans, "limit")
 
     def results() -> list[Result]:
         kept, left = run()
-        expected = limit_twin(fragments.offsets.get(), opacity, *limits, spans, fragments.width)
+        expected = limit_twin(fragments.offsets.get(), opacity, depth, spans, fragments.width)
         found, wanted = np.zeros((2, fragments.pixels), np.int64)
         found[:] = np.diff(kept.offsets.get())
         np.add.at(wanted, host(fragments)[3][expected], 1)
-        same = kept.count == len(expected)
-        values = [Result(left.get()[: kept.count], opacity[expected])] if same else []
-        return [Result(found, wanted), *values]
+        if left is None or kept.count != len(expected):
+            return [Result(found, wanted)]
+        return [Result(found, wanted), Result(left.get()[: kept.count], opacity[expected])]
 
     counts = {"n": fragments.count, "kept": run()[0].count, "pixels": fragments.pixels}
     return Trial(counts, run, results)
@@ -93,18 +99,16 @@ def rows(device: Device, kind: str, size: int) -> Trial:
     colours = device.upload(rng.integers(0, 256, (1, n, 4)).astype(np.uint8))
     projection, uploaded = perspective(80, 16 / 9), device.upload(vertices)
 
-    def run() -> tuple:
-        known = (device, fragments, colours, None)
-        return (
-            normal_rows(*known, triangles, uploaded, projection, "rows"),
-            colour_rows(*known, "rows"),
-        )
+    def run() -> tuple[Array, Array]:
+        normal = normal_rows(device, fragments, colours, None, triangles, uploaded, projection, "rows")
+        return normal, colour_rows(device, fragments, colours, None, "rows")
 
     def results() -> list[Result]:
         packed, coloured = (array.get()[:n] for array in run())
         depth, rgba = fragments.depth.get()[:n], colours.get().view(np.uint32).ravel()[:n]
-        known = (fragments.samples, depth, triangles, vertices[:, 3:6], projection, view.width, view.height)
-        smooth, positions = rows_twin(*known)
+        smooth_normals = vertices[:, 3:6]
+        surface = (fragments.samples, depth, triangles, smooth_normals, projection, view.width, view.height)
+        smooth, positions = rows_twin(*surface)
         return [
             Result(normals_twin(packed[:, 1].copy()), smooth),
             Result(packed[:, 2:].copy().view(np.float32), positions),
@@ -132,11 +136,11 @@ def splicing(device: Device, kind: str, size: int) -> Trial:
     offsets, rows = held.host()
     some = rng.random(len(rows)) < 0.1
     rows[some, 0] ^= rng.choice([1, 4, 1 << 20], some.sum()).astype(np.uint32)
-    fresh = type(held).upload(device, held.width, held.height, offsets, rows)
-    blended = [device.upload(rng.integers(0, 9, (held.pixels, 4), dtype=np.uint8)) for _ in range(2)]
+    fresh = Lists.upload(device, held.width, held.height, offsets, rows)
+    shown, now = (device.upload(rng.integers(0, 9, (held.pixels, 4), dtype=np.uint8)) for _ in range(2))
 
-    def run() -> tuple:
-        changed_colours(device, fresh, *blended, 3, "lists")
+    def run() -> tuple[Lists, Lists]:
+        changed_colours(device, fresh, shown, now, 3, "lists")
         changed = changed_lists(device, fresh, held, 3, 1e-4, "lists")
         count_deleted(device, changed, "lists")
         return changed, splice_lists(device, held, changed, "lists")
@@ -171,7 +175,7 @@ def writing(device: Device, kind: str, size: int) -> Trial:
 
     wanted = [(lists, layout) for lists in nodes.values() for layout in LAYOUTS]
 
-    def run() -> list:
+    def run() -> list[Array]:
         return [write_lists(device, lists, layout, "wire") for lists, layout in wanted]
 
     def results() -> list[Result]:
@@ -203,7 +207,7 @@ def matching(device: Device, kind: str, size: int) -> Trial:
     turn = turning(np.eye(4), look_at((0.3, 0, 0.1), (0.2, 0.1, -4)))
     projection = perspective(80, 1.5)
 
-    def run() -> tuple:
+    def run() -> tuple[Lists, Lists, Lists, Lists]:
         moved = move_lists(device, held, turn, projection, "match")
         changes = find_differences(device, moved, fresh, 0.03, 60, "match")
         merged = merge_differences(device, moved, changes, None, "match")
@@ -238,8 +242,8 @@ def splatting(device: Device, kind: str, size: int) -> Trial:
     rng, shape = seeded(kind), (size, size * 2 // 3)
     lists = [random_lists(device, rng, *shape, most_layers(kind))]
     shift = 0.3 if kind == "adversarial" else 0.05
-    taken = [((np.eye(4), perspective(80, 1.5)), lists)]
-    seen = (look_at((shift, 0, 0), (shift, 0, -5)), perspective(60, 1.5))
+    taken = [ListView(View(np.eye(4), perspective(80, 1.5), *shape), lists)]
+    seen = View(look_at((shift, 0, 0), (shift, 0, -5)), perspective(60, 1.5), *shape)
     background = rng.integers(0, 256, (*shape[::-1], 4)).astype(np.uint8)
     uploaded, picture = device.upload(background), device.upload(background)
     depth = device.empty(shape[::-1], np.float32)

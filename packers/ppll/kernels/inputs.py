@@ -1,16 +1,25 @@
 """Lists of fragments."""
 
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from shading_atlas_bench.kernels.inputs.lists import random_rows
 from shading_atlas_bench.kernels.inputs.soups import perspective
 from shading_atlas_bench.packers.ppll.kernels.lists import Lists
 
+if TYPE_CHECKING:
+    from shading_atlas_bench.kernels.device import Device
+
 SIZE = (24, 16)
 PROJECTION = perspective(80, SIZE[0] / SIZE[1])
 
 
-def normal_lists(device, rng, most=6, near=1.0, size=SIZE):
+def normal_lists(
+    device: Device, rng: np.random.Generator, most: int = 6, near: float = 1.0, size: tuple[int, int] = SIZE
+) -> Lists:
     """Lists of fragments that lie in their pixels; a fifth of the distances occurs twice."""
     pixels = size[0] * size[1]
     counts = rng.integers(0, most, pixels) * (rng.random(pixels) < 0.8)
@@ -27,6 +36,9 @@ def normal_lists(device, rng, most=6, near=1.0, size=SIZE):
     return Lists.upload(device, *size, np.concatenate([[0], np.cumsum(counts)]), rows)
 
 
-def random_lists(device, rng, width=24, height=16, most=6, words=2):
+def random_lists(
+    device: Device, rng: np.random.Generator, width: int = 24, height: int = 16, most: int = 6, words: int = 2
+) -> Lists:
     """Lists of colours and depths, a fifth of them opaque."""
-    return Lists.upload(device, width, height, *random_rows(rng, width, height, most, words))
+    offsets, rows = random_rows(rng, width, height, most, words)
+    return Lists.upload(device, width, height, offsets, rows)

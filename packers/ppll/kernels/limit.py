@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.fragments.build import Fragments
@@ -15,6 +17,7 @@ from shading_atlas_bench.kernels.samples import Samples
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Ints, Longs
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
@@ -23,16 +26,22 @@ EVERY_LAYER = np.iinfo(np.int32).max
 NO_THRESHOLD = 2.0  # opacity reaches 1 at most
 
 
+@dataclass(frozen=True)
+class Depth:
+    """How deep lists go: at most `layers` fragments, none behind the one at which opacity reaches `threshold`."""
+
+    layers: int = EVERY_LAYER
+    threshold: float = NO_THRESHOLD
+
+    @property
+    def limits(self) -> bool:
+        return self.layers < EVERY_LAYER or self.threshold <= 1
+
+
 def limit_fragments(
-    device: Device,
-    fragments: Fragments,
-    opacity: Array | None,
-    layers: int,
-    threshold: float,
-    spans: np.ndarray,
-    stage: str,
+    device: Device, fragments: Fragments, opacity: Array | None, depth: Depth, spans: Ints, stage: str
 ) -> tuple[Fragments, Array | None]:
-    """The visible fragments, at most `layers` per pixel and none behind the one at which opacity reaches `threshold`.
+    """The visible fragments of each pixel, to this depth.
 
     opacity: int32 (n), 0..255; None where every fragment is opaque. spans: int32 (height, 2), in each row the first
     pixel that keeps any, and the one behind the last. Returns the fragments kept and their opacity.
@@ -43,28 +52,26 @@ def limit_fragments(
     counts = device.recycled(pixels + 1, np.int32)
     device.fill(counts[pixels:], 0, stage)
     lists = (pixels, fragments.width, fragments.offsets)
-    limits = (device.upload(spans), int(layers), float(threshold))
+    limits = (device.upload(spans), depth.layers, float(depth.threshold))
     device.launch(stage, kernels.count_kept, pixels, *lists, *limits, counts, *blended)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
     source = device.recycled(total, np.int32)
     device.launch(stage, kernels.list_kept, pixels, pixels, fragments.offsets, offsets, source, *blended)
-    kept, depth = Samples.allocate(device, total), device.recycled(total, np.float32)
-    copied = [(*_arrays(samples), z) for samples, z in ((fragments.samples, fragments.depth), (kept, depth))]
+    kept, depths = Samples.allocate(device, total), device.recycled(total, np.float32)
+    copied = [(*_arrays(samples), z) for samples, z in ((fragments.samples, fragments.depth), (kept, depths))]
     device.launch(stage, kernels.copy_kept, total, total, source, *copied[0], *copied[1])
     picked = None
     if opacity is not None:
         picked = device.recycled(total, np.int32)
         device.launch(stage, kernels.pick, total, total, source, opacity, picked)
-    return Fragments(fragments.width, fragments.height, kept, depth, offsets), picked
+    return Fragments(fragments.width, fragments.height, kept, depths, offsets), picked
 
 
 def _arrays(samples: Samples) -> tuple[Array, ...]:
     return samples.triangle, samples.texel, samples.bary1, samples.bary2, samples.footprint
 
 
-def limit_twin(
-    offsets: np.ndarray, opacity: np.ndarray, layers: int, threshold: float, spans: np.ndarray, width: int
-) -> np.ndarray:
+def limit_twin(offsets: NDArray[np.integer[Any]], opacity: Ints, depth: Depth, spans: Ints, width: int) -> Longs:
     """Which fragments are kept, int64 (m) ascending; offsets int (P + 1), opacity 0..255 (n), spans int (rows, 2)."""
     kept = []
     for pixel, (first, end) in enumerate(itertools.pairwise(offsets)):
@@ -77,6 +84,6 @@ def limit_twin(
             kept.append(at)
             taken += 1
             through *= 1 - opacity[at] / 255
-            if taken >= layers or 1 - through >= threshold:
+            if taken >= depth.layers or 1 - through >= depth.threshold:
                 break
     return np.array(kept, np.int64)

@@ -21,7 +21,7 @@ __kernel void count_deleted(const int count, const int run, const int words, __g
     const int id = get_global_id(0);
     if (id > (count - 1) / run)
         return;
-    const int end = LESSER((id + 1) * run, count);
+    const int end = MIN((id + 1) * run, count);
     int sum = 0;
     for (int i = id * run; i < end; i++)
         sum += rows[(size_t)i * words] >> 24 == 0;
@@ -29,8 +29,7 @@ __kernel void count_deleted(const int count, const int run, const int words, __g
 }
 
 // A pixel's list is the new one where that holds anything, else the one held.
-__kernel void count_spliced(const int pixels, __global const int *held, __global const int *fresh,
-                            __global int *counts)
+__kernel void count_spliced(const int pixels, __global const int *held, __global const int *fresh, __global int *counts)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
@@ -40,8 +39,8 @@ __kernel void count_spliced(const int pixels, __global const int *held, __global
 }
 
 __kernel void splice_lists(const int pixels, const int words, __global const int *held, __global const uint *held_rows,
-                           __global const int *fresh, __global const uint *fresh_rows,
-                           __global const int *offsets, __global uint *rows)
+                           __global const int *fresh, __global const uint *fresh_rows, __global const int *offsets,
+                           __global uint *rows)
 {
     const int pixel = get_global_id(0);
     if (pixel >= pixels)
@@ -64,8 +63,8 @@ INLINE int differs(const uint a, const uint b, const int tolerance)
     return most > tolerance;
 }
 
-// How many fragments a pixel sends: its list where the blended colour changed, one transparent one if that is empty. What
-// is shown becomes what is shown then.
+// How many fragments a pixel sends: its list where the blended colour changed, one transparent one if that is empty.
+// What is shown becomes what is shown then.
 __kernel void count_changed_colours(const int pixels, const int tolerance, __global uint *shown,
                                     __global const uint *now, __global const int *offsets, __global int *counts)
 {

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple, TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.common.scan import RUNS_ON_A_GPU, exclusive_scan
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Bools, Ints, Words
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.packers.interface import View
 
 HERE = Path(__file__).parent
 
@@ -39,14 +42,21 @@ class Lists:
         return cls(width, height, 0, words, device.zeros(width * height + 1, np.int32), device.empty(0, np.uint32))
 
     @classmethod
-    def upload(cls, device: Device, width: int, height: int, offsets: np.ndarray, rows: np.ndarray) -> Lists:
+    def upload(cls, device: Device, width: int, height: int, offsets: NDArray[np.integer[Any]], rows: Words) -> Lists:
         """From host arrays: offsets int (P + 1), rows uint32 (n, words)."""
         count, words = rows.shape
         return cls(width, height, count, words, device.upload(offsets.astype(np.int32)), device.upload(rows))
 
-    def host(self) -> tuple[np.ndarray, np.ndarray]:
+    def host(self) -> tuple[Ints, Words]:
         """Offsets (P + 1) and rows (count, words) on the host."""
         return self.offsets.get(), self.rows.get().ravel()[: self.count * self.words].reshape(-1, self.words)
+
+
+class ListView(NamedTuple):
+    """A list view's camera, and the lists of each of its nodes, of its size."""
+
+    view: View
+    lists: list[Lists]
 
 
 def cut_lists(device: Device, lists: Lists, counts: Array, stage: str) -> Lists:
@@ -106,10 +116,10 @@ def changed_lists(device: Device, lists: Lists, held: Lists, tolerance: int, sha
     return cut_lists(device, lists, counts, stage)
 
 
-Host = tuple[np.ndarray, np.ndarray]  # offsets and rows, as Lists.host
+Host: TypeAlias = tuple[NDArray[np.integer[Any]], NDArray[np.uint32]]  # offsets and rows, as Lists.host
 
 
-def cut_twin(lists: Host, counts: np.ndarray) -> Host:
+def cut_twin(lists: Host, counts: NDArray[np.integer[Any]]) -> Host:
     """As cut_lists; counts int (P)."""
     offsets, rows = lists
     parts = []
@@ -134,7 +144,7 @@ def splice_twin(held: Host, fresh: Host) -> Host:
     return np.concatenate([[0], np.cumsum(counts)]), np.concatenate([held[1][:0], *parts])
 
 
-def changed_twin(lists: Host, held: Host, tolerance: int, share: float) -> np.ndarray:
+def changed_twin(lists: Host, held: Host, tolerance: int, share: float) -> Bools:
     """bool (P): the pixels whose lists changed_lists gives."""
     changed = np.zeros(len(lists[0]) - 1, bool)
     for pixel in range(len(changed)):

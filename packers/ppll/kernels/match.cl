@@ -82,10 +82,10 @@ INLINE int colours_differ(const uint a, const uint b, const int tolerance)
     return most > tolerance;
 }
 
-// What turns a pixel's moved fragments into its new ones, front to back: both lists are walked at once; a moved fragment
-// is kept where a new one is about as far (within `share` of the distance) and of about its colour. An entry is the
-// number of a new fragment to insert, or ~ that of a moved one to remove; each pixel's lie where moved and new ones
-// together would have room. counts: entries per pixel.
+// What turns a pixel's moved fragments into its new ones, front to back: both lists are walked at once; a moved
+// fragment is kept where a new one is about as far (within `share` of the distance) and of about its colour. An entry
+// is the number of a new fragment to insert, or ~ that of a moved one to remove; each pixel's lie where moved and new
+// ones together would have room. counts: entries per pixel.
 __kernel void find_differences(const int pixels, __global const int *moved_offsets, __global const uint *moved,
                                __global const int *fresh_offsets, __global const uint *fresh, const float share,
                                const int tolerance, __global int *entries, __global int *counts)
@@ -132,8 +132,8 @@ __kernel void write_differences(const int pixels, __global const int *moved_offs
 }
 
 // Which moved and which inserted fragments of a pixel stay; returns how many. Removals come front to back, as the
-// fragments they mean: the next of the same distance goes. `accepting`: as the thesis describes it instead, the first of
-// all that are there so far and no farther off than `share` of the distance, whichever it is.
+// fragments they mean: the next of the same distance goes. `accepting`: as the thesis describes it instead, the first
+// of all that are there so far and no farther off than `share` of the distance, whichever it is.
 INLINE int remove_some(const int first, const int end, __global const uint *moved, const int first_change,
                        const int end_change, __global const uint *changes, const int accepting, const float share,
                        __global uchar *moved_stays, __global uchar *change_stays)
@@ -210,8 +210,8 @@ __kernel void merge_fragments(const int pixels, __global const int *moved_offset
 // each that no kept one stands for.
 __kernel void apply_differences(const int pixels, __global const int *moved_offsets, __global const uint *moved,
                                 __global const int *change_offsets, __global const uint *changes,
-                                __global uchar *moved_stays, __global uchar *change_stays,
-                                __global const int *offsets, __global uint *rows)
+                                __global uchar *moved_stays, __global uchar *change_stays, __global const int *offsets,
+                                __global uint *rows)
 {
     const int p = get_global_id(0);
     if (p >= pixels)

@@ -19,36 +19,35 @@ from shading_atlas_bench.packers.ppll.kernels.rows import NORMAL_WORDS
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Doubles
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
 
 
-def lens(projection: np.ndarray, width: int, height: int) -> np.ndarray:
+def lens(projection: Doubles, width: int, height: int) -> Doubles:
     """float64 (4): pixels per tangent along x and y, and the picture's centre in pixels."""
     half = np.array([width / 2, height / 2])
     scale = projection[[0, 1], [0, 1]] * half
     return np.concatenate([scale, (1 + np.array([-1, 1]) * projection[:2, 2]) * half])
 
 
-def turning(old: np.ndarray, new: np.ndarray) -> np.ndarray:
+def turning(old: Doubles, new: Doubles) -> Doubles:
     """float64 (4, 4): from one view's eye space to another's; the identity exactly where they are the same."""
     return np.eye(4) if np.array_equal(old, new) else product(new, inverse(old))
 
 
-def move_lists(device: Device, held: Lists, turn: np.ndarray, projection: np.ndarray, stage: str) -> Lists:
+def move_lists(device: Device, held: Lists, turn: Doubles, projection: Doubles, stage: str) -> Lists:
     """Lists in another eye space (turn: float64 (4, 4)), each fragment in the pixel it then falls into.
 
     Fragments that leave the picture are gone.
     """
-    from pyopencl import cltypes
-
     kernels, pixels, count = device.build(HERE / "match.cl"), held.pixels, held.count
     keys, pixel, earlier = (device.recycled(count, dtype) for dtype in (np.float32, np.int32, np.int32))
     counts = device.recycled(pixels + 1, np.int32)
     device.fill(counts, 0, stage)
-    to = [cltypes.make_float4(*row) for row in turn[:3]]
-    seen = (cltypes.make_float4(*lens(projection, held.width, held.height)), held.width, held.height)
+    to = turn[:3].astype(np.float32)  # a float4 each
+    seen = (lens(projection, held.width, held.height).astype(np.float32), held.width, held.height)
     results = (float(projection[2, 3]), keys, pixel, earlier, counts)
     device.launch(stage, kernels.move_fragments, count, count, held.rows, *to, *seen, *results)
     offsets, total = exclusive_scan(device, counts, pixels + 1, stage)
@@ -107,7 +106,9 @@ def apply_differences(device: Device, moved: Lists, changes: Lists, fresh: Lists
     return Lists(moved.width, moved.height, fresh.count, NORMAL_WORDS, fresh.offsets, rows)
 
 
-def move_twin(held: Host, turn: np.ndarray, projection: np.ndarray, width: int, height: int) -> tuple[np.ndarray, ...]:
+def move_twin(
+    held: Host, turn: Doubles, projection: Doubles, width: int, height: int
+) -> tuple[Doubles, Doubles, Doubles]:
     """Columns and rows in pixels and distances, float64 (n) each, of held fragments after moving."""
     x, y, z = np.ascontiguousarray(held[1][:, 2:]).view(np.float32).astype(np.float64).T
     eye = np.stack([x, y, -z, np.ones_like(z)], axis=1) @ turn.T

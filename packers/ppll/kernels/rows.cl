@@ -30,7 +30,7 @@ __kernel void normal_rows(const int count, __global const uint *colours, __globa
         return;
     float8 normal[3];
     for (int lane = 0; lane < 8; lane++) {
-        const int i = LESSER(first + lane, count - 1), id = 3 * triangle[i];
+        const int i = MIN(first + lane, count - 1), id = 3 * triangle[i];
         const float4 a = vertices[indices[id]].s3456, b = vertices[indices[id + 1]].s3456;
         const float4 c = vertices[indices[id + 2]].s3456;
         const float4 n = a + bary1[i] * (b - a) + bary2[i] * (c - a);
@@ -42,7 +42,7 @@ __kernel void normal_rows(const int count, __global const uint *colours, __globa
     ushort azimuth[8], inclination[8];
     vstore_half8(atan2_8(y, x), 0, (half *)azimuth);
     vstore_half8(atan2_8(sqrt(x * x + y * y), z), 0, (half *)inclination);
-    for (int lane = 0; lane < LESSER(count - first, 8); lane++) {
+    for (int lane = 0; lane < MIN(count - first, 8); lane++) {
         const int i = first + lane, line = pixel[i] / width, column = pixel[i] - line * width;
         const float distance = near / depth[i];
         __global uint *row = rows + 5 * (size_t)i;

@@ -10,6 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Words
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.fragments.build import Fragments
     from shading_atlas_bench.kernels.samples import Samples
@@ -21,7 +22,7 @@ COLOUR_WORDS = 2  # colour, depth
 NORMAL_WORDS = 5  # colour, normal, x, y, distance
 
 
-def rays(projection: np.ndarray, width: int, height: int) -> np.ndarray:
+def rays(projection: Doubles, width: int, height: int) -> Floats:
     """float32 (4): eye-space x over distance is r[0] * column + r[1], y over distance r[2] * row + r[3].
 
     projection: float64 (4, 4), perspective, symmetric or off-centre.
@@ -47,7 +48,7 @@ def normal_rows(
     opacity: Array | None,
     triangles: Triangles,
     vertices: Array,
-    projection: np.ndarray,
+    projection: Doubles,
     stage: str,
 ) -> Array:
     """uint32 (n, 5): RGBA bytes, normal, and the bits of eye-space x, y and distance.
@@ -55,12 +56,10 @@ def normal_rows(
     vertices: float32 (V, 8), normals in 3 to 5 (shade.tables). The normal, in scene space, is two half floats: azimuth
     atan2(y, x) and inclination from +z.
     """
-    from pyopencl import cltypes
-
     blended = () if opacity is None else (opacity,)
     rows = device.recycled((fragments.count, NORMAL_WORDS), np.uint32)
     samples, near = fragments.samples, float(projection[2, 3])
-    view = (fragments.width, cltypes.make_float4(*rays(projection, fragments.width, fragments.height)), near)
+    view = (fragments.width, rays(projection, fragments.width, fragments.height), near)
     surface = (samples.triangle, samples.bary1, samples.bary2, triangles.indices, vertices, rows, *blended)
     inputs = (fragments.count, colours, fragments.depth, samples.texel)
     kernel = device.build(HERE / "rows.cl", BLENDED=len(blended)).normal_rows
@@ -68,7 +67,7 @@ def normal_rows(
     return rows
 
 
-def normals_twin(words: np.ndarray) -> np.ndarray:
+def normals_twin(words: Words) -> Doubles:
     """Unit normals, float64 (n, 3), of packed ones, uint32 (n) (eq. 2.2)."""
     theta, phi = np.ascontiguousarray(words).view(np.float16).reshape(-1, 2).astype(np.float64).T
     return np.stack([np.sin(phi) * np.cos(theta), np.sin(phi) * np.sin(theta), np.cos(phi)], axis=1)
@@ -76,13 +75,13 @@ def normals_twin(words: np.ndarray) -> np.ndarray:
 
 def rows_twin(
     samples: Samples,
-    depth: np.ndarray,
+    depth: Floats,
     triangles: Triangles,
-    normals: np.ndarray,
-    projection: np.ndarray,
+    normals: Floats,
+    projection: Doubles,
     width: int,
     height: int,
-) -> tuple[np.ndarray, np.ndarray]:
+) -> tuple[Doubles, Doubles]:
     """Unit normals and positions (x, y, distance), float64 (n, 3) each, of fragments with depth (n)."""
     n = samples.count
     bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1).astype(np.float64)

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Words
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.ppll.kernels.lists import Lists
 
@@ -41,7 +43,7 @@ def write_lists(device: Device, nodes: Sequence[Lists], layout: str, stage: str)
     return wire
 
 
-def write_twin(offsets: np.ndarray, rows: np.ndarray, layout: str) -> bytes:
+def write_twin(offsets: NDArray[np.integer[Any]], rows: Words, layout: str) -> bytes:
     """As write_lists, of one node: offsets int (P + 1), rows uint32 (n, words)."""
     used, last = np.diff(offsets) > 0, np.isin(np.arange(len(rows)), offsets[1:] - 1)
     if layout == "shuffled":

@@ -6,20 +6,25 @@ of superblocks, its *slots* are numbered through them in that order, and a patch
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.common.rank import rank_by_class, rank_by_class_twin
 from shading_atlas_bench.packers.sas.kernels.bias import levels_at
 from shading_atlas_bench.packers.sas.kernels.layout import pack_location, unpack_location
+from shading_atlas_bench.packers.sas.kernels.visible import VisiblePatches
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Ints, Longs, Words
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.packers.sas.kernels.bias import Request
+    from shading_atlas_bench.packers.sas.kernels.visible import Marks
 
 HERE = Path(__file__).parent
 
@@ -43,10 +48,54 @@ class Grid:
         return (self.top + 1) * (self.top + 1)
 
     @property
-    def capacity(self) -> np.ndarray:
+    def capacity(self) -> Longs:
         """Blocks per superblock of each class, int64 (classes)."""
         level = np.arange(self.top + 1)
-        return 1 << (2 * self.top - (level[:, None] + level).reshape(-1))
+        blocks: Longs = 1 << (2 * self.top - (level[:, None] + level).reshape(-1))
+        return blocks
+
+
+@dataclass(frozen=True)
+class Superblocks:
+    """Which class owns which superblock, on the device.
+
+    used: int32 (classes), slots ever handed out. owned: int32 (classes), superblocks. bases: int32 (classes), `used`
+    before the last request. table: int32 (classes, total), the superblocks of each class in order; ordinals: int32
+    (total), the inverse. state: int32 (2), superblocks that are taken, and 1 if they did not suffice.
+    """
+
+    used: Array
+    owned: Array
+    bases: Array
+    table: Array
+    ordinals: Array
+    state: Array
+
+    @classmethod
+    def allocate(cls, device: Device, grid: Grid) -> Superblocks:
+        """Those of an atlas, with anything in them."""
+        used, owned, bases = (device.empty(grid.classes, np.int32) for _ in range(3))
+        table, ordinals = device.empty((grid.classes, grid.total), np.int32), device.empty(grid.total, np.int32)
+        return cls(used, owned, bases, table, ordinals, device.empty(2, np.int32))
+
+
+@dataclass(frozen=True)
+class FreeSlots:
+    """Slots that patches gave up, by class: counts and starts, int64 (classes), of each class's part of the pool, int32
+    on the device."""
+
+    counts: Longs
+    starts: Longs
+    pool: Array
+
+    @classmethod
+    def none(cls, device: Device, grid: Grid) -> FreeSlots:
+        """Of an atlas whose blocks are all in place."""
+        return cls(np.zeros(grid.classes, np.int64), np.zeros(grid.classes, np.int64), device.zeros(1, np.int32))
+
+    def upload(self, device: Device) -> tuple[Array, Array]:
+        """Counts and starts as kernels read them, int32."""
+        return device.upload(self.counts.astype(np.int32)), device.upload(self.starts.astype(np.int32))
 
 
 class Allocator:
@@ -62,98 +111,95 @@ class Allocator:
         self.device, self.grid, self.reuse = device, grid, reuse
         self.kernels = device.build(HERE / "allocate.cl")
         self.words = device.empty(patch_count, np.uint32)
-        self.used, self.owned, self.bases = (device.empty(grid.classes, np.int32) for _ in range(3))
-        self.table = device.empty((grid.classes, grid.total), np.int32)
-        self.ordinals, self.state = device.empty(grid.total, np.int32), device.empty(2, np.int32)
+        self.superblocks = Superblocks.allocate(device, grid)
         self.resets = 0
         self._clear()
 
     def _clear(self) -> None:
-        for array in (self.words, self.used, self.owned, self.state):
+        for array in (self.words, self.superblocks.used, self.superblocks.owned, self.superblocks.state):
             self.device.fill(array, 0, STAGE)
-        self.free = np.zeros(self.grid.classes, np.int64)
-        self.pool, self.pool_starts = self.device.zeros(1, np.int32), np.zeros(self.grid.classes, np.int64)
-        self.shown = (self.device.empty(0, np.int32), 0)
+        self.free = FreeSlots.none(self.device, self.grid)
+        self.shown = VisiblePatches.none(self.device)
 
-    def allocate(
-        self, patches: Array, count: int, sizes: Array, bias: int, members: Array, marks: Array, mark: int
-    ) -> None:
-        """Give each of `count` visible patches a block of its level; those that do not fit even in an empty atlas get
-        none (word 0).
+    def allocate(self, visible: VisiblePatches, request: Request, members: Array, marks: Marks) -> None:
+        """Give each visible patch a block of its level; those that do not fit even in an empty atlas get none (word 0).
 
-        patches, sizes: int32 (count), sizes as from `measure_sides`. bias: in eighths. members, marks, mark: as in
-        `visible_patches`, they say which patches are visible.
+        members: int32 (P, 3), of all patches. marks: as `visible_patches` left them.
         """
-        arguments = (patches, count, sizes, bias, members, marks, mark)
-        if not self._try(*arguments) and self.grid.total:
+        if not self._try(visible, request, members, marks) and self.grid.total:
             self._clear()
             self.resets += 1
-            self._try(*arguments)
-        self.shown = (patches, count)
+            self._try(visible, request, members, marks)
+        self.shown = visible
 
-    def _try(
-        self, patches: Array, count: int, sizes: Array, bias: int, members: Array, marks: Array, mark: int
-    ) -> bool:
+    def _try(self, visible: VisiblePatches, request: Request, members: Array, marks: Marks) -> bool:
         """One pass of the three phases; False if superblocks ran out."""
-        device, grid = self.device, self.grid
+        device, grid, count = self.device, self.grid, visible.count
         wanted, released = device.empty(count, np.int32), device.empty(count, np.int32)
-        asked = (sizes, bias, grid.top, self.words)
-        device.launch(STAGE, self.kernels.request, count, count, patches, *asked, wanted, released)
+        asked = (visible.patches, request.sizes, request.bias, grid.top, self.words)
+        device.launch(STAGE, self.kernels.request, count, count, *asked, wanted, released)
         if self.reuse:
-            old_patches, old_count = self.shown
-            hidden = device.empty(old_count, np.int32)
-            known = (members, marks, mark, grid.top, self.words)
-            device.launch(STAGE, self.kernels.release_hidden, old_count, old_count, old_patches, *known, hidden)
-            self._recycle(old_patches, old_count, hidden)
-            self._recycle(patches, count, released)
+            self._recycle(self.shown, self._hidden(members, marks))
+            self._recycle(visible, released)
         ranks, requests = rank_by_class(device, wanted, count, grid.classes, STAGE)
-        free, starts = (device.upload(values.astype(np.int32)) for values in (self.free, self.pool_starts))
-        lists = (self.used, self.owned, self.bases, self.table, self.ordinals, self.state)
+        free, starts = self.free.upload(device)
+        tables = self.superblocks
+        lists = (tables.used, tables.owned, tables.bases, tables.table, tables.ordinals, tables.state)
         device.launch(STAGE, self.kernels.provision, 1, grid.top, grid.total, requests, free, *lists, local=1)
-        where = (grid.top, grid.total, grid.columns, self.bases, self.owned, self.table, free, starts, self.pool)
-        device.launch(STAGE, self.kernels.assign, count, count, patches, wanted, ranks, *where, self.words)
+        where = (grid.top, grid.total, grid.columns, tables.bases, tables.owned, tables.table)
+        slots = (*where, free, starts, self.free.pool)
+        device.launch(STAGE, self.kernels.assign, count, count, visible.patches, wanted, ranks, *slots, self.words)
         if self.reuse:
-            self.free = np.maximum(self.free - requests.get(), 0)
-        return not self.state.get()[1]
+            self.free = replace(self.free, counts=np.maximum(self.free.counts - requests.get(), 0))
+        return not tables.state.get()[1]
 
-    def _recycle(self, patches: Array, count: int, released: Array) -> None:
-        """Add the blocks of `patches` whose entry in `released` is a class to that class's free slots."""
-        device, grid = self.device, self.grid
-        ranks, totals = rank_by_class(device, released, count, grid.classes, STAGE)
-        kept, added = self.free, totals.get().astype(np.int64)
-        ends = np.cumsum(kept + added)
-        starts = ends - kept - added
-        pool = device.empty(int(ends[-1]), np.int32)
-        free, old_starts, new_starts = (device.upload(v.astype(np.int32)) for v in (kept, self.pool_starts, starts))
-        carried = (free, old_starts, self.pool, new_starts, pool)
+    def _hidden(self, members: Array, marks: Marks) -> Array:
+        """int32 (n): of the patches shown last, the class of the block of each that is not any more, -1 for others."""
+        shown, hidden = self.shown, self.device.empty(self.shown.count, np.int32)
+        known = (shown.patches, members, marks.triangles, marks.number, self.grid.top, self.words)
+        self.device.launch(STAGE, self.kernels.release_hidden, shown.count, shown.count, *known, hidden)
+        return hidden
+
+    def _recycle(self, listed: VisiblePatches, released: Array) -> None:
+        """Add the blocks of the patches whose entry in `released` is a class to that class's free slots."""
+        device, grid, kept = self.device, self.grid, self.free
+        ranks, totals = rank_by_class(device, released, listed.count, grid.classes, STAGE)
+        counts = kept.counts + totals.get().astype(np.int64)
+        ends = np.cumsum(counts)
+        grown = FreeSlots(counts, ends - counts, device.empty(int(ends[-1]), np.int32))
+        (free, old_starts), new_starts = kept.upload(device), device.upload(grown.starts.astype(np.int32))
+        carried = (free, old_starts, kept.pool, new_starts, grown.pool)
         device.launch(STAGE, self.kernels.carry_pool, grid.classes, grid.classes, *carried)
-        where = (grid.top, grid.columns, self.ordinals, free, new_starts, pool, self.words)
-        device.launch(STAGE, self.kernels.recycle, count, count, patches, released, ranks, *where)
-        self.free, self.pool, self.pool_starts = kept + added, pool, starts
+        where = (grid.top, grid.columns, self.superblocks.ordinals, free, new_starts, grown.pool, self.words)
+        given_up = (listed.count, listed.patches, released, ranks)
+        device.launch(STAGE, self.kernels.recycle, listed.count, *given_up, *where)
+        self.free = grown
 
-    def read(self, patches: Array, count: int) -> np.ndarray:
-        """Location words of some patches, uint32 (count)."""
-        found = self.device.zeros(count, np.uint32)
-        self.device.launch(STAGE, self.kernels.read_words, count, count, patches, self.words, found)
-        return found.get()[:count]
+    def read(self, visible: VisiblePatches) -> Words:
+        """Location words of these patches, uint32 (n)."""
+        found, count = self.device.zeros(visible.count, np.uint32), visible.count
+        self.device.launch(STAGE, self.kernels.read_words, count, count, visible.patches, self.words, found)
+        words: Words = found.get()[:count]
+        return words
 
     def superblocks_in_use(self) -> int:
         """Superblocks that some class owns."""
-        return int(self.state.get()[0])
+        return int(self.superblocks.state.get()[0])
 
-    def blocks_by_class(self) -> np.ndarray:
+    def blocks_by_class(self) -> Longs:
         """Slots handed out since the last reset and not free again, int64 (classes)."""
-        return self.used.get().astype(np.int64) - self.free
+        blocks: Longs = self.superblocks.used.get().astype(np.int64) - self.free.counts
+        return blocks
 
 
-def request_twin(sizes: np.ndarray, bias: int, top: int, words: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def request_twin(sizes: Ints, bias: int, top: int, words: Words) -> tuple[Longs, Longs]:
     """Classes of the blocks that patches with these sizes and words want and release, -1 for none."""
     w, h = levels_at(sizes & 0xFF, bias, top), levels_at(sizes >> 8, bias, top)
     now, held = h * (top + 1) + w, classes_of(words, top)
     return np.where(held == now, -1, now), np.where(held == now, -1, held)
 
 
-def classes_of(words: np.ndarray, top: int) -> np.ndarray:
+def classes_of(words: Words, top: int) -> Longs:
     """The class of each location word's block, -1 for a word of 0."""
     _, _, w, h = unpack_location(words)
     return np.where(words > 0, h * (top + 1) + w, -1)
@@ -165,18 +211,18 @@ class AllocatorTwin:
     def __init__(self, grid: Grid, patch_count: int, reuse: bool) -> None:
         self.grid, self.reuse, self.resets = grid, reuse, 0
         self.words = np.zeros(patch_count, np.uint32)
-        self.slot = np.full(patch_count, -1)
+        self.slot = np.full(patch_count, -1, np.int64)
         self._clear()
 
     def _clear(self) -> None:
         self.words[:] = 0
-        self.used = np.zeros(self.grid.classes, np.int64)
+        self.used: Longs = np.zeros(self.grid.classes, np.int64)
         self.owned: list[list[int]] = [[] for _ in range(self.grid.classes)]
         self.free: list[list[int]] = [[] for _ in range(self.grid.classes)]
         self.taken = 0
-        self.shown = np.empty(0, np.int64)
+        self.shown: NDArray[np.integer[Any]] = np.empty(0, np.int64)
 
-    def allocate(self, patches: np.ndarray, sizes: np.ndarray, bias: int) -> None:
+    def allocate(self, patches: Ints, sizes: Ints, bias: int) -> None:
         """Blocks for the visible patches, in their order."""
         if not self._try(patches, sizes, bias):
             self._clear()
@@ -184,23 +230,23 @@ class AllocatorTwin:
             self._try(patches, sizes, bias)
         self.shown = patches
 
-    def _try(self, patches: np.ndarray, sizes: np.ndarray, bias: int) -> bool:
+    def _try(self, patches: Ints, sizes: Ints, bias: int) -> bool:
         wanted, released = request_twin(sizes, bias, self.grid.top, self.words[patches])
         if self.reuse:
             for patch in (*self.shown[~np.isin(self.shown, patches)], *patches[released >= 0]):
                 if self.words[patch]:
                     c = classes_of(self.words[[patch]], self.grid.top)[0]
-                    self.free[c].append(self.slot[patch])
+                    self.free[c].append(int(self.slot[patch]))
                     self.words[patch] = 0
         ranks, requests = rank_by_class_twin(wanted, self.grid.classes)
         fits = self._provision(requests)
         for i in np.flatnonzero(wanted >= 0):
-            self._assign(patches[i], wanted[i], ranks[i])
+            self._assign(int(patches[i]), int(wanted[i]), int(ranks[i]))
         for c, asked in enumerate(requests):
             self.free[c] = self.free[c][: max(0, len(self.free[c]) - asked)]
         return fits
 
-    def _provision(self, requests: np.ndarray) -> bool:
+    def _provision(self, requests: Longs) -> bool:
         capacity, fits = self.grid.capacity, True
         self.bases = self.used.copy()
         for c, asked in enumerate(requests):

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.packers.sas.kernels.footprint import SIZES, STEPS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Ints, Longs
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
@@ -19,7 +22,18 @@ HERE = Path(__file__).parent
 STAGE = "structs/bias"
 
 
-def needed_superblocks(device: Device, histogram: Array, top: int) -> np.ndarray:
+@dataclass(frozen=True)
+class Request:
+    """How large the blocks are that visible patches ask for.
+
+    sizes: int32 (n), of their sides without a bias, as from `measure_sides`. bias: in eighths.
+    """
+
+    sizes: Array
+    bias: int
+
+
+def needed_superblocks(device: Device, histogram: Array, top: int) -> Longs:
     """Superblocks that all patches of `histogram` need at each bias of 0, 1/8, 2/8 ... 127/8: int64 (128).
 
     histogram: int32 (128, 128) as from `measure_sides`, summed in place. top: log2 of a superblock's side. A superblock
@@ -30,10 +44,11 @@ def needed_superblocks(device: Device, histogram: Array, top: int) -> np.ndarray
     device.launch(STAGE, kernels.sum_columns, SIZES, histogram)
     needed = device.empty(SIZES, np.int32)
     device.launch(STAGE, kernels.needed_superblocks, SIZES, histogram, top, needed)
-    return needed.get().astype(np.int64)
+    superblocks: Longs = needed.get().astype(np.int64)
+    return superblocks
 
 
-def needed_superblocks_twin(histogram: np.ndarray, top: int) -> np.ndarray:
+def needed_superblocks_twin(histogram: Ints, top: int) -> Longs:
     """The same on the host, from a histogram that is not summed."""
     needed = []
     height, width = np.nonzero(histogram)
@@ -46,6 +61,7 @@ def needed_superblocks_twin(histogram: np.ndarray, top: int) -> np.ndarray:
     return np.array(needed, np.int64)
 
 
-def levels_at(steps: np.ndarray, bias: int, top: int) -> np.ndarray:
+def levels_at(steps: NDArray[np.integer[Any]], bias: int, top: int) -> NDArray[np.integer[Any]]:
     """Level of a side of `steps` eighths at a bias of `bias` eighths."""
-    return np.clip(-((bias - steps) // STEPS), 0, top)
+    levels: NDArray[np.integer[Any]] = np.clip(-((bias - steps) // STEPS), 0, top)
+    return levels

@@ -7,12 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
-from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.sas.kernels.allocate import Allocator, AllocatorTwin, Grid
-from shading_atlas_bench.packers.sas.kernels.bias import needed_superblocks, needed_superblocks_twin
+from shading_atlas_bench.packers.sas.kernels.bias import Request, needed_superblocks, needed_superblocks_twin
 from shading_atlas_bench.packers.sas.kernels.corners import locate_corners, locate_corners_twin
 from shading_atlas_bench.packers.sas.kernels.emit import (
-    Unfolded,
     count_asked,
     count_asked_twin,
     emit_samples,
@@ -20,12 +18,21 @@ from shading_atlas_bench.packers.sas.kernels.emit import (
     without_texel_twin,
 )
 from shading_atlas_bench.packers.sas.kernels.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
-from shading_atlas_bench.packers.sas.kernels.inputs import random_masks, random_patches, words_in_rows
+from shading_atlas_bench.packers.sas.kernels.inputs import all_visible, random_masks, random_patches, words_in_rows
 from shading_atlas_bench.packers.sas.kernels.layout import pack_location
-from shading_atlas_bench.packers.sas.kernels.visible import visible_patches, visible_patches_twin
+from shading_atlas_bench.packers.sas.kernels.visible import (
+    Marks,
+    VisiblePatches,
+    visible_patches,
+    visible_patches_twin,
+)
 
 if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from shading_atlas_bench.arithmetic.arrays import Words
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.samples import Samples
 
 
 @case({"footprint.measure_sides": Cost("n", "(4 + 20 + 60 + 4)*n", "120*n")}, 8000)
@@ -34,10 +41,11 @@ def sides(device: Device, kind: str, size: int) -> Trial:
     soup, offset = random_patches(seeded(kind), size), 1e6 * (kind == "adversarial")
     positions = (soup.positions + offset).astype(np.float32)
     eye, patches = np.array([0.1, -0.2, 0.3]) + offset, np.arange(size, dtype=np.int32)
-    uploaded = [device.upload(array) for array in (patches, soup.points, positions)]
+    visible, points = all_visible(device, np.ones(size, np.uint8)), device.upload(soup.points)
+    uploaded = device.upload(positions)
 
-    def run() -> tuple:
-        return measure_sides(device, uploaded[0], size, *uploaded[1:], eye, 700.0)
+    def run() -> tuple[Array, Array]:
+        return measure_sides(device, visible, points, uploaded, eye, 700.0)
 
     def results() -> list[Result]:
         steps = STEPS * measure_sides_twin(patches, soup.points, positions, eye, 700.0)
@@ -61,16 +69,15 @@ def visibility(device: Device, kind: str, size: int) -> Trial:
     soup = random_patches(rng, size)
     share = 1 if kind == "adversarial" else 0.2
     pvs = np.flatnonzero(rng.random(len(soup.of_triangle)) < share).astype(np.int32)
-    marks = device.zeros(len(soup.of_triangle), np.int32)
-    uploaded = [device.upload(array) for array in (pvs, soup.of_triangle, soup.members)]
+    marks, tables, uploaded = Marks.none(device, len(soup.of_triangle)), soup.upload(device), device.upload(pvs)
 
-    def run() -> tuple:
-        return visible_patches(device, uploaded[0], len(pvs), *uploaded[1:], marks, 1)
+    def run() -> VisiblePatches:
+        return visible_patches(device, uploaded, len(pvs), tables, marks)
 
     def results() -> list[Result]:
-        patches, masks, found = run()
-        expected = visible_patches_twin(pvs, soup.of_triangle, soup.members)
-        return [Result(array.get()[:found], values) for array, values in zip((patches, masks), expected, strict=True)]
+        found = run()
+        patches, masks = visible_patches_twin(pvs, soup.of_triangle, soup.members)
+        return [Result(found.patches.get()[: found.count], patches), Result(found.masks.get()[: found.count], masks)]
 
     return Trial({"n": size * share, "t": len(pvs)}, run, results)
 
@@ -119,16 +126,16 @@ def allocation(device: Device, kind: str, size: int) -> Trial:
         else 3 * [rng.integers(0, 32, (size, 2))]
     )
     sizes = [(pair[:, 0] | pair[:, 1] << 8).astype(np.int32) for pair in frames]
-    patches, marks = np.arange(size, dtype=np.int32), np.ones(size, np.int32)
-    members = np.full((size, 3), -1, np.int32)
+    patches, members = np.arange(size, dtype=np.int32), np.full((size, 3), -1, np.int32)
     members[:, 0] = patches
-    uploaded = [device.upload(array) for array in (patches, members, marks, *sizes)]
+    visible, marks = all_visible(device, np.ones(size, np.uint8)), Marks(device.upload(np.ones(size, np.int32)), 1)
+    uploaded, requests = device.upload(members), [Request(device.upload(asked), 0) for asked in sizes]
 
-    def run() -> np.ndarray:
+    def run() -> Words:
         allocator = Allocator(device, grid, size, reuse=True)
-        for asked in uploaded[3:]:
-            allocator.allocate(uploaded[0], size, asked, 0, uploaded[1], uploaded[2], 1)
-        return allocator.read(uploaded[0], size)
+        for request in requests:
+            allocator.allocate(visible, request, uploaded, marks)
+        return allocator.read(visible)
 
     def results() -> list[Result]:
         twin = AllocatorTwin(grid, size, reuse=True)
@@ -147,10 +154,10 @@ def corners(device: Device, kind: str, size: int) -> Trial:
     words = pack_location(rng.integers(0, 8192 >> w) << w, rng.integers(0, 8192 >> h) << h, w, h)
     words[:: 2 if hard else size] = 0
     patches, codes = rng.integers(0, size, size).astype(np.int32), rng.integers(0, 15, size).astype(np.uint8)
-    uploaded = [device.upload(array) for array in (patches, codes, words)]
+    of_triangle, roles, places = device.upload(patches), device.upload(codes), device.upload(words)
 
-    def run() -> object:
-        return locate_corners(device, *uploaded[:2], size, uploaded[2], "corners")
+    def run() -> Array:
+        return locate_corners(device, of_triangle, roles, size, places, "corners")
 
     return Trial({"n": size}, run, lambda: [Result(run().get(), locate_corners_twin(patches, codes, words))])
 
@@ -161,12 +168,12 @@ def budget(device: Device, kind: str, size: int) -> Trial:
     rng, hard = seeded(kind), kind == "adversarial"
     soup, top, bias = random_patches(rng, size), 4, 3
     w, h = rng.integers(0, SIZES if hard else 40, (2, size))
-    sizes, patches = (w | h << 8).astype(np.int32), np.arange(size, dtype=np.int32)
+    sizes = (w | h << 8).astype(np.int32)
     masks = np.ones(size, np.uint8) if hard else random_masks(rng, soup)
-    uploaded = [device.upload(array) for array in (patches, masks, sizes, soup.members)]
+    visible, request, tables = all_visible(device, masks), Request(device.upload(sizes), bias), soup.upload(device)
 
     def run() -> int:
-        return count_asked(device, *uploaded[:2], size, uploaded[2], bias, top, size, uploaded[3], False)
+        return count_asked(device, visible, request, top, tables, False)
 
     def results() -> list[Result]:
         return [Result(np.array([run()]), np.array([count_asked_twin(masks, sizes, bias, top, soup)]))]
@@ -176,7 +183,7 @@ def budget(device: Device, kind: str, size: int) -> Trial:
 
 EMISSION = {
     "emit.count_samples": Cost("p", "9*p"),
-    "emit.measure_ways": Cost("p", "(12 + 3 + 36 + 108 + 24)*p", "60*p"),
+    "emit.texel_derivatives": Cost("p", "(12 + 3 + 36 + 108 + 24)*p", "60*p"),
     "emit.emit_samples": Cost("n", "20*n", "12*n"),
 }
 
@@ -189,16 +196,14 @@ def emission(device: Device, kind: str, size: int) -> Trial:
     soup = random_patches(rng, size, 3 if hard else None)
     masks = np.full(size, 2, np.uint8) if hard else random_masks(rng, soup)
     words, patches = words_in_rows(levels), np.arange(size, dtype=np.int32)
-    triangles = Triangles.upload(device, soup.positions, soup.indices, np.zeros(len(soup.indices), np.uint8))
-    uploaded = [device.upload(array) for array in (patches, masks, words, soup.members, soup.codes)]
+    visible, uploaded = all_visible(device, masks), device.upload(words)
 
-    def run() -> tuple:
-        unfolded = Unfolded.measure(device, *uploaded[3:], triangles)
-        return emit_samples(device, *uploaded[:2], size, uploaded[2], unfolded, 4096, False)
+    def run() -> tuple[Samples, int]:
+        return emit_samples(device, visible, uploaded, soup.upload(device), 4096, False)
 
     def results() -> list[Result]:
-        (samples, without), arrays = run(), (soup.members, soup.codes, soup.indices, soup.positions)
-        expected = emit_samples_twin(patches, masks, words, *arrays, 4096, False)
+        samples, without = run()
+        expected = emit_samples_twin(patches, masks, words, soup, 4096, False)
         found = [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
         bare = without_texel_twin(patches, masks, words, soup.members, expected["triangle"])
         return [*found, Result(np.array([without]), np.array([bare]))]

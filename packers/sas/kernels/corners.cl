@@ -4,9 +4,11 @@
 
 // words: per patch. points: u, v of the corners of each code (15 codes: role and rotation), three corners each.
 __kernel void locate_corners(int count, __global const int *patches, __global const uchar *codes,
-                             __global const uint *words, __global const float *points, __global float *corners) {
+                             __global const uint *words, __global const float *points, __global float *corners)
+{
     const int i = get_global_id(0);
-    if (i >= count) return;
+    if (i >= count)
+        return;
     const uint word = words[patches[i]];
     const Block block = unpack_location(word);
     const float2 first = (float2)(block.x, block.y) + 0.5f;

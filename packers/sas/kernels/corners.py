@@ -12,6 +12,7 @@ from shading_atlas_bench.packers.sas.kernels.layout import POINTS, corner_points
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Ints, Words
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
@@ -33,11 +34,11 @@ def locate_corners(device: Device, patches: Array, codes: Array, count: int, wor
     return corners
 
 
-def locate_corners_twin(patches: np.ndarray, codes: np.ndarray, words: np.ndarray) -> np.ndarray:
+def locate_corners_twin(patches: Ints, codes: Bytes, words: Words) -> Doubles:
     """The same on the host, float64."""
     x, y, w, h = unpack_location(words[patches])
     first = np.stack([x, y], axis=1) + 0.5
     steps = np.stack([1 << w, 1 << h], axis=1) - 1
-    corners = first[:, None] + steps[:, None] * POINTS[corner_points(codes)]
+    corners: Doubles = first[:, None] + steps[:, None] * POINTS[corner_points(codes)]
     corners[words[patches] == 0] = np.nan
     return corners

@@ -8,11 +8,12 @@
 // What a patch's samples need to know of its block. mask: its members in the set, 7 for all of them.
 typedef struct {
     int x, y, width, height;
-    int size, mask;  // members, and which of them are in the set
-    bool full;       // whether lookups touch all texels
+    int size, mask; // members, and which of them are in the set
+    bool full;      // whether lookups touch all texels
 } Shape;
 
-INLINE Shape shape_of(uint word, __global const int *members, int mask, int complete) {
+INLINE Shape shape_of(uint word, __global const int *members, int mask, int complete)
+{
     const Block block = unpack_location(word);
     Shape shape;
     shape.x = block.x, shape.y = block.y, shape.width = 1 << block.w, shape.height = 1 << block.h;
@@ -24,14 +25,16 @@ INLINE Shape shape_of(uint word, __global const int *members, int mask, int comp
 
 // Columns [first, last) of a row that bilinear lookups inside the triangles of the mask touch: a lookup touches the
 // columns and rows less than one texel away.
-INLINE int2 touched_columns(Shape shape, int row) {
-    if (shape.full) return (int2)(0, shape.width);
-    const int width = shape.width - 1, height = GREATER(shape.height - 1, 1), mask = shape.mask;
-    const int above = GREATER(row - 1, 0), below = LESSER(row + 1, height);
+INLINE int2 touched_columns(Shape shape, int row)
+{
+    if (shape.full)
+        return (int2)(0, shape.width);
+    const int width = shape.width - 1, height = MAX(shape.height - 1, 1), mask = shape.mask;
+    const int above = MAX(row - 1, 0), below = MIN(row + 1, height);
     if (shape.size < 3) {
-        const int past = (width * (height - above) + height - 1) / height;  // of the triangle at (0, 0)
-        const int before = width * (height - below) / height;               // of the one at (1, 1)
-        return (int2)((mask & 1) ? 0 : before, (mask & 2) ? width + 1 : LESSER(past, width) + 1);
+        const int past = (width * (height - above) + height - 1) / height; // of the triangle at (0, 0)
+        const int before = width * (height - below) / height;              // of the one at (1, 1)
+        return (int2)((mask & 1) ? 0 : before, (mask & 2) ? width + 1 : MIN(past, width) + 1);
     }
     int first = width, last = 0;
     if (mask & 1) {
@@ -40,22 +43,24 @@ INLINE int2 touched_columns(Shape shape, int row) {
     }
     if (mask & 2) {
         const int right = width * (height + above) / (2 * height);
-        first = LESSER(first, right);
+        first = MIN(first, right);
         last = width;
     }
     if (mask & 4) {
         const int left = (width * (height - above) + 2 * height - 1) / (2 * height);
         first = 0;
-        last = GREATER(last, left);
+        last = MAX(last, left);
     }
-    return (int2)(first, LESSER(last, width) + 1);
+    return (int2)(first, MIN(last, width) + 1);
 }
 
 // The ways on the surface along u and along v, from side to side of the patch: lengths, two per triangle.
-__kernel void measure_ways(int count, __global const uchar *codes, __global const float *weights,
-                           __global const int *indices, __global const float *positions, __global float *ways) {
+__kernel void texel_derivatives(int count, __global const uchar *codes, __global const float *weights,
+                                __global const int *indices, __global const float *positions, __global float *ways)
+{
     const int triangle = get_global_id(0);
-    if (triangle >= count) return;
+    if (triangle >= count)
+        return;
     __global const float *weight = weights + 8 * codes[triangle];
     const float3 p0 = corner_position(positions, indices, triangle, 0);
     const float3 p1 = corner_position(positions, indices, triangle, 1) - p0;
@@ -81,7 +86,8 @@ typedef struct {
 } Row;
 
 // step_u, step_v: 1 / (side - 1), or 0 along a side of one texel, which stands for the middle of the patch.
-INLINE Row make_row(Shape shape, int row, float step_u, float step_v, int atlas_width) {
+INLINE Row make_row(Shape shape, int row, float step_u, float step_v, int atlas_width)
+{
     const int w = shape.width, h = shape.height;
     Row result;
     result.texel = (shape.y + row) * atlas_width + shape.x;
@@ -90,10 +96,13 @@ INLINE Row make_row(Shape shape, int row, float step_u, float step_v, int atlas_
     result.u0 = w > 1 ? 0.0f : 0.5f;
     result.v0 = h > 1 ? step_v * (float)row : 0.5f;
     result.second = result.third = (int2)(0, 0);
-    if (shape.size == 1) {  // the middle of a triangle's row, or column, ends at the diagonal
-        if (w == 1 && h == 1) result.u0 = result.v0 = 1.0f / 3.0f;
-        else if (w == 1) result.u0 = 0.5f - 0.5f * result.v0;
-        else if (h == 1) result.dv = -0.5f * step_u;
+    if (shape.size == 1) { // the middle of a triangle's row, or column, ends at the diagonal
+        if (w == 1 && h == 1)
+            result.u0 = result.v0 = 1.0f / 3.0f;
+        else if (w == 1)
+            result.u0 = 0.5f - 0.5f * result.v0;
+        else if (h == 1)
+            result.dv = -0.5f * step_u;
         return result;
     }
     // u = (un0 + un1 * column) / ud and v = vn / vd in whole numbers; on a shared edge the first part owns, if it is in
@@ -110,29 +119,35 @@ INLINE Row make_row(Shape shape, int row, float step_u, float step_v, int atlas_
 }
 
 // The member that owns a column of a row.
-INLINE int owner_of(Row row, int column) {
+INLINE int owner_of(Row row, int column)
+{
     return row.third.x + row.third.y * column > 0 ? 2 : row.second.x + row.second.y * column > 0 ? 1 : 0;
 }
 
 // How many of the patch's triangles in the set, `mask`, own no texel. Of pairs two texels hold some of each, of fans
 // four in two columns or more.
-INLINE int without_texel(Shape shape, int mask) {
+INLINE int without_texel(Shape shape, int mask)
+{
     const int texels = shape.width * shape.height;
-    if (shape.size == 1 || (shape.size == 2 && texels > 1) || (shape.width > 1 && texels > 2)) return 0;
+    if (shape.size == 1 || (shape.size == 2 && texels > 1) || (shape.width > 1 && texels > 2))
+        return 0;
     int owners = 0;
     for (int y = 0; y < shape.height; y++) {
         const Row row = make_row(shape, y, 0.0f, 0.0f, 0);
         const int2 columns = touched_columns(shape, y);
-        for (int column = columns.x; column < columns.y; column++) owners |= 1 << owner_of(row, column);
+        for (int column = columns.x; column < columns.y; column++)
+            owners |= 1 << owner_of(row, column);
     }
     return popcount(mask & ~owners);
 }
 
 // words: of patches, locations of blocks as large as they ask for, all in the atlas' corner. top: the largest level.
-__kernel void ask_in_corner(int count, __global const int *patches, __global const int *sizes, int bias,
-                            int top, __global uint *words) {
+__kernel void ask_in_corner(int count, __global const int *patches, __global const int *sizes, int bias, int top,
+                            __global uint *words)
+{
     const int i = get_global_id(0);
-    if (i >= count) return;
+    if (i >= count)
+        return;
     const Block block = {0, 0, level_at(sizes[i] & 0xFF, bias, top), level_at(sizes[i] >> 8, bias, top)};
     words[patches[i]] = pack_location(block);
 }
@@ -141,14 +156,17 @@ __kernel void ask_in_corner(int count, __global const int *patches, __global con
 // texel, added up.
 __kernel void count_samples(int count, int run, int runs, int complete, __global const int *patches,
                             __global const uchar *masks, __global const int *members, __global const uint *words,
-                            __global int *counts, __global int *without) {
+                            __global int *counts, __global int *without)
+{
     const int r = get_global_id(0);
-    if (r >= runs) return;
+    if (r >= runs)
+        return;
     int sum = 0, bare = 0;
-    const int end = LESSER(count, (r + 1) * run);
+    const int end = MIN(count, (r + 1) * run);
     for (int i = r * run; i < end; i++) {
         const uint word = words[patches[i]];
-        if (!word) continue;
+        if (!word)
+            continue;
         const Shape shape = shape_of(word, members + 3 * patches[i], masks[i], complete);
         bare += without_texel(shape, masks[i]);
         if (shape.full) {
@@ -161,7 +179,8 @@ __kernel void count_samples(int count, int run, int runs, int complete, __global
         }
     }
     counts[r] = sum;
-    if (bare) atomic_add(without, bare);
+    if (bare)
+        atomic_add(without, bare);
 }
 
 // Eight samples of a row from `column` on, of which those beyond the row's end mean nothing.
@@ -170,7 +189,8 @@ typedef struct {
     float8 bary1, bary2, footprint;
 } Samples8;
 
-INLINE Samples8 sample_row(int column, const Row *row, const Part *part, int members) {
+INLINE Samples8 sample_row(int column, const Row *row, const Part *part, int members)
+{
     const int8 i = column + (int8)(0, 1, 2, 3, 4, 5, 6, 7);
     const float8 x = (float)column + (float8)(0, 1, 2, 3, 4, 5, 6, 7);
     const float8 u = row->u0 + row->du * x, v = row->v0 + row->dv * x;
@@ -191,26 +211,31 @@ INLINE Samples8 sample_row(int column, const Row *row, const Part *part, int mem
     return s;
 }
 
-static inline void store_lanes(int8 value, __global int *array, int count) {
-    for (int k = 0; k < count; k++) array[k] = ((int *)&value)[k];
+INLINE void store_lanes(int8 value, __global int *array, int count)
+{
+    for (int k = 0; k < count; k++)
+        array[k] = ((int *)&value)[k];
 }
 
-// codes: role and rotation per triangle. weights: a1 b1 c1 a2 b2 c2 0 0 of each code. ways: as from measure_ways. The
-// rest as in count_samples.
+// codes: role and rotation per triangle. weights: a1 b1 c1 a2 b2 c2 0 0 of each code. ways: as from texel_derivatives.
+// The rest as in count_samples.
 __kernel void emit_samples(int count, int run, int runs, int complete, __global const int *patches,
                            __global const uchar *masks, __global const int *members, __global const uint *words,
                            __global const uchar *codes, __global const float *weights, __global const float *ways,
                            int atlas_width, __global const int *counts, __global const int *offsets,
                            __global int *triangle, __global float *bary1, __global float *bary2,
-                           __global float *footprint, __global int *texel) {
+                           __global float *footprint, __global int *texel)
+{
     const int r = get_global_id(0);
-    if (r >= runs) return;
+    if (r >= runs)
+        return;
     int at = offsets[r];
     const int last = at + counts[r];
-    const int end = LESSER(count, (r + 1) * run);
+    const int end = MIN(count, (r + 1) * run);
     for (int i = r * run; i < end; i++) {
         const uint word = words[patches[i]];
-        if (!word) continue;
+        if (!word)
+            continue;
         __global const int *member = members + 3 * patches[i];
         const Shape shape = shape_of(word, member, masks[i], complete);
         const float step_u = shape.width > 1 ? 1.0f / (float)(shape.width - 1) : 0.0f;
@@ -221,8 +246,8 @@ __kernel void emit_samples(int count, int run, int runs, int complete, __global 
             __global const float *weight = weights + 8 * codes[t];
             const float along_u = shape.width > 1 ? step_u * ways[2 * t] : ways[2 * t];
             const float along_v = shape.height > 1 ? step_v * ways[2 * t + 1] : ways[2 * t + 1];
-            part[k] = (Part){t,         GREATER(along_u, along_v), weight[0], weight[1], weight[2],
-                             weight[3], weight[4],                 weight[5]};
+            part[k] =
+                (Part){t, MAX(along_u, along_v), weight[0], weight[1], weight[2], weight[3], weight[4], weight[5]};
         }
         for (int y = 0; y < shape.height; y++) {
             const Row row = make_row(shape, y, step_u, step_v, atlas_width);
@@ -231,14 +256,14 @@ __kernel void emit_samples(int count, int run, int runs, int complete, __global 
             for (int k = 0; k < samples; k += 8) {
                 const Samples8 s = sample_row(columns.x + k, &row, part, shape.size);
                 const int to = at + k;
-                if (to + 8 <= last) {  // lanes beyond the row are written again by the next rows of this run
+                if (to + 8 <= last) { // lanes beyond the row are written again by the next rows of this run
                     *(__global loose_int8 *)(triangle + to) = s.triangle;
                     *(__global loose_float8 *)(bary1 + to) = s.bary1;
                     *(__global loose_float8 *)(bary2 + to) = s.bary2;
                     *(__global loose_float8 *)(footprint + to) = s.footprint;
                     *(__global loose_int8 *)(texel + to) = s.texel;
                 } else {
-                    const int left = LESSER(8, samples - k);
+                    const int left = MIN(8, samples - k);
                     store_lanes(s.triangle, triangle + to, left);
                     store_lanes(as_int8(s.bary1), (__global int *)bary1 + to, left);
                     store_lanes(as_int8(s.bary2), (__global int *)bary2 + to, left);

@@ -10,7 +10,10 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.packers.sas.kernels.visible import VisiblePatches
 
 HERE = Path(__file__).parent
 
@@ -19,39 +22,33 @@ SIZES = 128  # sizes 2^0 to 2^(127/8), 60 000 pixels
 
 
 def measure_sides(
-    device: Device,
-    patches: Array,
-    count: int,
-    points: Array,
-    positions: Array,
-    eye: np.ndarray,
-    pixels_per_radian: float,
+    device: Device, visible: VisiblePatches, points: Array, positions: Array, eye: Doubles, pixels_per_radian: float
 ) -> tuple[Array, Array]:
-    """Sizes of the rectangles of `count` patches and their histogram.
+    """Sizes of the rectangles of visible patches and their histogram.
 
-    patches: int32 (count). points: int32 (P, 5), vertices at (0,0), (1,0), (1,1), (0,1) and the apex, -1 for none.
-    positions: float32 (V, 3). eye: float64 (3).
-    Returns sizes int32 (count), ceil(8 log2(pixels)) of width | of height << 8, and histogram int32 (128, 128) of
+    points: int32 (P, 5), vertices at (0,0), (1,0), (1,1), (0,1) and the apex, -1 for none. positions: float32 (V, 3).
+    eye: float64 (3).
+    Returns sizes int32 (n), ceil(8 log2(pixels)) of width | of height << 8, and histogram int32 (128, 128) of
     their number by height and width. The width is the longer of the opposite sides (the one with the apex as the sum of
     its parts), the height likewise, in a fan at least the way from the apex to the middle of the opposite side. Pairs
     and fans are made a step larger than nothing where, without a bias, a triangle of theirs would own no texel: pairs
     have two texels at least, fans two columns, of two rows where there are no more columns.
     """
     kernels = device.build(HERE / "footprint.cl")
-    sizes = device.empty(count, np.int32)
+    sizes = device.empty(visible.count, np.int32)
     histogram = device.empty((SIZES, SIZES), np.int32)
     device.fill(histogram, 0, "structs/footprint")
     high = eye.astype(np.float32)
     low = (eye - high).astype(np.float32)
     seen_from = [*map(float, high), *map(float, low), float(pixels_per_radian)]
-    arguments = (count, patches, points, positions, *seen_from, sizes, histogram)
-    device.launch("structs/footprint", kernels.measure_sides, -(-count // 8), *arguments)
+    items, read = -(-visible.count // 8), (visible.patches, points, positions)
+    device.launch("structs/footprint", kernels.measure_sides, items, visible.count, *read, *seen_from, sizes, histogram)
     return sizes, histogram
 
 
 def measure_sides_twin(
-    patches: np.ndarray, points: np.ndarray, positions: np.ndarray, eye: np.ndarray, pixels_per_radian: float
-) -> np.ndarray:
+    patches: Ints, points: Ints, positions: Floats, eye: Doubles, pixels_per_radian: float
+) -> Doubles:
     """Unrounded logarithms to base 2 of width and height in pixels, float64 (n, 2); those below one pixel are 0.
 
     Where a pair or a fan needs a step for the texels of its triangles, it is exactly one, 1 / STEPS.
@@ -61,8 +58,10 @@ def measure_sides_twin(
     a, b, c, d, apex = p.transpose(1, 0, 2)
     quad, fan = vertex[:, 2] >= 0, vertex[:, 4] >= 0
 
-    def angle(start: np.ndarray, end: np.ndarray) -> np.ndarray:
-        return np.arctan2(np.linalg.norm(np.cross(start, end), axis=1), (start * end).sum(axis=1))
+    def angle(start: arrays.Array, end: arrays.Array) -> Doubles:
+        sine, cosine = np.linalg.norm(np.cross(start, end), axis=1), (start * end).sum(axis=1)
+        angles: Doubles = np.arctan2(sine, cosine)
+        return angles
 
     width = np.where(fan, angle(a, apex) + angle(apex, b), angle(a, b))
     width = np.where(quad, np.maximum(width, angle(d, c)), width)

@@ -3,22 +3,37 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.sas.kernels.layout import ROLE_POINTS, ROLE_SLOT, pack_location, pack_role
+from shading_atlas_bench.packers.sas.kernels.tables import Patches, PatchTables
+from shading_atlas_bench.packers.sas.kernels.visible import VisiblePatches
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints, Words
+    from shading_atlas_bench.kernels.device import Device
 
 
-@dataclass
-class Soup:
-    """Arrays as in packers.sas.patches.Patches, with positions (V, 3) and indices (T, 3)."""
+@dataclass(frozen=True)
+class Soup(Patches):
+    """Patches with their positions, float32 (V, 3), and indices, int32 (T, 3)."""
 
-    positions: np.ndarray
-    indices: np.ndarray
-    of_triangle: np.ndarray
-    codes: np.ndarray
-    members: np.ndarray
-    points: np.ndarray
+    positions: Floats
+    indices: Ints
+
+    def upload(self, device: Device) -> PatchTables:
+        """Its tables on the device."""
+        flags = np.zeros(len(self.indices), np.uint8)
+        return PatchTables.upload(device, self, Triangles.upload(device, self.positions, self.indices, flags))
+
+
+def all_visible(device: Device, masks: Bytes) -> VisiblePatches:
+    """The patches 0, 1, ... of which `masks` says which members are in the set."""
+    patches = np.arange(len(masks), dtype=np.int32)
+    return VisiblePatches(len(masks), device.upload(patches), device.upload(masks))
 
 
 ROLES = {1: (0,), 2: (0, 1), 3: (2, 3, 4)}
@@ -42,17 +57,16 @@ def random_patches(rng: np.random.Generator, count: int, size: int | None = None
             of_triangle[triangle] = patch
             members[patch, ROLE_SLOT[role]] = triangle
             points[patch, ROLE_POINTS[role]] = 5 * patch + ROLE_POINTS[role]
-    return Soup(positions, indices, of_triangle, codes, members, points)
+    return Soup(of_triangle, codes, members, points, positions, indices)
 
 
-def words_in_rows(levels: list[tuple[int, int]]) -> np.ndarray:
+def words_in_rows(levels: list[tuple[int, int]]) -> Words:
     """Location words of blocks of these levels, each alone in a square of 256 texels."""
     w, h = np.array(levels).T
     k = np.arange(len(levels))
     return pack_location(k % 16 * 256 + (k * 37 % 256 >> w << w), k // 16 * 256 + (k * 91 % 256 >> h << h), w, h)
 
 
-def random_masks(rng: np.random.Generator, soup: Soup) -> np.ndarray:
+def random_masks(rng: np.random.Generator, soup: Soup) -> Bytes:
     """For each patch some of its members, at least one."""
-    sizes = (soup.members >= 0).sum(axis=1)
-    return rng.integers(1, 1 << sizes).astype(np.uint8)
+    return rng.integers(1, 1 << soup.sizes()).astype(np.uint8)

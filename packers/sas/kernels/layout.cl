@@ -1,17 +1,23 @@
 // A block's place in one word, and the classes of blocks; layout.py describes both.
+#include "common/wide.cl"
 
 typedef struct {
-    int x, y;  // texel of the upper left corner
-    int w, h;  // log2 of the sides
+    int x, y; // texel of the upper left corner
+    int w, h; // log2 of the sides
 } Block;
 
-static inline int trailing_zeros(int value) { return (int)popcount((uint)((value & -value) - 1)); }
+INLINE int trailing_zeros(int value)
+{
+    return (int)popcount((uint)((value & -value) - 1));
+}
 
-static inline uint pack_location(Block block) {
+INLINE uint pack_location(Block block)
+{
     return (uint)(2 * block.x + (1 << block.w)) | (uint)(2 * block.y + (1 << block.h)) << 16;
 }
 
-static inline Block unpack_location(uint word) {
+INLINE Block unpack_location(uint word)
+{
     const int cx = (int)(word & 0xFFFF), cy = (int)(word >> 16);
     Block block;
     block.w = trailing_zeros(cx);
@@ -24,7 +30,13 @@ static inline Block unpack_location(uint word) {
 // The level of a side of `steps` eighths at a bias of `bias` eighths.
 #define STEPS 8
 
-static inline int level_at(int steps, int bias, int top) { return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top); }
+INLINE int level_at(int steps, int bias, int top)
+{
+    return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top);
+}
 
 // Blocks of one size form a class; `top` is log2 of a superblock's side, the largest level.
-static inline int size_class(int w, int h, int top) { return h * (top + 1) + w; }
+INLINE int size_class(int w, int h, int top)
+{
+    return h * (top + 1) + w;
+}

@@ -17,8 +17,12 @@ side, and the rest is the place. 0 is no place.
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
+from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Longs, Words
 from shading_atlas_bench.arithmetic.matrices import inverse
 
 SINGLE_OR_FIRST, SECOND, CENTRE, RIGHT, LEFT = range(5)
@@ -37,24 +41,27 @@ ROLE_WEIGHTS = inverse(np.concatenate([np.ones((5, 3, 1)), POINTS[ROLE_POINTS]],
 ROLE_SLOT = np.array([0, 1, 0, 1, 2])
 
 
-def pack_role(role: np.ndarray, rotation: np.ndarray) -> np.ndarray:
+def pack_role(role: NDArray[np.integer[Any]], rotation: NDArray[np.integer[Any]]) -> Bytes:
     """One byte for a triangle's role and rotation."""
-    return (3 * role + rotation).astype(np.uint8)
+    codes: Bytes = (3 * role + rotation).astype(np.uint8)
+    return codes
 
 
-def corner_points(codes: np.ndarray) -> np.ndarray:
+def corner_points(codes: NDArray[np.integer[Any]]) -> Longs:
     """Index into POINTS of each triangle's corners 0, 1, 2: int64 (n, 3), for codes made by `pack_role`."""
     role, rotation = (codes // 3).astype(np.int64), (codes % 3).astype(np.int64)
-    return ROLE_POINTS[role[:, None], (np.arange(3) - rotation[:, None]) % 3]
+    points: Longs = ROLE_POINTS[role[:, None], (np.arange(3) - rotation[:, None]) % 3]
+    return points
 
 
-def pack_location(x: np.ndarray, y: np.ndarray, w: np.ndarray, h: np.ndarray) -> np.ndarray:
+def pack_location(x: Array | int, y: Array | int, w: Array | int, h: Array | int) -> Words:
     """The location word, uint32, of blocks at column x and row y with sides 2^w and 2^h."""
     centre_x, centre_y = 2 * np.asarray(x) + (1 << np.asarray(w)), 2 * np.asarray(y) + (1 << np.asarray(h))
-    return (centre_x | centre_y << 16).astype(np.uint32)
+    words: Words = (centre_x | centre_y << 16).astype(np.uint32)
+    return words
 
 
-def unpack_location(words: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def unpack_location(words: Words) -> tuple[Longs, Longs, Longs, Longs]:
     """x, y, w, h (int64) of location words; meaningless where a word is 0."""
     centre_x, centre_y = words.astype(np.int64) & 0xFFFF, words.astype(np.int64) >> 16
     side_x, side_y = np.maximum(centre_x & -centre_x, 1), np.maximum(centre_y & -centre_y, 1)

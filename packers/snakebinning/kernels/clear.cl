@@ -3,11 +3,14 @@
 // What is left of a strip, in its average colour (section 3.8). Texels keep alpha 0: nothing was shaded there.
 
 __kernel void clear_strips(int count, __global const Strip *strips, __global const int *blocks, int width,
-                           __global uchar4 *atlas) {
+                           __global uchar4 *atlas)
+{
     const int i = get_global_id(0);
-    if (i >= count) return;
+    if (i >= count)
+        return;
     const Strip s = strips[i];
-    if (s.bin < 0 || s.superblock < 0) return;
+    if (s.bin < 0 || s.superblock < 0)
+        return;
     const int across = blocks[3 * s.superblock + 2], lines = s.rows * s.lines;
     __global uchar4 *first = atlas + (size_t)(blocks[3 * s.superblock + 1] + s.y) * width + blocks[3 * s.superblock];
     ulong4 sum = 0;
@@ -20,5 +23,6 @@ __kernel void clear_strips(int count, __global const Strip *strips, __global con
     const uchar4 mean = convert_uchar4((sum + total / 2) / total) * (uchar4)(1, 1, 1, 0);
     for (int line = 0; line < lines; line++)
         for (int k = 0; k < across; k++)
-            if (!first[(size_t)line * width + k].w) first[(size_t)line * width + k] = mean;
+            if (!first[(size_t)line * width + k].w)
+                first[(size_t)line * width + k] = mean;
 }

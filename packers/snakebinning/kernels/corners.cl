@@ -2,9 +2,11 @@
 
 // places, drawn, words: as the server sends them (see place.cl and footprint.cl), by triangle of the client.
 __kernel void locate_corners(int count, __global const uint *places, __global const ushort4 *drawn,
-                             __global const uint *words, __global float *corners) {
+                             __global const uint *words, __global float *corners)
+{
     const int i = get_global_id(0);
-    if (i >= count) return;
+    if (i >= count)
+        return;
     const uint place = places[i], word = words[i];
     const float sign = place >> 29 & 1 ? -0.125f : 0.125f;
     const float tip = 0.125f * (place & 0xFFFF) + 0.5f, line = (float)(place >> 16 & 0x1FFF) + 0.5f;

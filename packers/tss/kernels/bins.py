@@ -10,7 +10,6 @@ All bins there can be, by falling height of their slots, are known beforehand; a
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -20,6 +19,7 @@ from shading_atlas_bench.packers.tss.kernels.pattern import TOP
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic.arrays import Ints
     from shading_atlas_bench.kernels.device import Device
 
 LONGEST = 1023  # texels along a side of a right triangle, but for the last one
@@ -27,7 +27,7 @@ EXACT = 16  # sizes up to this one have a class each
 PER_DOUBLING = 8
 
 
-def size_classes() -> tuple[np.ndarray, np.ndarray]:
+def size_classes() -> tuple[Ints, Ints]:
     """The class of each size 0 to LONGEST, int32, and the largest size of each class."""
     largest = list(range(1, EXACT + 1))
     while largest[-1] < LONGEST:
@@ -43,11 +43,11 @@ class Bins:
     of_size: int32 (C, C), bin by class of q and of p, for p >= q. size_class: int32 (1024).
     """
 
-    width: np.ndarray
-    height: np.ndarray
-    of_level: np.ndarray
-    of_size: np.ndarray
-    size_class: np.ndarray
+    width: Ints
+    height: Ints
+    of_level: Ints
+    of_size: Ints
+    size_class: Ints
 
     @classmethod
     def make(cls) -> Bins:
@@ -70,11 +70,20 @@ class Bins:
     def count(self) -> int:
         return len(self.width)
 
-    @cached_property
-    def of_size_width(self) -> int:
-        return self.of_size.shape[1]
+    def upload(self, device: Device) -> BinTables:
+        """The same on the device."""
+        width, height = device.upload(self.width), device.upload(self.height)
+        of_level, of_size = device.upload(self.of_level), device.upload(self.of_size)
+        return BinTables(width, height, of_level, of_size, device.upload(self.size_class), len(self.of_size))
 
-    def upload(self, device: Device) -> tuple[Array, ...]:
-        """width, height, of_level, of_size and size_class on the device."""
-        arrays = (self.width, self.height, self.of_level, self.of_size, self.size_class)
-        return tuple(device.upload(array) for array in arrays)
+
+@dataclass(frozen=True)
+class BinTables:
+    """Bins on the device; size_classes: how many there are, C."""
+
+    width: Array
+    height: Array
+    of_level: Array
+    of_size: Array
+    size_class: Array
+    size_classes: int

@@ -3,8 +3,8 @@
 // The server's camera as Tessellated Shading Streaming sees through it: 8 points per step.
 
 // camera: eye (3, float32), what its rounding left over (3), rows of the rotation for right, up and depth (9), pixels
-// per unit of x / depth and y / depth (2), tangents of the view's half angles (2), cosine between its axis and its corner,
-// near distance.
+// per unit of x / depth and y / depth (2), tangents of the view's half angles (2), cosine between its axis and its
+// corner, near distance.
 #define RIGHT 6
 #define UP 9
 #define DEPTH 12
@@ -19,27 +19,30 @@ typedef struct {
     float8 x, y, z;
 } Points8;
 
-INLINE Points8 from_eye(Points8 p, __global const float *camera) {
+INLINE Points8 from_eye(Points8 p, __global const float *camera)
+{
     const Points8 q = {(p.x - camera[0]) - camera[3], (p.y - camera[1]) - camera[4], (p.z - camera[2]) - camera[5]};
     return q;
 }
 
-INLINE float8 along(Points8 p, __global const float *row) {
+INLINE float8 along(Points8 p, __global const float *row)
+{
     return row[0] * p.x + row[1] * p.y + row[2] * p.z;
 }
 
-// The depth that projects a point of the view where it appears, and others to the view's border: what the cell cannot see
-// has no size, and all depths are positive.
-INLINE float8 bounded_depth(Points8 p, __global const float *camera, int8 *bounded) {
+// The depth that projects a point of the view where it appears, and others to the view's border: what the cell cannot
+// see has no size, and all depths are positive.
+INLINE float8 bounded_depth(Points8 p, __global const float *camera, int8 *bounded)
+{
     const float8 depth = along(p, camera + DEPTH);
     const float8 distance = sqrt(p.x * p.x + p.y * p.y + p.z * p.z);
     const float8 right = along(p, camera + RIGHT) / camera[TANGENT_X], up = along(p, camera + UP) / camera[TANGENT_Y];
     const float8 beside = right < 0.0f ? -right : right, above = up < 0.0f ? -up : up;
-    float8 least = GREATER(camera[CORNER] * distance, (float8)(camera[NEAR]));
-    least = GREATER(beside, least);
-    least = GREATER(above, least);
-    *bounded |= depth < 0.9999f * least;  // rounding leaves the view's corner itself unbounded
-    return GREATER(depth, least);
+    float8 least = MAX(camera[CORNER] * distance, (float8)(camera[NEAR]));
+    least = MAX(beside, least);
+    least = MAX(above, least);
+    *bounded |= depth < 0.9999f * least; // rounding leaves the view's corner itself unbounded
+    return MAX(depth, least);
 }
 
 // A triangle on screen. level: that of the equal-spacing pattern with as many samples as it has pixels, not rounded.
@@ -49,7 +52,8 @@ typedef struct {
     int8 first;
 } Shape8;
 
-INLINE Shape8 shape_of(const float8 *x, const float8 *y) {
+INLINE Shape8 shape_of(const float8 *x, const float8 *y)
+{
     Shape8 s;
     float8 longest = (float8)(-1.0f), dx = longest, dy = longest, to_x = longest, to_y = longest;
     s.first = (int8)(0);
@@ -71,6 +75,6 @@ INLINE Shape8 shape_of(const float8 *x, const float8 *y) {
     s.base = flat ? (float8)(0.0f) : sqrt(squared);
     s.height = flat ? (float8)(0.0f) : twice / s.base;
     s.foot = flat ? (float8)(0.5f) : clamp(foot, 0.0f, 1.0f);
-    s.level = flat ? (float8)(0.0f) : sqrt(twice * (2.0f / 3.0f));  // v(l) is about 3/4 l^2
+    s.level = flat ? (float8)(0.0f) : sqrt(twice * (2.0f / 3.0f)); // v(l) is about 3/4 l^2
     return s;
 }

@@ -12,18 +12,26 @@ from shading_atlas_bench.kernels.common.rank import rank_by_class_twin
 from shading_atlas_bench.kernels.inputs.soups import FAR_EYE, far_soup
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.triangles import Triangles
-from shading_atlas_bench.packers.tss.kernels.bins import Bins
-from shading_atlas_bench.packers.tss.kernels.emit import CellTable, count_samples, emit_primitive_twin, emit_samples
+from shading_atlas_bench.packers.tss.kernels.bins import Bins, BinTables
+from shading_atlas_bench.packers.tss.kernels.emit import (
+    CellTable,
+    Placed,
+    count_samples,
+    emit_primitive_twin,
+    emit_samples,
+)
 from shading_atlas_bench.packers.tss.kernels.footprint import camera_floats, measure_triangles, measure_triangles_twin
-from shading_atlas_bench.packers.tss.kernels.forms import choose_forms, choose_forms_twin
-from shading_atlas_bench.packers.tss.kernels.layout import lay_out, lay_out_twin, place_items, place_items_twin
-from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED, locate, locate_twin
+from shading_atlas_bench.packers.tss.kernels.forms import choose_strategies, choose_strategies_twin
+from shading_atlas_bench.packers.tss.kernels.layout import Items, lay_out, lay_out_twin, place_items, place_items_twin
+from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED, Located, locate, locate_twin
 from shading_atlas_bench.packers.tss.kernels.perspective import invert_depths, invert_depths_twin
 from shading_atlas_bench.packers.tss.kernels.primitives import Primitives, list_primitives, measure_primitives_twin
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Floats, Longs
     from shading_atlas_bench.kernels.device import Device
 
 SCALE, SLANTED, STAGE = 0.83, 3.0, "tss"
@@ -34,8 +42,8 @@ class Scene:
     """Triangles before a camera."""
 
     device: Device
-    corners: np.ndarray
-    camera: np.ndarray
+    corners: Floats
+    camera: Floats
     triangles: Triangles
     ids: Array
 
@@ -65,29 +73,27 @@ class Packed:
 
     primitives: Primitives
     bins: Bins
-    tables: tuple
-    turns: Array
-    forms: Array
-    items: Array
-    totals: np.ndarray
-    ranks: np.ndarray
+    tables: BinTables
+    items: Items
+    totals: Longs
+    ranks: Longs
     regions: Array
     used: int
-    places: Array
-    inverse: Array
+    placed: Placed
 
     @classmethod
     def make(cls, scene: Scene) -> Packed:
         device, primitives, bins = scene.device, scene.primitives(), Bins.make()
         tables, count = bins.upload(device), primitives.count
         turns = device.upload(np.arange(count, dtype=np.int32))
-        forms, items = choose_forms(device, primitives, SCALE, SLANTED, turns, tables)
+        forms, items = choose_strategies(device, primitives, SCALE, SLANTED, turns, tables)
         ranks, totals = rank_by_class_twin(items.get()[:count].reshape(-1), bins.count)
         regions, used = lay_out(device, tables, device.upload(totals.astype(np.int32)), 4096)
-        listed = (turns, items, device.upload(ranks.astype(np.int32)), tables, regions)
-        places = place_items(device, count, used, *listed)
+        listed = Items(turns, items, device.upload(ranks.astype(np.int32)))
+        places = place_items(device, count, used, listed, tables, regions)
         inverse = invert_depths(device, primitives.depths, primitives.pieces, primitives.rows, SCALE, STAGE)
-        return cls(primitives, bins, tables, turns, forms, items, totals, ranks, regions, used, places, inverse)
+        placed = Placed(primitives, forms, places, inverse)
+        return cls(primitives, bins, tables, listed, totals, ranks, regions, used, placed)
 
 
 @case(
@@ -99,10 +105,10 @@ class Packed:
 )
 def footprints(device: Device, kind: str, size: int) -> Trial:
     scene = Scene.make(device, kind, size)
-    known = (scene.ids, size, scene.triangles.indices, scene.triangles.positions, device.upload(scene.camera))
+    camera = device.upload(scene.camera)
 
-    def run() -> tuple:
-        return measure_triangles(device, *known, SCALE, SLANTED, STAGE)
+    def run() -> tuple[Array, Array]:
+        return measure_triangles(device, scene.ids, size, scene.triangles, camera, SCALE, SLANTED, STAGE)
 
     def results() -> list[Result]:
         expected = measure_triangles_twin(scene.corners, scene.camera, SCALE, SLANTED)
@@ -142,30 +148,29 @@ def primitives(device: Device, kind: str, size: int) -> Trial:
 @case({"perspective.invert_depths": Cost("n", "36*n", "12*n")}, 1 << 18, adversarial=Bound(2))
 def perspective(device: Device, kind: str, size: int) -> Trial:
     primitives = Scene.make(device, kind, size).primitives()
-    known = (primitives.depths, primitives.pieces)
 
     def run() -> Array:
-        return invert_depths(device, *known, size, SCALE, STAGE)
+        return invert_depths(device, primitives.depths, primitives.pieces, size, SCALE, STAGE)
 
     def results() -> list[Result]:
-        expected = invert_depths_twin(*(array.get()[:size] for array in known), SCALE)
+        expected = invert_depths_twin(primitives.depths.get()[:size], primitives.pieces.get()[:size], SCALE)
         return [Result(run().get()[:size, :3], expected)]
 
     return Trial({"n": size}, run, results)
 
 
-@case({"forms.choose_forms": Cost("n", "(16 + 4 + 4 + 4 + 16 + 8)*n", "20*n")}, 1 << 14)
+@case({"forms.choose_strategies": Cost("n", "(16 + 4 + 4 + 4 + 16 + 8)*n", "20*n")}, 1 << 14)
 def forms(device: Device, kind: str, size: int) -> Trial:
     primitives, bins = Scene.make(device, kind, size).primitives(), Bins.make()
     count, tables = primitives.count, bins.upload(device)
     turns = device.upload(np.arange(count, dtype=np.int32))
 
-    def run() -> tuple:
-        return choose_forms(device, primitives, SCALE, SLANTED, turns, tables)
+    def run() -> tuple[Array, Array]:
+        return choose_strategies(device, primitives, SCALE, SLANTED, turns, tables)
 
     def results() -> list[Result]:
         cut = primitives.pieces.get()[primitives.parents.get()[:count]] > 1
-        expected = choose_forms_twin(primitives.shapes.get()[:count], cut, SCALE, SLANTED, bins)
+        expected = choose_strategies_twin(primitives.shapes.get()[:count], cut, SCALE, SLANTED, bins)
         return [Result(array.get()[:count], values) for array, values in zip(run(), expected, strict=True)]
 
     return Trial({"n": count}, run, results)
@@ -175,16 +180,15 @@ def forms(device: Device, kind: str, size: int) -> Trial:
 def layout(device: Device, kind: str, size: int) -> Trial:
     packed = Packed.make(Scene.make(device, kind, size))
     totals, count = device.upload(packed.totals.astype(np.int32)), packed.primitives.count
-    ranks = device.upload(packed.ranks.astype(np.int32))
 
-    def run() -> tuple:
+    def run() -> tuple[Array, Array]:
         regions, used = lay_out(device, packed.tables, totals, 4096)
-        return regions, place_items(device, count, used, packed.turns, packed.items, ranks, packed.tables, regions)
+        return regions, place_items(device, count, used, packed.items, packed.tables, regions)
 
     def results() -> list[Result]:
         regions, places = run()
         expected, used = lay_out_twin(packed.bins, packed.totals, 4096)
-        items = packed.items.get()[:count].reshape(-1)
+        items = packed.items.bins.get()[:count].reshape(-1)
         sizes = (packed.bins.width, packed.bins.height)
         at = place_items_twin(items, packed.ranks, *sizes, expected, used).reshape(-1, 2)
         return [Result(regions.get(), expected), Result(places.get()[:count], at)]
@@ -204,23 +208,22 @@ def emission(device: Device, kind: str, size: int) -> Trial:
     primitives = packed.primitives
 
     def run() -> Samples:
-        placed = (packed.forms, packed.places, packed.inverse)
-        return emit_samples(device, primitives, *placed, scene.triangles, table, 4096)
+        return emit_samples(device, packed.placed, scene.triangles, table, 4096)
 
     def results() -> list[Result]:
         samples, expected = run(), samples_twin(scene, packed)
         found = [Result(getattr(samples, name).get()[: samples.count], values) for name, values in expected.items()]
-        everything = count_samples(device, primitives.count, packed.forms, table)
+        everything = count_samples(device, primitives.count, packed.placed.forms, table)
         return [*found, Result(np.array([everything]), np.array([len(expected["texel"])]))]
 
     return Trial({"p": primitives.count, "n": run().count}, run, results)
 
 
-def samples_twin(scene: Scene, packed: Packed) -> dict[str, np.ndarray]:
+def samples_twin(scene: Scene, packed: Packed) -> dict[str, arrays.Array]:
     """All samples, primitive by primitive."""
-    known = packed.primitives
+    known, placed = packed.primitives, packed.placed
     parents, starts, pieces, firsts = (a.get() for a in (known.parents, known.starts, known.pieces, known.firsts))
-    forms, places, inverse = packed.forms.get(), packed.places.get(), packed.inverse.get()[:, :3].astype(np.float64)
+    forms, places, inverse = placed.forms.get(), placed.places.get(), placed.inverse.get()[:, :3].astype(np.float64)
     parts = []
     for i in range(known.count):
         row = parents[i]
@@ -233,8 +236,9 @@ def samples_twin(scene: Scene, packed: Packed) -> dict[str, np.ndarray]:
 def location(device: Device, kind: str, size: int) -> Trial:
     """At cuts rounding decides between copies far apart; the rest is compared."""
     packed, rng = Packed.make(Scene.make(device, kind, 500)), seeded(kind)
-    known, halves = packed.primitives, packed.forms.get()[: packed.primitives.count, 0] < 0
-    forms, places, firsts = (a.get()[: known.count] for a in (packed.forms, packed.places, known.firsts))
+    known, placed = packed.primitives, packed.placed
+    forms, places, firsts = (a.get()[: known.count] for a in (placed.forms, placed.places, known.firsts))
+    halves = forms[:, 0] < 0
     shape = forms[:, 2] | forms[:, 3] << 10 | forms[:, 1] << 20
     two = np.stack([-1 - firsts, places[:, 0], places[:, 1], shape], axis=1)
     one = np.stack([forms[:, 0], places[:, 0], 0 * shape, 0 * shape], axis=1)
@@ -242,15 +246,15 @@ def location(device: Device, kind: str, size: int) -> Trial:
     records[::50] = UNPLACED
     triangle = np.sort(rng.integers(0, known.rows, size)).astype(np.int32)
     bary = rng.dirichlet([1, 1, 1], size)[:, 1:].astype(np.float32)
-    samples = Samples.upload(device, triangle, *bary.T, np.zeros(size), np.arange(size))
-    arrays = (packed.inverse, known.pieces, known.starts, device.upload(records))
+    samples = Samples.upload(device, triangle, bary[:, 0], bary[:, 1], np.zeros(size), np.arange(size))
+    located = Located(placed.inverse, known.pieces, known.starts, device.upload(records))
 
     def run() -> Array:
-        return locate(device, samples, *arrays, STAGE)
+        return locate(device, samples, located, STAGE)
 
     def results() -> list[Result]:
         found = run().get()[:, :size].T
-        inverse, pieces, starts = packed.inverse.get()[:, :3], known.pieces.get(), known.starts.get()
+        inverse, pieces, starts = placed.inverse.get()[:, :3], known.pieces.get(), known.starts.get()
         place = locate_twin(bary, inverse[triangle], pieces[triangle], starts[triangle], records)
         same = np.isfinite(place[:, 0]) & ~(np.abs(found - place).max(axis=1) > 1)
         return [Result(found[same], place[same]), Result(np.isnan(found), np.isnan(place))]

@@ -19,7 +19,9 @@ from shading_atlas_bench.packers.tss.kernels.primitives import piece_corners
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
-    from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints, Longs
+    from shading_atlas_bench.kernels.device import Device, Kernels
     from shading_atlas_bench.kernels.triangles import Triangles
     from shading_atlas_bench.packers.tss.kernels.primitives import Primitives
 
@@ -59,12 +61,69 @@ def build_kernels(device: Device) -> None:
         device.build(HERE / "emit.cl", OVERSAMPLING=oversampled)
 
 
+@dataclass(frozen=True)
+class Placed:
+    """Primitives with their places, on the device.
+
+    forms, places: int32 (n, 4) and (n, 2), as from `choose_strategies` and `place_items`. inverse: as from `invert_depths`.
+    """
+
+    primitives: Primitives
+    forms: Array
+    places: Array
+    inverse: Array
+
+
+@dataclass(frozen=True)
+class _Runs:
+    """Primitives, gone through by work-items: `runs` of them, for `run` primitives each.
+
+    oversampled: whether any form is OVERSAMPLED; without, their code is not there.
+    """
+
+    count: int
+    forms: Array
+    places: Array
+    table: CellTable
+    oversampled: bool
+    run: int
+    runs: int
+
+    @classmethod
+    def cut(
+        cls,
+        device: Device,
+        count: int,
+        forms: Array,
+        places: Array,
+        table: CellTable,
+        oversampled: bool = True,
+        runs: int | None = None,
+    ) -> _Runs:
+        """Into so many runs; None for as many as suit the device."""
+        run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
+        return cls(count, forms, places, table, oversampled, run, -(-count // run))
+
+    @property
+    def arguments(self) -> tuple[int | Array, ...]:
+        """What kernels read of it first."""
+        return self.count, self.run, self.runs, self.forms, self.places, self.table.starts
+
+    def kernels(self, device: Device) -> Kernels:
+        """Those that know its forms."""
+        return device.build(HERE / "emit.cl", OVERSAMPLING=int(self.oversampled))
+
+    def samples(self, device: Device, stage: str) -> Array:
+        """int32 (runs), the samples of each run."""
+        counts, local = device.empty(self.runs, np.int32), 1 if device.is_cpu else None
+        kernel = self.kernels(device).count_samples
+        device.launch(stage, kernel, self.runs, *self.arguments, counts, local=local)
+        return counts
+
+
 def emit_samples(
     device: Device,
-    primitives: Primitives,
-    forms: Array,
-    places: Array,
-    inverse: Array,
+    placed: Placed,
     triangles: Triangles,
     table: CellTable,
     atlas_width: int,
@@ -73,49 +132,29 @@ def emit_samples(
 ) -> Samples:
     """The samples of all placed items, in the order of primitives, then rows.
 
-    forms, places: int32 (n, 4) and (n, 2). inverse: as from `invert_depths`. A primitive's samples are spaced evenly on
-    screen. The footprint is the longest way on the surface from a sample to the next along an edge of an L, or along
-    base or height of a right triangle.
+    A primitive's samples are spaced evenly on screen. The footprint is the longest way on the surface from a sample to
+    the next along an edge of an L, or along base or height of a right triangle.
     oversampled: whether any form is OVERSAMPLED; without, their code is not there.
     """
-    kernels = device.build(HERE / "emit.cl", OVERSAMPLING=int(oversampled))
-    local = 1 if device.is_cpu else None
-    listed, counts = _counted(device, primitives.count, forms, places, table, oversampled, runs, STAGE)
-    runs = listed[2]
-    offsets, total = exclusive_scan(device, counts, runs, STAGE)
+    primitives = placed.primitives
+    work = _Runs.cut(device, primitives.count, placed.forms, placed.places, table, oversampled, runs)
+    counts = work.samples(device, STAGE)
+    offsets, total = exclusive_scan(device, counts, work.runs, STAGE)
     s = Samples.allocate(device, total)
-    known = (primitives.firsts, primitives.parents, primitives.starts, primitives.pieces, inverse, primitives.ids)
-    scene = (triangles.indices, triangles.positions, table.near, table.far, table.at, atlas_width)
-    arrays = (counts, offsets, s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
-    device.launch(STAGE, kernels.emit_samples, runs, *listed, *known, *scene, *arrays, local=local)
+    known = (primitives.firsts, primitives.parents, primitives.starts, primitives.pieces, placed.inverse)
+    scene = (primitives.ids, triangles.indices, triangles.positions, table.near, table.far, table.at, atlas_width)
+    results = (counts, offsets, s.triangle, s.bary1, s.bary2, s.footprint, s.texel)
+    kernel, local = work.kernels(device).emit_samples, 1 if device.is_cpu else None
+    device.launch(STAGE, kernel, work.runs, *work.arguments, *known, *scene, *results, local=local)
     return s
-
-
-def _counted(
-    device: Device,
-    count: int,
-    forms: Array,
-    places: Array,
-    table: CellTable,
-    oversampled: bool,
-    runs: int | None,
-    stage: str,
-) -> tuple[tuple, Array]:
-    """How `count` primitives are cut into runs, with what is known of them, and the samples of each run."""
-    run = max(1, -(-count // (runs or RUNS))) if device.is_cpu or runs else 1
-    runs = -(-count // run)
-    counts, listed = device.empty(runs, np.int32), (count, run, runs, forms, places, table.starts)
-    kernel = device.build(HERE / "emit.cl", OVERSAMPLING=int(oversampled)).count_samples
-    device.launch(stage, kernel, runs, *listed, counts, local=1 if device.is_cpu else None)
-    return listed, counts
 
 
 def count_samples(device: Device, count: int, forms: Array, table: CellTable) -> int:
     """The samples that `count` primitives of these forms have once all of their items are placed."""
     places = device.recycled((count, 2), np.int32)
     device.fill(places, 0, BUDGET)
-    listed, counts = _counted(device, count, forms, places, table, True, None, BUDGET)
-    return exclusive_scan(device, counts, listed[2], BUDGET)[1]
+    work = _Runs.cut(device, count, forms, places, table)
+    return exclusive_scan(device, work.samples(device, BUDGET), work.runs, BUDGET)[1]
 
 
 def row_length(p: int, q: int, row: int) -> int:
@@ -124,7 +163,7 @@ def row_length(p: int, q: int, row: int) -> int:
     return min(p, -(-p * (q - max(row - 1, 0)) // q)) + 1
 
 
-def half_texels(p: int, q: int) -> tuple[np.ndarray, np.ndarray]:
+def half_texels(p: int, q: int) -> tuple[Longs, Longs]:
     """Column and row, int (n), of all texels of such a right triangle, by row."""
     lengths = [row_length(p, q, row) for row in range(q + 1)]
     return np.concatenate([np.arange(n) for n in lengths]), np.repeat(np.arange(q + 1), lengths)
@@ -132,21 +171,22 @@ def half_texels(p: int, q: int) -> tuple[np.ndarray, np.ndarray]:
 
 def emit_primitive_twin(
     triangle: int,
-    corners: np.ndarray,
-    inverse: np.ndarray,
+    corners: Floats,
+    inverse: Doubles,
     piece: tuple[int, int],
     first: int,
-    form: np.ndarray,
-    places: np.ndarray,
+    form: Ints,
+    places: Ints,
     atlas_width: int,
-) -> dict[str, np.ndarray]:
+) -> dict[str, arrays.Array]:
     """The samples of one primitive by the names of Samples, float64.
 
     corners: (3, 3). inverse: (3). piece: parts along an edge, and the piece's number. first: corner where the longest
-    edge begins. form (4), places (2): as in `choose_forms` and `place_items`.
+    edge begins. form (4), places (2): as in `choose_strategies` and `place_items`.
     """
     at = piece_corners(*(np.array([k]) for k in piece))[0]
-    local, offset, steps = _halves(at, first, form, places) if form[0] == OVERSAMPLED else _cells(at, form[0], places)
+    halves, level = form[0] == OVERSAMPLED, int(form[0])
+    local, offset, steps = _halves(at, first, form, places) if halves else _cells(at, level, places)
     column, row, sign = unpack_place(offset[:, 0])
     texel = (row + sign * offset[:, 2]) * atlas_width + column + sign * offset[:, 1]
     spread = np.broadcast_to(inverse, (len(local), 3))
@@ -157,18 +197,16 @@ def emit_primitive_twin(
     return dict(zip(names, (np.full(len(local), triangle), *bary.T, footprint, texel), strict=True))
 
 
-def _cells(at: np.ndarray, level: int, places: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+def _cells(at: Doubles, level: int, places: Ints) -> tuple[Doubles, arrays.Array, list[Doubles]]:
     """Screen weights (n, 2), place with column and row (n, 3), and steps of an L's samples."""
-    cells = cells_of(int(level))
+    cells = cells_of(level)
     first, second = at[1] - at[0], at[2] - at[0]
     local = at[0] + cells.weights[:, :1] * first + cells.weights[:, 1:] * second
     offset = np.stack([np.full(len(cells.row), places[0]), cells.column, cells.row], axis=1)
     return local, offset, [step / max(level, 1) for step in (first, second, first - second)]
 
 
-def _halves(
-    at: np.ndarray, first: int, form: np.ndarray, places: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, list[np.ndarray]]:
+def _halves(at: Doubles, first: int, form: Ints, places: Ints) -> tuple[Doubles, arrays.Array, list[Doubles]]:
     """The same for right triangles."""
     _, height, before, after = (int(k) for k in form)
     begin, end, apex = (at[(first + k) % 3] for k in range(3))
@@ -186,10 +224,11 @@ def _halves(
     return np.concatenate(points), np.concatenate(offsets), [along, up]
 
 
-def _ways(corners: np.ndarray, inverse: np.ndarray, points: np.ndarray, step: np.ndarray) -> np.ndarray:
+def _ways(corners: Floats, inverse: Doubles, points: Doubles, step: Doubles) -> Doubles:
     """Lengths (n) on the surface of a small step of screen weights at points (n, 2): the perspective's derivative."""
     weights = np.column_stack([1 - points.sum(axis=1), points]) * inverse
     change = np.array([-step.sum(), *step]) * inverse
     total = np.maximum(weights.sum(axis=1, keepdims=True), inverse.min() / 4)
     derivative = (change - weights / total * change.sum()) / total
-    return np.linalg.norm(derivative @ (corners.astype(np.float64) - corners[0]), axis=1)
+    lengths: Doubles = np.linalg.norm(derivative @ (corners.astype(np.float64) - corners[0]), axis=1)
+    return lengths

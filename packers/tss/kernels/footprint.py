@@ -12,7 +12,10 @@ from shading_atlas_bench.arithmetic.matrices import turned
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Longs
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.kernels.triangles import Triangles
 
 HERE = Path(__file__).parent
 
@@ -20,7 +23,7 @@ LEVELS, LONGEST, MOST_PIECES, LEAST_HEIGHT = 64, 1023, 16, 16  # as in footprint
 CAMERA_FLOATS = 21
 
 
-def camera_floats(view: np.ndarray, projection: np.ndarray, width: int, height: int) -> np.ndarray:
+def camera_floats(view: Doubles, projection: Doubles, width: int, height: int) -> Floats:
     """What the kernels need to know of a camera, float32 (21); the layout is in camera.cl.
 
     view, projection: float64 (4, 4), the projection with reversed depth and an infinite far plane.
@@ -38,8 +41,7 @@ def measure_triangles(
     device: Device,
     ids: Array,
     count: int,
-    indices: Array,
-    positions: Array,
+    triangles: Triangles,
     camera: Array,
     scale: float,
     threshold: float,
@@ -47,8 +49,8 @@ def measure_triangles(
 ) -> tuple[Array, Array]:
     """Depths and pieces of `count` triangles.
 
-    ids: int32 (count), into indices int32 (T, 3). positions: float32 (V, 3). camera: float32 (21). scale: texels per
-    pixel. threshold: longest edge over height above which a triangle is slanted.
+    ids: int32 (count), into `triangles`. camera: float32 (21). scale: texels per pixel. threshold: longest edge over
+    height above which a triangle is slanted.
     Returns depths float32 (count, 4): the three corners' distances along the view's axis, or what projects them to
     the view's border if they lie beyond it; and the triangle's height over its longest edge in pixels, negative if it
     leaves the view. And pieces int32 (count): the edges are cut into so many parts that none needs a level above 64 or
@@ -57,34 +59,23 @@ def measure_triangles(
     """
     depths, pieces = device.recycled((count, 4), np.float32), device.recycled(count, np.int32)
     kernel = device.build(HERE / "footprint.cl").measure_triangles
-    device.launch(
-        stage,
-        kernel,
-        -(-count // 8),
-        count,
-        ids,
-        indices,
-        positions,
-        camera,
-        *map(float, (scale, threshold)),
-        depths,
-        pieces,
-    )
+    seen = (count, ids, triangles.indices, triangles.positions, camera, float(scale), float(threshold))
+    device.launch(stage, kernel, -(-count // 8), *seen, depths, pieces)
     return depths, pieces
 
 
-def project_twin(points: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def project_twin(points: arrays.Array, camera: Floats) -> tuple[Doubles, Doubles, Bools]:
     """Screen positions float64 (..., 2) in pixels, depths (...) and whether they are bounded, of points (..., 3)."""
-    camera = camera.astype(np.float64)
-    from_eye = points.astype(np.float64) - camera[:3] - camera[3:6]
-    x, y, depth = (from_eye @ camera[k : k + 3] for k in (6, 9, 12))
-    beside, above = np.abs(x) / camera[17], np.abs(y) / camera[18]
-    least = np.maximum.reduce([camera[19] * np.linalg.norm(from_eye, axis=-1), camera[20] + 0 * x, beside, above])
+    c = camera.astype(np.float64)
+    from_eye = points.astype(np.float64) - c[:3] - c[3:6]
+    x, y, depth = (from_eye @ c[k : k + 3] for k in (6, 9, 12))
+    beside, above = np.abs(x) / c[17], np.abs(y) / c[18]
+    least = np.maximum.reduce([c[19] * np.linalg.norm(from_eye, axis=-1), c[20] + 0 * x, beside, above])
     bounded = np.maximum(depth, least)
-    return np.stack([x * camera[15] / bounded, y * camera[16] / bounded], axis=-1), bounded, depth < 0.9999 * least
+    return np.stack([x * c[15] / bounded, y * c[16] / bounded], axis=-1), bounded, depth < 0.9999 * least
 
 
-def shape_twin(screen: np.ndarray) -> dict[str, np.ndarray]:
+def shape_twin(screen: Doubles) -> dict[str, arrays.Array]:
     """level, base, height, foot (float64 (n)) and first (int) of triangles (n, 3, 2) in pixels; see camera.cl."""
     edges = np.roll(screen, -1, axis=1) - screen
     squared = (edges**2).sum(axis=2)
@@ -98,9 +89,7 @@ def shape_twin(screen: np.ndarray) -> dict[str, np.ndarray]:
     return {"level": np.sqrt(2 / 3 * twice), "base": base, "height": twice / length, "foot": foot, "first": first}
 
 
-def measure_triangles_twin(
-    corners: np.ndarray, camera: np.ndarray, scale: float, threshold: float
-) -> tuple[np.ndarray, np.ndarray]:
+def measure_triangles_twin(corners: Floats, camera: Floats, scale: float, threshold: float) -> tuple[Doubles, Longs]:
     """The same on the host, for corners (n, 3, 3): depths float64 (n, 4), pieces int (n)."""
     screen, depth, bounded = project_twin(corners, camera)
     shape = shape_twin(screen)
@@ -115,7 +104,7 @@ def measure_triangles_twin(
     return np.column_stack([depth, height]), np.clip(parts, 1, MOST_PIECES).astype(int)
 
 
-def _nearby(corners: np.ndarray, camera: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _nearby(corners: Floats, camera: Floats) -> tuple[Doubles, Doubles]:
     """Level and height of triangles if all of them were as near as their nearest points may be."""
     p = corners.astype(np.float64) - camera[:3].astype(np.float64) - camera[3:6]
     normal = np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -12,7 +13,10 @@ from shading_atlas_bench.packers.tss.kernels.bins import Bins
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Ints, Longs
     from shading_atlas_bench.kernels.device import Device
+    from shading_atlas_bench.packers.tss.kernels.bins import BinTables
 
 HERE = Path(__file__).parent
 
@@ -20,41 +24,45 @@ STAGE = "structs/layout"
 REGION = 6
 
 
-def lay_out(device: Device, bins: tuple[Array, ...], totals: Array, width: int) -> tuple[Array, int]:
+@dataclass(frozen=True)
+class Items:
+    """What primitives have to place, two items each, on the device.
+
+    turns: int32 (n), when each primitive is placed. bins: int32 (n, 2), of the items, by turn, -1 for one that is not
+    there. ranks: int32 (2 n), of each in its bin, in that order.
+    """
+
+    turns: Array
+    bins: Array
+    ranks: Array
+
+
+def lay_out(device: Device, bins: BinTables, totals: Array, width: int) -> tuple[Array, int]:
     """Regions of all bins, int32 (B, 6), and how many rows of an atlas `width` texels wide they need.
 
-    bins: from `Bins.upload`. totals: int32 (B), items per bin. Rows are -1 if a slot is wider than the atlas. A region
+    totals: int32 (B), items per bin. Rows are -1 if a slot is wider than the atlas. A region
     is: column, row, slots per column and slots of its part of the last shelf; row of its own shelves, slots in each.
     """
     count = len(totals)
     regions, used = device.zeros((count, REGION), np.int32), device.empty(1, np.int32)
     kernel = device.build(HERE / "layout.cl").lay_out
-    device.launch(STAGE, kernel, 1, count, width, bins[0], bins[1], totals, regions, used, local=1)
+    device.launch(STAGE, kernel, 1, count, width, bins.width, bins.height, totals, regions, used, local=1)
     return regions, int(used.get()[0])
 
 
-def place_items(
-    device: Device,
-    count: int,
-    height: int,
-    turns: Array,
-    items: Array,
-    ranks: Array,
-    bins: tuple[Array, ...],
-    regions: Array,
-) -> Array:
+def place_items(device: Device, count: int, height: int, items: Items, bins: BinTables, regions: Array) -> Array:
     """Places int32 (count, 2) of the items of `count` primitives: -1 for none, or one outside the atlas' `height` rows.
 
-    turns, items: as in `choose_forms`. ranks: int32 (2 count), each item's rank in its bin, in that order. A place is
-    column | row << 15 | turned << 30 of an item's first texel; those of a turned one run left and up from there.
+    regions: as from `lay_out`. A place is column | row << 15 | turned << 30 of an item's first texel; those of a turned
+    one run left and up from there.
     """
     places = device.recycled((count, 2), np.int32)
-    listed = (turns, items, ranks, bins[0], bins[1], regions)
+    listed = (items.turns, items.bins, items.ranks, bins.width, bins.height, regions)
     device.launch(STAGE, device.build(HERE / "layout.cl").place_items, 2 * count, 2 * count, height, *listed, places)
     return places
 
 
-def lay_out_twin(bins: Bins, totals: np.ndarray, width: int) -> tuple[np.ndarray, int]:
+def lay_out_twin(bins: Bins, totals: Longs, width: int) -> tuple[Longs, int]:
     """The same on the host."""
     regions = np.zeros((bins.count, REGION), np.int64)
     x, y, shelf, fits = width, 0, 0, True
@@ -75,8 +83,8 @@ def lay_out_twin(bins: Bins, totals: np.ndarray, width: int) -> tuple[np.ndarray
 
 
 def place_items_twin(
-    items: np.ndarray, ranks: np.ndarray, width: np.ndarray, height: np.ndarray, regions: np.ndarray, rows: int
-) -> np.ndarray:
+    items: arrays.Array, ranks: Longs, width: Ints, height: Ints, regions: arrays.Array, rows: int
+) -> Longs:
     """Places, as from `place_items`, of items (bins, -1 for none) with `ranks`, in their own order."""
     safe = np.maximum(items, 0)
     region, slot, turned = regions[safe].astype(np.int64), ranks // 2, ranks % 2
@@ -90,12 +98,13 @@ def place_items_twin(
     return np.where(lost, -1, pack_place(x + turned * (w - 1), y + turned * (h - 1), turned))
 
 
-def pack_place(column: np.ndarray, row: np.ndarray, turned: np.ndarray) -> np.ndarray:
+def pack_place(column: Longs, row: Longs, turned: Longs) -> Longs:
     """A place as one number."""
-    return column | row << 15 | turned << 30
+    places: Longs = column | row << 15 | turned << 30
+    return places
 
 
-def unpack_place(word: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def unpack_place(word: arrays.Array) -> tuple[Longs, Longs, Longs]:
     """Column, row, and the direction, 1 or -1, of places from 0 on."""
-    word = np.asarray(word, np.int64)
-    return word & 0x7FFF, word >> 15 & 0x7FFF, 1 - 2 * (word >> 30 & 1)
+    place = word.astype(np.int64)
+    return place & 0x7FFF, place >> 15 & 0x7FFF, 1 - 2 * (place >> 30 & 1)

@@ -3,11 +3,12 @@
 
 // Where in a TSS atlas surface points lie, 8 per step.
 
-#define SLACK 0.0009765625f  // of a cell: rounding must not send a sample of the cut's line to its copy
+#define SLACK 0.0009765625f // of a cell: rounding must not send a sample of the cut's line to its copy
 #define UNPLACED -4
 
 // Position in the L of a point with weights b, c of corners 1 and 2: equation 4.
-INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y) {
+INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y)
+{
     const float8 a = 1.0f - b - c, l = convert_float8(level);
     const int8 one = b > a && b >= c, two = !one && c > a;
     const float8 across = one || two ? (one ? a : b) : b, down = two ? a : c;
@@ -21,12 +22,14 @@ INLINE void locate_in_l(int8 level, float8 b, float8 c, float8 *x, float8 *y) {
 }
 
 // Screen weights of corners 1 and 2 of the piece that holds a point, and the piece's number; n along an edge.
-INLINE int8 find_piece(int8 n, float8 *b, float8 *c) {
+INLINE int8 find_piece(int8 n, float8 *b, float8 *c)
+{
     const float8 number = convert_float8(n), u = *b * number, v = *c * number;
-    // Bounded before they are converted: samples beyond their triangle may lie anywhere, and what is no number counts as 0.
-    const float8 right = GREATER(u, 0.0f), down = GREATER(v, 0.0f);
-    const int8 row = convert_int8(LESSER(down, number - 1.0f));
-    const int8 column = convert_int8(LESSER(right, number - 1.0f - convert_float8(row)));
+    // Bounded before they are converted: samples beyond their triangle may lie anywhere, and what is no number counts
+    // as 0.
+    const float8 right = MAX(u, 0.0f), down = MAX(v, 0.0f);
+    const int8 row = convert_int8(MIN(down, number - 1.0f));
+    const int8 column = convert_int8(MIN(right, number - 1.0f - convert_float8(row)));
     const float8 p = u - convert_float8(column), q = v - convert_float8(row);
     const int8 turned = p + q > 1.0f && column + row < n - 1;
     *b = turned ? 1.0f - p : p;
@@ -34,8 +37,10 @@ INLINE int8 find_piece(int8 n, float8 *b, float8 *c) {
     return n * n - (n - row) * (n - row) + 2 * column + (turned ? (int8)(1) : (int8)(0));
 }
 
-// Position in right triangles of a point with weights b of the base's end and c of the apex; `second` says in which of the two.
-INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, float8 *x, float8 *y, int8 *second) {
+// Position in right triangles of a point with weights b of the base's end and c of the apex; `second` says in which of
+// the two.
+INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, float8 *x, float8 *y, int8 *second)
+{
     const float8 foot = convert_float8(before), base = convert_float8(before + after);
     const float8 along = b * base + c * foot - foot, up = c * convert_float8(h);
     *second = (along >= 0.0f && after > 0) || before == 0;
@@ -45,17 +50,20 @@ INLINE void locate_in_half(int8 before, int8 after, int8 h, float8 b, float8 c, 
     *y = wide ? up : way;
 }
 
-// records: per primitive 4 integers. An L: level (0 for a single texel) and place. Right triangles: -1 - the corner where
-// the longest edge begins; places; texels along the base before and after the foot, << 10; height << 20. UNPLACED.
+// records: per primitive 4 integers. An L: level (0 for a single texel) and place. Right triangles: -1 - the corner
+// where the longest edge begins; places; texels along the base before and after the foot, << 10; height << 20.
+// UNPLACED.
 __kernel void locate(int count, int room, __global const int *triangle, __global const float *bary1,
                      __global const float *bary2, __global const float *inverse, __global const int *pieces,
-                     __global const int *starts, __global const int *records, __global float *places) {
+                     __global const int *starts, __global const int *records, __global float *places)
+{
     const int first = 8 * get_global_id(0);
-    if (first >= count) return;
+    if (first >= count)
+        return;
     float8 v0, v1, v2;
     int8 n, start, record[4];
     for (int k = 0; k < 8; k++) {
-        const int t = triangle[LESSER(first + k, count - 1)];
+        const int t = triangle[MIN(first + k, count - 1)];
         const float4 v = vload4(t, inverse);
         ((float *)&v0)[k] = v.x, ((float *)&v1)[k] = v.y, ((float *)&v2)[k] = v.z;
         ((int *)&n)[k] = pieces[t];

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -15,6 +16,8 @@ from shading_atlas_bench.packers.tss.kernels.perspective import to_screen
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Ints, Longs
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
@@ -22,29 +25,36 @@ HERE = Path(__file__).parent
 UNPLACED = -4
 
 
-def locate(
-    device: Device, samples: Samples, inverse: Array, pieces: Array, starts: Array, records: Array, stage: str
-) -> Array:
-    """float32 (2, room): column and row of each sample's surface point, where texel (0, 0) has its centre at (0, 0);
-    NaN without a place.
+@dataclass(frozen=True)
+class Located:
+    """Where primitives lie, on the device.
 
     inverse: float32 (n, 4), as from `invert_depths`; pieces, starts: int32 (n), parts along an edge and first primitive
-    of each triangle. records: int32 (m, 4), where each primitive lies: an L has its level (0: a single texel) and its
-    place; right triangles have -1 - the corner where the longest edge begins, two places, and texels before | after the
-    foot << 10 | height << 20; UNPLACED primitives have no place.
+    of each triangle. records: int32 (m, 4), of each primitive: an L has its level (0: a single texel) and its place;
+    right triangles have -1 - the corner where the longest edge begins, two places, and texels before | after the foot
+    << 10 | height << 20; UNPLACED primitives have no place.
     """
+
+    inverse: Array
+    pieces: Array
+    starts: Array
+    records: Array
+
+
+def locate(device: Device, samples: Samples, located: Located, stage: str) -> Array:
+    """float32 (2, room): column and row of each sample's surface point, where texel (0, 0) has its centre at (0, 0);
+    NaN without a place."""
     room = -(-samples.count // WIDTH) * WIDTH
     places = device.recycled((2, room), np.float32)
     if samples.count:
-        arrays = (samples.triangle, samples.bary1, samples.bary2, inverse, pieces, starts, records, places)
+        points = (samples.count, room, samples.triangle, samples.bary1, samples.bary2)
+        tables = (located.inverse, located.pieces, located.starts, located.records)
         kernel = device.build(HERE / "locate.cl").locate
-        device.launch(stage, kernel, -(-samples.count // 8), samples.count, room, *arrays)
+        device.launch(stage, kernel, -(-samples.count // 8), *points, *tables, places)
     return places
 
 
-def locate_twin(
-    bary: np.ndarray, inverse: np.ndarray, pieces: np.ndarray, starts: np.ndarray, records: np.ndarray
-) -> np.ndarray:
+def locate_twin(bary: Floats, inverse: Floats, pieces: Ints, starts: Ints, records: Ints) -> Doubles:
     """The same, float64 (n, 2).
 
     bary: (n, 2). inverse (n, 3), pieces (n), starts (n): of each point's triangle. records: (m, 4), of all primitives.
@@ -60,7 +70,7 @@ def locate_twin(
     return np.where(placed[:, None], place, np.nan)
 
 
-def find_piece_twin(screen: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def find_piece_twin(screen: Doubles, pieces: arrays.Array) -> tuple[Longs, Doubles]:
     """Number of the piece that holds each point, int (n), and its weights there (n, 2)."""
     scaled = screen * pieces[:, None]
     row = np.clip(scaled[:, 1].astype(int), 0, pieces - 1)
@@ -71,7 +81,7 @@ def find_piece_twin(screen: np.ndarray, pieces: np.ndarray) -> tuple[np.ndarray,
     return number, np.where(turned[:, None], 1 - inside, inside)
 
 
-def _locate_in_half(local: np.ndarray, record: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _locate_in_half(local: Doubles, record: Longs) -> tuple[Doubles, Bools]:
     """Offsets (n, 2) in a right triangle, and whether it is the second; meaningless where the record is of an L."""
     weights = np.column_stack([1 - local.sum(axis=1), local])
     first = np.clip(-1 - record[:, 0], 0, 2)

@@ -17,8 +17,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints, Longs
 
 TOP = 64  # the highest level a hardware tessellator takes
 
@@ -45,10 +51,10 @@ class Cells:
     """The cells of one level's L, by row and column: column, row int32 (n); weights of corners 1 and 2 float64 (n, 2);
     whether the cell is a copy, bool (n)."""
 
-    column: np.ndarray
-    row: np.ndarray
-    weights: np.ndarray
-    copy: np.ndarray
+    column: Ints
+    row: Ints
+    weights: Doubles
+    copy: Bools
 
 
 @cache
@@ -77,7 +83,7 @@ def cells_of(level: int) -> Cells:
     return Cells(column[order].astype(np.int32), row[order].astype(np.int32), weights, copy[order])
 
 
-def _weights(first: np.ndarray, second: np.ndarray, level: int) -> tuple[np.ndarray, np.ndarray]:
+def _weights(first: Longs, second: Longs, level: int) -> tuple[Doubles, Doubles]:
     """Weights of the neighbouring corners that a square's columns and its rows lead to: equations 3 and 4, solved."""
     column, row = np.maximum(first, second), np.minimum(first, second)
     smallest, median = 2 * row / (3 * level), column / level - row / (3 * level)
@@ -85,17 +91,18 @@ def _weights(first: np.ndarray, second: np.ndarray, level: int) -> tuple[np.ndar
     return np.where(upper, median, smallest), np.where(upper, smallest, median)
 
 
-def _on_cut(first: np.ndarray, second: np.ndarray, half: int, odd: int) -> np.ndarray:
+def _on_cut(first: Longs, second: Longs, half: int, odd: int) -> Bools:
     """Cells of square 1 that square 2 has as well: its last row of an even level, but for the centre."""
-    return (second == half) & (first < half) & (odd == 0)
+    on_cut: Bools = (second == half) & (first < half) & (odd == 0)
+    return on_cut
 
 
-def locate_in_l_twin(weights: np.ndarray, level: np.ndarray) -> np.ndarray:
+def locate_in_l_twin(weights: arrays.Array, level: NDArray[np.integer[Any]]) -> Doubles:
     """Column and row in the L, float64 (n, 2), of points with weights (n, 2) of corners 1 and 2: equation 4.
 
     level: int (n). On the cut between the squares of corners 1 and 2 an odd level goes to the thicker hand.
     """
-    a, b, level = weights[:, 0], weights[:, 1], level.astype(np.float64)
+    a, b = weights[:, 0], weights[:, 1]
     all_three = np.stack([1 - a - b, a, b])
     tip = all_three.argmax(axis=0)
     across, down = np.choose(tip, [a, all_three[0], a]), np.choose(tip, [b, b, all_three[0]])

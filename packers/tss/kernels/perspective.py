@@ -10,6 +10,8 @@ import numpy as np
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
     from shading_atlas_bench.kernels.device import Device
 
 HERE = Path(__file__).parent
@@ -28,24 +30,27 @@ def invert_depths(device: Device, depths: Array, pieces: Array, count: int, scal
     return inverse
 
 
-def invert_depths_twin(depths: np.ndarray, pieces: np.ndarray, scale: float) -> np.ndarray:
+def invert_depths_twin(depths: Floats, pieces: arrays.Array, scale: float) -> Doubles:
     """The same on the host, float64 (n, 3)."""
     height = depths[:, 3].astype(np.float64) * scale
     height = np.where(height < 0, np.minimum(-height, pieces), height)
     ratio = np.maximum(height / 4, 1)
     corner = depths[:, :3].astype(np.float64)
     corner = np.maximum(corner, (corner.max(axis=1) / ratio)[:, None])
-    return corner.min(axis=1, keepdims=True) / corner
+    inverse: Doubles = corner.min(axis=1, keepdims=True) / corner
+    return inverse
 
 
-def to_screen(bary: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+def to_screen(bary: Doubles, inverse: Doubles) -> Doubles:
     """Screen weights (n, 2) from object weights (n, 2) of corners 1 and 2, with inverse depths (n, 3): equation 5."""
     parts = np.column_stack([1 - bary.sum(axis=1), bary]) / inverse
-    return parts[:, 1:] / parts.sum(axis=1, keepdims=True)
+    screen: Doubles = parts[:, 1:] / parts.sum(axis=1, keepdims=True)
+    return screen
 
 
-def to_object(screen: np.ndarray, inverse: np.ndarray) -> np.ndarray:
+def to_object(screen: Doubles, inverse: Doubles) -> Doubles:
     """The inverse of `to_screen`."""
     parts = np.column_stack([1 - screen.sum(axis=1), screen]) * inverse
     total = np.maximum(parts.sum(axis=1), inverse.min(axis=1) / 4)  # outside the triangle it could reach the horizon
-    return parts[:, 1:] / total[:, None]
+    bary: Doubles = parts[:, 1:] / total[:, None]
+    return bary

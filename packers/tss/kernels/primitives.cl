@@ -3,28 +3,35 @@
 
 // The primitives of a frame: triangles, and the pieces of those that are too large.
 
-__kernel void count_pieces(int count, __global const int *pieces, __global int *numbers) {
+__kernel void count_pieces(int count, __global const int *pieces, __global int *numbers)
+{
     const int i = get_global_id(0);
-    if (i < count) numbers[i] = pieces[i] * pieces[i];
+    if (i < count)
+        numbers[i] = pieces[i] * pieces[i];
 }
 
-__kernel void list_pieces(int count, __global const int *numbers, __global const int *starts, __global int *parents) {
+__kernel void list_pieces(int count, __global const int *numbers, __global const int *starts, __global int *parents)
+{
     const int i = get_global_id(0);
-    if (i >= count) return;
-    for (int k = 0; k < numbers[i]; k++) parents[starts[i] + k] = i;
+    if (i >= count)
+        return;
+    for (int k = 0; k < numbers[i]; k++)
+        parents[starts[i] + k] = i;
 }
 
 // shapes: level, base, height and foot on screen. firsts: the corner where the longest edge begins. 8 per step.
 __kernel void measure_primitives(int count, __global const int *parents, __global const int *starts,
                                  __global const int *pieces, __global const float *depths, __global const int *ids,
                                  __global const int *indices, __global const float *positions,
-                                 __global const float *camera, __global float *shapes, __global int *firsts) {
+                                 __global const float *camera, __global float *shapes, __global int *firsts)
+{
     const int first = 8 * get_global_id(0);
-    if (first >= count) return;
+    if (first >= count)
+        return;
     Points8 p[3];
     float8 u, v, step, inverse[3];
     for (int k = 0; k < 8; k++) {
-        const int i = LESSER(first + k, count - 1), parent = parents[i];
+        const int i = MIN(first + k, count - 1), parent = parents[i];
         const size_t id = ids[parent];
         for (int j = 0; j < 3; j++) {
             __global const float *position = positions + 3 * (size_t)indices[3 * id + j];
@@ -37,7 +44,8 @@ __kernel void measure_primitives(int count, __global const int *parents, __globa
         ((float *)&u)[k] = piece.u, ((float *)&v)[k] = piece.v, ((float *)&step)[k] = piece.step;
         ((float *)&inverse[0])[k] = w.x, ((float *)&inverse[1])[k] = w.y, ((float *)&inverse[2])[k] = w.z;
     }
-    for (int j = 0; j < 3; j++) p[j] = from_eye(p[j], camera);
+    for (int j = 0; j < 3; j++)
+        p[j] = from_eye(p[j], camera);
     float8 x[3], y[3];
     int8 bounded = (int8)(0);
     for (int j = 0; j < 3; j++) {

@@ -15,6 +15,8 @@ from shading_atlas_bench.packers.tss.kernels.perspective import to_object
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
+    from shading_atlas_bench.arithmetic import arrays
+    from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Longs
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.kernels.triangles import Triangles
 
@@ -52,20 +54,19 @@ def list_primitives(
     camera: float32 (21), see `camera_floats`. scale, threshold: see `measure_triangles`.
     """
     kernels = device.build(HERE / "primitives.cl")
-    scene = (triangles.indices, triangles.positions, camera)
-    depths, pieces = measure_triangles(device, ids, rows, *scene, scale, threshold, "structs/footprint")
+    depths, pieces = measure_triangles(device, ids, rows, triangles, camera, scale, threshold, "structs/footprint")
     numbers = device.recycled(rows, np.int32)
     device.launch(STAGE, kernels.count_pieces, rows, rows, pieces, numbers)
     starts, count = exclusive_scan(device, numbers, rows, STAGE)
     parents, firsts = device.recycled(count, np.int32), device.recycled(count, np.int32)
     shapes = device.recycled((count, 4), np.float32)
     device.launch(STAGE, kernels.list_pieces, rows, rows, numbers, starts, parents)
-    known = (parents, starts, pieces, depths, ids)
-    device.launch(STAGE, kernels.measure_primitives, -(-count // 8), count, *known, *scene, shapes, firsts)
+    known = (parents, starts, pieces, depths, ids, triangles.indices, triangles.positions, camera)
+    device.launch(STAGE, kernels.measure_primitives, -(-count // 8), count, *known, shapes, firsts)
     return Primitives(count, rows, ids, depths, pieces, starts, parents, shapes, firsts)
 
 
-def piece_corners(pieces: np.ndarray, index: np.ndarray) -> np.ndarray:
+def piece_corners(pieces: Longs, index: Longs) -> Doubles:
     """Screen weights, float64 (n, 3, 2), of the triangle's corners 1 and 2 at the corners of its piece `index` (n).
 
     pieces: int (n), along an edge. Pieces are numbered in rows towards corner 2, upright and turned ones in turn.
@@ -76,12 +77,13 @@ def piece_corners(pieces: np.ndarray, index: np.ndarray) -> np.ndarray:
     column, turned = inside // 2, inside % 2
     origin = np.stack([column + turned, row + turned], axis=1) / pieces[:, None]
     step = ((1 - 2 * turned) / pieces)[:, None, None]
-    return origin[:, None] + step * np.array([[0, 0], [1, 0], [0, 1]])
+    corners: Doubles = origin[:, None] + step * np.array([[0, 0], [1, 0], [0, 1]])
+    return corners
 
 
 def measure_primitives_twin(
-    corners: np.ndarray, pieces: np.ndarray, index: np.ndarray, inverse: np.ndarray, camera: np.ndarray
-) -> dict[str, np.ndarray]:
+    corners: Floats, pieces: Longs, index: Longs, inverse: Doubles, camera: Floats
+) -> dict[str, arrays.Array]:
     """Shapes by name (see `shape_twin`) of pieces of triangles.
 
     corners: (n, 3, 3), each triangle's. pieces, index: int (n), parts along an edge and the piece's number.

@@ -14,10 +14,12 @@ from shading_atlas_bench.kernels.inputs.soups import look_at, perspective, rando
 from shading_atlas_bench.kernels.raster.camera import Camera
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser, ScreenTriangles
 from shading_atlas_bench.kernels.triangles import Triangles
+from shading_atlas_bench.packers.interface import View
 from shading_atlas_bench.packers.ppll.kernels.inputs import random_lists
-from shading_atlas_bench.packers.ppll.kernels.limit import EVERY_LAYER, NO_THRESHOLD, limit_fragments, limit_twin
+from shading_atlas_bench.packers.ppll.kernels.limit import EVERY_LAYER, Depth, limit_fragments, limit_twin
 from shading_atlas_bench.packers.ppll.kernels.lists import (
     Lists,
+    ListView,
     changed_lists,
     changed_twin,
     cut_lists,
@@ -159,9 +161,10 @@ def test_limits_keep_what_the_twin_keeps(device, layers, threshold):
     opacity = rng.choice([0, 1, 100, 128, 255], fragments.count).astype(np.int32)
     spans = np.sort(rng.integers(0, SIZE[0] + 1, (SIZE[1], 2)).astype(np.int32), axis=1)
     spans[::2] = 0, SIZE[0]
-    kept, left = limit_fragments(device, fragments, device.upload(opacity), layers, threshold, spans, "limit")
+    depth = Depth(layers, threshold)
+    kept, left = limit_fragments(device, fragments, device.upload(opacity), depth, spans, "limit")
     before, after = host(fragments), host(kept)
-    expected = limit_twin(before[0], opacity, layers, threshold, spans, SIZE[0])
+    expected = limit_twin(before[0], opacity, depth, spans, SIZE[0])
     for a, b in zip(before[1:], after[1:], strict=True):
         np.testing.assert_array_equal(a[expected], b)
     np.testing.assert_array_equal(left.get()[: kept.count], opacity[expected])
@@ -174,10 +177,10 @@ def test_opaque_fragments_are_limited_to_the_nearest(device):
         device, random_soup(device, np.random.default_rng(10), 400), Camera.of(VIEW, perspective(), *SIZE)
     )
     spans = np.tile(np.array([0, SIZE[0]], np.int32), (SIZE[1], 1))
-    kept, opacity = limit_fragments(device, fragments, None, EVERY_LAYER, 1.0, spans, "limit")
+    kept, opacity = limit_fragments(device, fragments, None, Depth(threshold=1.0), spans, "limit")
     assert opacity is None
     np.testing.assert_array_equal(np.diff(kept.offsets.get()), np.diff(fragments.offsets.get()) > 0)
-    every, _ = limit_fragments(device, fragments, None, EVERY_LAYER, NO_THRESHOLD, spans, "limit")
+    every, _ = limit_fragments(device, fragments, None, Depth(), spans, "limit")
     assert every.count == fragments.count
 
 
@@ -290,11 +293,10 @@ def test_rows_hold_normals_and_positions(device):
     assert (np.abs(positions - expected[1]) <= 1e-5 * expected[1][:, 2:]).all()
 
 
-def views(shift):
-    """A list view and another one, whose eye is moved and turned."""
-    taken = (np.eye(4), perspective(80, 24 / 16))
+def views(shift, taken=(24, 16), seen=(20, 14)):
+    """A list view and another one, whose eye is moved and turned; of these sizes."""
     turn = look_at((shift, 0.3 * shift, 0), (0.5 * shift, 0, -5)) if shift else np.eye(4)
-    return taken, (turn, perspective(60, 20 / 14))
+    return View(np.eye(4), perspective(80, 24 / 16), *taken), View(turn, perspective(60, 20 / 14), *seen)
 
 
 def test_reprojection_equals_its_twin(device):
@@ -302,10 +304,10 @@ def test_reprojection_equals_its_twin(device):
     rng = np.random.default_rng(16)
     parts, others = ([random_lists(device, rng, most=4) for _ in range(count)] for count in (2, 1))
     taken, view = views(0.05)
-    beside = (look_at((0, 0, 0), (2, 1, -3)), taken[1])
+    beside = replace(taken, view=look_at((0, 0, 0), (2, 1, -3)))
     background = rng.integers(0, 256, (14, 20, 4)).astype(np.uint8)
     picture, depth = device.upload(background), device.empty((14, 20), np.float32)
-    held = [(taken, parts), (beside, others)]
+    held = [ListView(taken, parts), ListView(beside, others)]
     draw_lists(device, held, view, picture, depth, "draw")
     expected, distances = draw_lists_twin(held, view, background)
     error = np.abs(picture.get()[..., :3] - expected).max(axis=-1)
@@ -324,18 +326,18 @@ def test_where_nothing_moved_reprojection_is_the_blend(device):
     inputs = (lists.pixels, lists.offsets, lists.rows, lists.words, expected, expected)
     blend_lists(device, *inputs, "blend")
     depth = device.empty((lists.height, lists.width), np.float32)
-    draw_lists(device, [(taken, [lists])], taken, picture, depth, "draw")
+    draw_lists(device, [ListView(taken, [lists])], taken, picture, depth, "draw")
     assert np.abs(picture.get().astype(int) - expected.get()).max() <= 1
     np.testing.assert_array_equal(depth.get().ravel() > 0, np.diff(lists.host()[0]) > 0)
 
 
 def test_reprojection_is_the_same_for_every_work_group_size(device, monkeypatch):
     lists = random_lists(device, np.random.default_rng(18), 60, 40, most=9)
-    taken, view = views(0.2)
+    taken, view = views(0.2, (60, 40), (100, 70))
     pictures = []
     for local_size in (64, 1, 7, 256):
         monkeypatch.setattr(device, "local_size", local_size)
         picture, depth = device.zeros((70, 100, 4), np.uint8), device.empty((70, 100), np.float32)
-        draw_lists(device, [(taken, [lists, replace(lists)])], view, picture, depth, "draw")
+        draw_lists(device, [ListView(taken, [lists, replace(lists)])], view, picture, depth, "draw")
         pictures.append(picture.get().tobytes() + depth.get().tobytes())
     assert len(set(pictures)) == 1

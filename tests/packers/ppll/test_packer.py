@@ -12,7 +12,7 @@ from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.interface import Decoded, Frame, Payload, ServerScene
 from shading_atlas_bench.packers.ppll import PerPixelLinkedLists
-from shading_atlas_bench.packers.ppll.packer import list_views
+from shading_atlas_bench.packers.ppll.views import list_views
 from shading_atlas_bench.packers.ppll.wire import decode
 from shading_atlas_bench.scenes.features import find_features
 from shading_atlas_bench.scenes.head_motion import HeadMotion

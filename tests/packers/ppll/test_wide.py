@@ -10,9 +10,9 @@ from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.harness.workload.views import (
-    Cell,
     CellFrustum,
     Pose,
+    ViewCell,
     client_view,
     from_rotation_vector,
     multiply,
@@ -28,7 +28,7 @@ from tests.packers.ppll.test_packer import Stream, both_ends, rgb, same_lists
 from tests.packers.rooms import FOV, NEAR, frame_of, pose_at, room, server_of
 
 SIZE = (128, 72)
-FRUSTUM = CellFrustum.around(Cell(0.3, 160), FOV, *SIZE)
+FRUSTUM = CellFrustum.around(ViewCell(0.3, 160), FOV, *SIZE)
 
 
 def widened(frame: Frame, pose: Pose) -> Frame:

@@ -6,7 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shading_atlas_bench.packers.sas.kernels.allocate import Allocator, AllocatorTwin, Grid, classes_of, request_twin
+from shading_atlas_bench.packers.sas.kernels.bias import Request
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
+from shading_atlas_bench.packers.sas.kernels.visible import Marks, VisiblePatches
 
 
 def visible_frames(rng: np.random.Generator, patches: int, frames: int, churn: float, largest: int):
@@ -29,8 +31,9 @@ def allocate(device, allocator: Allocator, patches: np.ndarray, sizes: np.ndarra
     marks[patches] = 1
     members = np.full((count, 3), -1, np.int32)
     members[:, 0] = np.arange(count)
-    uploaded = [device.upload(array) for array in (patches, sizes, members, marks)]
-    allocator.allocate(uploaded[0], len(patches), uploaded[1], bias, *uploaded[2:], 1)
+    visible = VisiblePatches(len(patches), device.upload(patches), device.empty(len(patches), np.uint8))
+    request = Request(device.upload(sizes), bias)
+    allocator.allocate(visible, request, device.upload(members), Marks(device.upload(marks), 1))
     return allocator.words.get()
 
 

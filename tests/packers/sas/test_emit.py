@@ -1,16 +1,24 @@
 """Samples of blocks: against the twin, and every texel that a lookup inside a triangle touches is among them."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.sas.kernels.bias import levels_at
 from shading_atlas_bench.packers.sas.kernels.corners import locate_corners_twin
-from shading_atlas_bench.packers.sas.kernels.emit import Unfolded, emit_samples, emit_samples_twin, without_texel_twin
+from shading_atlas_bench.packers.sas.kernels.emit import emit_samples, emit_samples_twin, without_texel_twin
 from shading_atlas_bench.packers.sas.kernels.footprint import measure_sides
-from shading_atlas_bench.packers.sas.kernels.inputs import ROLES, Soup, random_masks, random_patches, words_in_rows
+from shading_atlas_bench.packers.sas.kernels.inputs import (
+    ROLES,
+    Soup,
+    all_visible,
+    random_masks,
+    random_patches,
+    words_in_rows,
+)
 
 WIDTH = 4096
 FIELDS = ("triangle", "bary1", "bary2", "footprint", "texel")
@@ -18,12 +26,8 @@ ALL_LEVELS = [(w, h) for w in range(9) for h in range(9)]
 
 
 def emit(device, soup: Soup, masks: np.ndarray, words: np.ndarray, complete=False, runs=None) -> dict:
-    triangles = Triangles.upload(device, soup.positions, soup.indices, np.zeros(len(soup.indices), np.uint8))
-    patches = np.arange(len(soup.members), dtype=np.int32)
-    uploaded = [device.upload(array) for array in (patches, masks)]
-    unfolded = Unfolded.measure(device, device.upload(soup.members), device.upload(soup.codes), triangles)
-    shown = (*uploaded, len(patches), device.upload(words))
-    samples, without = emit_samples(device, *shown, unfolded, WIDTH, complete, runs)
+    visible, tables = all_visible(device, masks), soup.upload(device)
+    samples, without = emit_samples(device, visible, device.upload(words), tables, WIDTH, complete, runs)
     return {name: getattr(samples, name).get()[: samples.count] for name in FIELDS} | {"without": without}
 
 
@@ -37,8 +41,7 @@ def test_matches_its_twin_at_all_levels(device, size, complete):
     words[11] = 0
     found = emit(device, soup, masks, words, complete)
     patches = np.arange(len(words))
-    arrays = (soup.members, soup.codes, soup.indices, soup.positions)
-    expected = emit_samples_twin(patches, masks, words, *arrays, WIDTH, complete)
+    expected = emit_samples_twin(patches, masks, words, soup, WIDTH, complete)
     for name in ("texel", "triangle"):
         np.testing.assert_array_equal(found[name], expected[name])
     for name in ("bary1", "bary2"):
@@ -162,9 +165,9 @@ def test_without_a_bias_every_triangle_owns_a_texel(device, seed, scale, flat, c
     rng = np.random.default_rng(seed)
     soup = random_patches(rng, 200)
     positions = np.array([0, 0, 50]) + 10.0**scale * soup.positions * rng.permutation([1, 1, 10.0**flat])
-    patches = np.arange(200, dtype=np.int32)
-    uploaded = [device.upload(array) for array in (patches, soup.points, positions.astype(np.float32))]
-    sizes = measure_sides(device, uploaded[0], 200, *uploaded[1:], np.zeros(3), 700.0)[0].get()[:200]
+    uploaded = [device.upload(array) for array in (soup.points, positions.astype(np.float32))]
+    visible = all_visible(device, np.ones(200, np.uint8))
+    sizes = measure_sides(device, visible, *uploaded, np.zeros(3), 700.0)[0].get()[:200]
     levels = np.stack([levels_at(side, 0, 8) for side in (sizes & 0xFF, sizes >> 8)], axis=1)
     masks, words = random_masks(rng, soup), words_in_rows(levels.tolist())
     found = emit(device, soup, masks, words, complete)
@@ -187,7 +190,7 @@ def test_the_number_of_runs_changes_no_byte(device):
 
 def test_no_patch_gives_no_sample(device):
     soup = random_patches(np.random.default_rng(0), 1)
-    soup.members = soup.members[:0]
+    soup = replace(soup, members=soup.members[:0])
     assert len(emit(device, soup, np.empty(0, np.uint8), np.empty(0, np.uint32))["texel"]) == 0
 
 

@@ -13,8 +13,8 @@ from shading_atlas_bench.packers.budget import TOLERANCE
 from shading_atlas_bench.packers.interface import Payload
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
-from shading_atlas_bench.packers.sas.packer import choose_grid
 from shading_atlas_bench.packers.sas.picture import draw_allocation
+from shading_atlas_bench.packers.sas.superblocks import choose_grid
 from shading_atlas_bench.scenes.model import Scene
 from tests.packers import streams
 from tests.packers.rooms import changing_sets, frame_of, novel_view, room, server_of

@@ -9,7 +9,7 @@ from shading_atlas_bench.kernels.common.rank import rank_by_class, rank_by_class
 from shading_atlas_bench.packers.sas.kernels.bias import levels_at, needed_superblocks, needed_superblocks_twin
 from shading_atlas_bench.packers.sas.kernels.corners import locate_corners, locate_corners_twin
 from shading_atlas_bench.packers.sas.kernels.footprint import SIZES, STEPS, measure_sides, measure_sides_twin
-from shading_atlas_bench.packers.sas.kernels.inputs import random_patches
+from shading_atlas_bench.packers.sas.kernels.inputs import all_visible, random_patches
 from shading_atlas_bench.packers.sas.kernels.layout import (
     POINTS,
     ROLE_POINTS,
@@ -18,7 +18,12 @@ from shading_atlas_bench.packers.sas.kernels.layout import (
     pack_location,
     unpack_location,
 )
-from shading_atlas_bench.packers.sas.kernels.visible import visible_patches, visible_patches_twin
+from shading_atlas_bench.packers.sas.kernels.visible import (
+    Marks,
+    VisiblePatches,
+    visible_patches,
+    visible_patches_twin,
+)
 
 
 def test_roles_tile_the_square_without_flips():
@@ -49,12 +54,12 @@ def test_visible_patches_match_their_twin(device, seed, count, share):
     rng = np.random.default_rng(seed)
     soup = random_patches(rng, count)
     pvs = np.flatnonzero(rng.random(len(soup.of_triangle)) < share).astype(np.int32)
-    marks = device.zeros(max(1, len(soup.of_triangle)), np.int32)
-    uploaded = [device.upload(array) for array in (pvs, soup.of_triangle, soup.members)]
-    patches, masks, found = visible_patches(device, uploaded[0], len(pvs), *uploaded[1:], marks, 1)
-    expected_patches, expected_masks = visible_patches_twin(pvs, soup.of_triangle, soup.members)
-    np.testing.assert_array_equal(patches.get()[:found], expected_patches)
-    np.testing.assert_array_equal(masks.get()[:found], expected_masks)
+    marks, tables = Marks.none(device, len(soup.of_triangle)), soup.upload(device)
+    for chosen in (pvs[::2], pvs[1::2], pvs):  # what an earlier set marked does not count
+        found = visible_patches(device, device.upload(chosen), len(chosen), tables, marks)
+        patches, masks = visible_patches_twin(chosen, soup.of_triangle, soup.members)
+        np.testing.assert_array_equal(found.patches.get()[: found.count], patches)
+        np.testing.assert_array_equal(found.masks.get()[: found.count], masks)
 
 
 @pytest.mark.parametrize(("offset", "eye_offset"), [(0, 0), (1e4, 0.37), (1e6, 0.25)])
@@ -65,8 +70,9 @@ def test_sides_match_their_twin_within_a_step(device, offset, eye_offset):
     positions = (soup.positions + offset).astype(np.float32)
     eye = np.array([0.1, -0.2, 0.3]) + offset + eye_offset
     patches = rng.permutation(len(soup.members)).astype(np.int32)
-    uploaded = [device.upload(array) for array in (patches, soup.points, positions)]
-    sizes, histogram = measure_sides(device, uploaded[0], len(patches), *uploaded[1:], eye, 700.0)
+    visible = VisiblePatches(len(patches), device.upload(patches), device.zeros(len(patches), np.uint8))
+    uploaded = [device.upload(array) for array in (soup.points, positions)]
+    sizes, histogram = measure_sides(device, visible, *uploaded, eye, 700.0)
     exact = STEPS * measure_sides_twin(patches, soup.points, positions, eye, 700.0)
     sizes = sizes.get()[: len(patches)]
     for k, found in enumerate((sizes & 0xFF, sizes >> 8)):
@@ -80,8 +86,8 @@ def test_sides_match_their_twin_within_a_step(device, offset, eye_offset):
 def test_an_eye_on_a_vertex_gives_finite_sizes(device):
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     points = np.array([[0, 1, -1, 2, -1]], np.int32)
-    uploaded = [device.upload(array) for array in (np.zeros(1, np.int32), points, positions)]
-    sizes, _ = measure_sides(device, uploaded[0], 1, *uploaded[1:], np.zeros(3), 500.0)
+    uploaded = [device.upload(array) for array in (points, positions)]
+    sizes, _ = measure_sides(device, all_visible(device, np.ones(1, np.uint8)), *uploaded, np.zeros(3), 500.0)
     assert 0 <= sizes.get()[0] < 1 << 16
 
 

@@ -11,16 +11,16 @@ from shading_atlas_bench.kernels.inputs.soups import far_soup
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.tss.kernels.bins import Bins
-from shading_atlas_bench.packers.tss.kernels.emit import CellTable, emit_primitive_twin, emit_samples
+from shading_atlas_bench.packers.tss.kernels.emit import CellTable, Placed, emit_primitive_twin, emit_samples
 from shading_atlas_bench.packers.tss.kernels.footprint import (
     MOST_PIECES,
     camera_floats,
     measure_triangles,
     measure_triangles_twin,
 )
-from shading_atlas_bench.packers.tss.kernels.forms import choose_forms, choose_forms_twin
-from shading_atlas_bench.packers.tss.kernels.layout import lay_out, lay_out_twin, place_items, place_items_twin
-from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED, find_piece_twin, locate, locate_twin
+from shading_atlas_bench.packers.tss.kernels.forms import choose_strategies, choose_strategies_twin
+from shading_atlas_bench.packers.tss.kernels.layout import Items, lay_out, lay_out_twin, place_items, place_items_twin
+from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED, Located, find_piece_twin, locate, locate_twin
 from shading_atlas_bench.packers.tss.kernels.perspective import (
     invert_depths,
     invert_depths_twin,
@@ -49,14 +49,15 @@ def known(device) -> SimpleNamespace:
     bins = Bins.make()
     tables, count = bins.upload(device), primitives.count
     turns = RNG.permutation(count).astype(np.int32)
-    forms, items = choose_forms(device, primitives, SCALE, 3.0, device.upload(turns), tables)
+    forms, items = choose_strategies(device, primitives, SCALE, 3.0, device.upload(turns), tables)
     items_host = items.get()
     ranks, totals = rank_by_class_twin(items_host.reshape(-1), bins.count)
     ranks = ranks.reshape(-1, 2)
     regions, used = lay_out(device, tables, device.upload(totals.astype(np.int32)), 2048)
-    listed = (device.upload(turns), items, device.upload(ranks.astype(np.int32)), tables, regions)
-    places = place_items(device, count, used, *listed)
+    listed = Items(device.upload(turns), items, device.upload(ranks.astype(np.int32)))
+    places = place_items(device, count, used, listed, tables, regions)
     inverse = invert_depths(device, primitives.depths, primitives.pieces, len(ids), SCALE, STAGE)
+    placed = Placed(primitives, forms, places, inverse)
     return SimpleNamespace(**locals())
 
 
@@ -75,10 +76,9 @@ def test_triangles(device, known):
 
 
 def test_work_groups_change_no_depth(device, known, monkeypatch):
-    arguments = (device.upload(known.ids), len(known.ids), known.triangles.indices, known.triangles.positions)
-    arguments += (device.upload(known.camera), SCALE, 3.0, STAGE)
+    ids, camera = device.upload(known.ids), device.upload(known.camera)
     monkeypatch.setattr(device, "local_size", 7)
-    depths, pieces = measure_triangles(device, *arguments)
+    depths, pieces = measure_triangles(device, ids, len(known.ids), known.triangles, camera, SCALE, 3.0, STAGE)
     assert depths.get().tobytes() == known.primitives.depths.get().tobytes()
     assert pieces.get().tobytes() == known.primitives.pieces.get().tobytes()
 
@@ -132,9 +132,9 @@ def test_primitives(known):
 def test_forms(device, known, threshold, scale):
     primitives, count = known.primitives, known.primitives.count
     turns = device.upload(np.arange(count, dtype=np.int32))
-    forms, items = choose_forms(device, primitives, scale, threshold, turns, known.tables)
+    forms, items = choose_strategies(device, primitives, scale, threshold, turns, known.tables)
     cut = primitives.pieces.get()[primitives.parents.get()] > 1
-    expected, expected_items = choose_forms_twin(primitives.shapes.get(), cut, scale, threshold, known.bins)
+    expected, expected_items = choose_strategies_twin(primitives.shapes.get(), cut, scale, threshold, known.bins)
     np.testing.assert_array_equal(forms.get(), expected)
     np.testing.assert_array_equal(items.get(), expected_items)
     kinds = np.sign(expected[:, 0])
@@ -164,10 +164,7 @@ def test_places_do_not_overlap(known):
 
 @pytest.mark.parametrize("runs", [None, 1, 37])
 def test_samples(device, known, runs):
-    table, primitives = CellTable.upload(device), known.primitives
-    found = emit_samples(
-        device, primitives, known.forms, known.places, known.inverse, known.triangles, table, 2048, runs
-    )
+    found = emit_samples(device, known.placed, known.triangles, CellTable.upload(device), 2048, runs)
     names = ("triangle", "bary1", "bary2", "footprint", "texel")
     arrays = {name: getattr(found, name).get()[: found.count] for name in names}
     assert len(np.unique(arrays["texel"])) == found.count
@@ -210,8 +207,8 @@ def test_locations(device, known):
     triangle = RNG.integers(0, len(known.ids), n).astype(np.int32)
     bary = RNG.dirichlet([1, 1, 1], n)[:, 1:].astype(np.float32)
     samples = Samples.upload(device, triangle, *bary.T, np.zeros(n, np.float32), np.arange(n, dtype=np.int32))
-    tables = (primitives.pieces, primitives.starts, device.upload(records))
-    found = locate(device, samples, known.inverse, *tables, STAGE).get()[:, :n].T
+    located = Located(known.inverse, primitives.pieces, primitives.starts, device.upload(records))
+    found = locate(device, samples, located, STAGE).get()[:, :n].T
     inverse, pieces = known.inverse.get()[:, :3], primitives.pieces.get()
     place = locate_twin(bary, inverse[triangle], pieces[triangle], primitives.starts.get()[triangle], records)
     np.testing.assert_array_equal(np.isnan(found), np.isnan(place))

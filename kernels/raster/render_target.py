@@ -18,7 +18,7 @@ BLOCK = 8  # pixels; the hierarchical Z's block and the width of a row in the ke
 
 
 @dataclass(frozen=True)
-class Picture:
+class RenderTarget:
     """triangle int32 and depth float32 (height, width); block_depth and tile_depth float32, the farthest depth of each
     8 x 8 block and of each tile, as far as drawn."""
 
@@ -32,7 +32,7 @@ class Picture:
     tile_depth: Array
 
     @classmethod
-    def allocate(cls, device: Device, camera: Camera, tile: int) -> Picture:
+    def allocate(cls, device: Device, camera: Camera, tile: int) -> RenderTarget:
         """An uninitialised picture; `tile` is its tiles' side in pixels, a multiple of 8."""
         tiles_x, tiles_y = -(-camera.width // tile), -(-camera.height // tile)
         tiles, shape = tiles_x * tiles_y, (camera.height, camera.width)

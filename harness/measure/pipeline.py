@@ -5,11 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
+from functools import partial
 from statistics import median
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
 from shading_atlas_bench.harness.measure.coherence import AtlasHistory
@@ -41,8 +44,12 @@ from shading_atlas_bench.packers.interface import (
     ServerScene,
 )
 
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
 Key = tuple[str, int | None]  # codec and CRF
 T = TypeVar("T")
+LOSSLESS: Key = ("none", None)
 QUALITIES = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 
 
@@ -86,8 +93,8 @@ class Filled:
     read_ms: host time of reading the first back; fill_ms: of filling the second and reading them back.
     """
 
-    planes: dict[str, np.ndarray]
-    filled: dict[str, np.ndarray]
+    planes: dict[str, Bytes]
+    filled: dict[str, Bytes]
     read_ms: float
     fill_ms: float
 
@@ -149,25 +156,26 @@ class Measured:
     stages: list[tuple[str, float, int]]
     statistics: dict[str, float]
     repeats: list[tuple[int, str, float]]
-    pictures: dict[str, np.ndarray]
-    lossless: np.ndarray
-    plane: np.ndarray | None
-    alpha: np.ndarray | None
+    pictures: dict[str, Bytes]
+    lossless: Bytes
+    plane: Bytes | None
+    alpha: Bytes | None
     owners: Owners | None
-    details: dict[str, np.ndarray]
+    details: dict[str, arrays.Array]
 
 
 @dataclass
 class Drawn:
     """The columns that come from drawing, by (codec, CRF), what the clients gave, the pictures, host milliseconds spent
-    on metrics, and what was left out of these. clocked: host milliseconds from the payload's arrival to the picture."""
+    on metrics, and what was left out of these. clocked: host milliseconds from the payload's arrival to the picture.
+    lossless: uint8 (h, w, 3), what the client of the planes as packed shows."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
     images: dict[Key, Image] = field(default_factory=dict)
     clocked: dict[Key, float] = field(default_factory=dict)
-    pictures: dict[str, np.ndarray] = field(default_factory=dict)
+    pictures: dict[str, Bytes] = field(default_factory=dict)
     metrics_ms: float = 0.0
-    lossless: np.ndarray | None = None
+    lossless: Bytes = field(default_factory=lambda: np.empty((0, 0, 3), np.uint8))
     skipped: frozenset[str] = frozenset()
 
     def row(self, key: Key) -> dict[str, Any]:
@@ -175,17 +183,17 @@ class Drawn:
         return self.rows.get(key, {})
 
 
-class Lane:
+class Pipeline:
     """A packer with its clients, encoders and history; `dead` is the status and reason once it has stopped.
 
     A frame goes through `pack`, `fill`, `advance`, `draw` and `measure`. `pack`, `fill` and `draw` time the device:
-    nothing may run beside them. `advance` and `measure` may run beside those of other lanes.
+    nothing may run beside them. `advance` and `measure` may run beside those of other pipelines.
     All but `measure` carry state from frame to frame; `measure` carries only the history of the atlas, so a resumed run
     replays finished frames without drawing and measuring.
     """
 
     def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
-        """truth: of the scene and the settings' seed, where several lanes share one."""
+        """truth: of the scene and the settings' seed, where several pipelines share one."""
         self.packer, self.scene, self.settings = packer, packer.scene_shaded(scene), settings
         self.method, self.variant, self.label = packer.name, variant_string(packer), label_of(packer)
         self.dead: tuple[str, str] | None = None
@@ -231,8 +239,8 @@ class Lane:
             work = work_of(0)
             self.isolation = self._isolation(work)
         if self.packer.atlas and len(self.keys()) > 1:
-            size = (work.frame.atlas_width, work.frame.atlas_height)
-            Filler(self.scene.device, *size).fill(self.scene.device.zeros((*size[::-1], 4), np.uint8)).get()
+            device, width, height = self.scene.device, work.frame.atlas_width, work.frame.atlas_height
+            Filler(device, width, height).fill(device.zeros((height, width, 4), np.uint8)).get()
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
@@ -246,8 +254,12 @@ class Lane:
 
     def keys(self) -> list[Key]:
         """The (codec, CRF) of every row of a frame."""
-        coded = {"h264": [("h264", crf) for crf in self.settings.crfs], "jpeg": [("jpeg", None)], "none": []}
-        return [("none", None), *(coded[self.settings.codec] if self.packer.atlas else [])]
+        coded: dict[str, list[Key]] = {
+            "h264": [("h264", crf) for crf in self.settings.crfs],
+            "jpeg": [("jpeg", None)],
+            "none": [],
+        }
+        return [LOSSLESS, *(coded[self.settings.codec] if self.packer.atlas else [])]
 
     def pack(self, frame: Frame) -> Packed:
         """Pack one frame, `--repeat` times; the repetitions use packers of their own with the same past.
@@ -258,7 +270,7 @@ class Lane:
         start = time.perf_counter()
         alike = self.last is not None and same_work(self.last, frame)
         self.last = frame
-        if self.scene.skips.leaves_out("packing", alike and self.kept is not None):
+        if alike and self.kept is not None and self.scene.skips.leaves_out("packing", True):
             wall = (time.perf_counter() - start) * 1000
             return Packed(self.kept, {}, {}, wall, skipped=self.scene.skips.take())
         packed = self._pack(frame)
@@ -295,11 +307,11 @@ class Lane:
         end = time.perf_counter()
         return Filled(planes, filled, (middle - start) * 1000, (end - middle) * 1000)
 
-    def _coded(self, payload: Payload) -> dict[str, Any]:
+    def _coded(self, payload: Payload) -> dict[str, Array]:
         """The planes that a video codec takes."""
         return payload.planes if len(self.keys()) > 1 else {}
 
-    def _filler(self, name: str, plane: Any) -> Filler:
+    def _filler(self, name: str, plane: Array) -> Filler:
         if name not in self.fillers:
             height, width = plane.shape[:2]
             self.fillers[name] = Filler(self.scene.device, width, height)
@@ -319,8 +331,8 @@ class Lane:
             for key, frame in zip(self.keys()[1:], encode_all(self._streams(name, plane), plane), strict=True):
                 encoded.setdefault(key, {})[name] = frame
         plain = {name: plane[..., :3] for name, plane in filled.planes.items()}
-        shown = {name: fixed(frame.decoded) for name, frame in encoded.get(self.display_key, {}).items()}
-        arriving = {("none", None): plain} | ({self.display_key: shown} if self.displayed else {})
+        shown = {name: fixed(frame.shown) for name, frame in encoded.get(self.display_key, {}).items()}
+        arriving = {LOSSLESS: plain} | ({self.display_key: shown} if self.displayed else {})
         return Sent(
             {name: plane.shape[0] * plane.shape[1] for name, plane in plain.items()},
             encoded,
@@ -333,7 +345,7 @@ class Lane:
             (end - middle) * 1000,
         )
 
-    def _streams(self, name: str, plane: np.ndarray) -> list[VideoStream]:
+    def _streams(self, name: str, plane: Bytes) -> list[VideoStream]:
         """The encoders of one plane, one for each rate."""
         if name not in self.streams:
             height, width = plane.shape[:2]
@@ -346,9 +358,9 @@ class Lane:
     @property
     def clients(self) -> dict[Key, Client]:
         """The client of the planes as packed, and that of the displayed rate, if there is one."""
-        return {("none", None): self.lossless} | ({self.display_key: self.displayed} if self.displayed else {})
+        return {LOSSLESS: self.lossless} | ({self.display_key: self.displayed} if self.displayed else {})
 
-    def remember(self, owners: Owners | None, planes: dict[str, np.ndarray]) -> dict[str, float | None]:
+    def remember(self, owners: Owners | None, planes: dict[str, Bytes]) -> dict[str, float | None]:
         """Fill and coherence of the frame's atlas; it is remembered for the next frame."""
         if owners is None or not planes:
             return {}
@@ -380,8 +392,8 @@ class Lane:
         drawn = Drawn(skipped=metrics.skipped)
         for key, client in self.clients.items():
             begin = time.perf_counter()
-            receiving, _ = self._clocked(lambda client=client, key=key: client.receive(sent.arrived[key]))
-            drawing, image = self._clocked(lambda client=client: client.draw(novel.view))
+            receiving, _ = self._clocked(partial(client.receive, sent.arrived[key]))
+            drawing, image = self._clocked(partial(client.draw, novel.view))
             start = time.perf_counter()
             drawn.clocked[key] = (start - begin) * 1000
             values = metrics.compare(image.rgb)
@@ -394,7 +406,7 @@ class Lane:
                 "client_ms": receiving.device + drawing.device,
             }
             rgb = image.rgb.get()[..., :3]
-            if client is self.lossless:
+            if key == LOSSLESS:
                 drawn.lossless = rgb
             if pictured:  # the report shows the displayed client, which is drawn last
                 flip = metrics.flip_map()
@@ -458,7 +470,7 @@ class Lane:
             | _speed(packed, verified.samples, novel)
             | self._cost_of_metrics(packed, novel, drawn)
             | {"checks_ms": verified.milliseconds}
-            | ({"unwritten_lookups": gaps.share} if gaps and gaps.touched else {}),
+            | ({} if gaps is None or gaps.share is None else {"unwritten_lookups": gaps.share}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
             self._pictures(payload, filled.planes, drawn) if pictured else {},
             drawn.lossless,
@@ -483,12 +495,13 @@ class Lane:
         """Holes, and what clients say that they show; of both clients, which may have received different planes."""
         start = time.perf_counter()
         for key, image in drawn.images.items():
-            known = (self.verifier.truth, frame, verified.draw, payload, novel, image)
-            drawn.rows[key]["holes_px"], found = check_picture(*known)
+            drawn.rows[key]["holes_px"], found = check_picture(
+                self.verifier.truth, frame, verified.draw, payload, novel, image
+            )
             verified.found += found
         verified.milliseconds += (time.perf_counter() - start) * 1000
 
-    def _pictures(self, payload: Payload, planes: dict[str, np.ndarray], drawn: Drawn) -> dict[str, np.ndarray]:
+    def _pictures(self, payload: Payload, planes: dict[str, Bytes], drawn: Drawn) -> dict[str, Bytes]:
         """Everything the report shows of a frame, by name."""
         shown = {"alpha" if name == ALPHA else "atlas": plane[..., :3] for name, plane in reversed(planes.items())}
         return drawn.pictures | shown | self.packer.pictures(payload)
@@ -503,7 +516,7 @@ class Lane:
             "metrics_over_work": spent / (packed.wall_ms + drawing),
         }
 
-    def _stretch(self, novel: NovelView, texels: np.ndarray | None) -> dict[str, float | None]:
+    def _stretch(self, novel: NovelView, texels: Doubles | None) -> dict[str, float | None]:
         """Stretch of the atlas on the novel view's pixels; texels: float64 (n, 2), where its points lie."""
         wanted = "stretch" in self.settings.metrics
         if texels is None or not (wanted or "metrics" in self.scene.skips.off):

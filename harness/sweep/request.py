@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-from shading_atlas_bench.harness.sweep.timing import Rule
+from shading_atlas_bench.harness.sweep.timing import StopRule
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
 
 
 @dataclass(frozen=True)
-class Wanted:
+class SweepRequest:
     """A sweep. vary: the `--vary` arguments. workers: processes side by side; times compare only with one."""
 
     settings: Settings
     vary: tuple[str, ...] = ()
-    rule: Rule = field(default_factory=Rule)
+    rule: StopRule = field(default_factory=StopRule)
     workers: int = 1
 
     @property
@@ -24,9 +24,9 @@ class Wanted:
         return self.workers == 1
 
 
-def read_wanted(
+def read_request(
     settings: Settings, vary: Iterable[str], percent: float, repetitions: int, budget: float, workers: int
-) -> Wanted:
+) -> SweepRequest:
     """The options of `bench sweep` as one value. Raises SettingsError for numbers out of range."""
     checks = [
         (0 < percent <= 100, f"--precision is {percent:g}: give per cent, above 0 and up to 100."),
@@ -37,4 +37,4 @@ def read_wanted(
     for fine, sentence in checks:
         if not fine:
             raise SettingsError(sentence)
-    return Wanted(settings, tuple(vary), Rule(percent / 100, repetitions, budget), workers)
+    return SweepRequest(settings, tuple(vary), StopRule(percent / 100, repetitions, budget), workers)
