@@ -25,12 +25,12 @@ from shading_atlas_bench.packers.snakebinning.kernels.footprint import Fit, Foot
 from shading_atlas_bench.packers.snakebinning.kernels.pieces import TriangleList
 from shading_atlas_bench.packers.snakebinning.kernels.place import Placement, Places, list_records
 from shading_atlas_bench.packers.snakebinning.kernels.slices import MOST
-from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Atlas, Superblocks
+from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Atlas, Superblocks, superblock_height
 from shading_atlas_bench.packers.snakebinning.mapping import BinMapping
 from shading_atlas_bench.packers.snakebinning.parameters import PARAMETERS, Parameters
 from shading_atlas_bench.packers.snakebinning.picture import draw_packing
 from shading_atlas_bench.packers.snakebinning.records import Records, SetRecords
-from shading_atlas_bench.packers.snakebinning.slots import Slots, superblock_height
+from shading_atlas_bench.packers.snakebinning.slots import Slots
 from shading_atlas_bench.packers.snakebinning.statistics import statistics_of
 
 if TYPE_CHECKING:

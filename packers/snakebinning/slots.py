@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.packers.snakebinning.kernels.bins import LARGEST_ATLAS, HeightBins
 from shading_atlas_bench.packers.snakebinning.kernels.place import Placement, find_new, place_triangles
 
 if TYPE_CHECKING:
@@ -14,6 +13,7 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.skips import Skips
+    from shading_atlas_bench.packers.snakebinning.kernels.bins import HeightBins
     from shading_atlas_bench.packers.snakebinning.kernels.count import BinCounts
     from shading_atlas_bench.packers.snakebinning.kernels.pieces import TriangleList
     from shading_atlas_bench.packers.snakebinning.kernels.superblocks import Atlas, Superblocks
@@ -72,15 +72,3 @@ class Slots:
             return False
         place_triangles(self.device, self.frames, listed, is_new, self.mapping.targets, self.placement)
         return True
-
-
-def superblock_height(width: int, height: int, asked: int) -> int:
-    """Of superblocks in an atlas; 0 asks for a choice. ValueError for sizes that cannot be used."""
-    if max(width, height) > LARGEST_ATLAS or min(width, height) < 2:
-        raise ValueError(
-            f"The atlas of {width}x{height} has a side outside 2 to {LARGEST_ATLAS} texels: give another size."
-        )
-    chosen = asked or height // max(1, height // max(512, height // 4))
-    if not 2 <= chosen <= height:
-        raise ValueError(f"The superblock height {chosen} is outside 2 to the atlas height {height}; 0 chooses one.")
-    return chosen

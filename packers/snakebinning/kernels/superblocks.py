@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.constants import constants_of
-from shading_atlas_bench.packers.snakebinning.kernels.bins import BINS, COLUMN
+from shading_atlas_bench.packers.snakebinning.kernels.bins import BINS, COLUMN, LARGEST_ATLAS
 from shading_atlas_bench.packers.snakebinning.kernels.strip import ENLARGE, SlotShape, row_width, slot_shape, slots_in
 
 if TYPE_CHECKING:
@@ -59,6 +59,18 @@ class Atlas:
     enlarge: str = "exact"
     fit: str = "best"
     orphans: str = "widest"
+
+
+def superblock_height(width: int, height: int, asked: int) -> int:
+    """The height of superblocks in an atlas; 0 asks for a choice. ValueError for sizes that cannot be used."""
+    if max(width, height) > LARGEST_ATLAS or min(width, height) < 2:
+        raise ValueError(
+            f"The atlas of {width}x{height} has a side outside 2 to {LARGEST_ATLAS} texels: give another size."
+        )
+    chosen = asked or height // max(1, height // max(512, height // 4))
+    if not 2 <= chosen <= height:
+        raise ValueError(f"The superblock height {chosen} is outside 2 to the atlas height {height}; 0 chooses one.")
+    return chosen
 
 
 class Superblocks:

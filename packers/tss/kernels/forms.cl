@@ -25,9 +25,9 @@ INLINE int bin_of_half(int w, int h, __global const int *of_size, __global const
 // in which they are placed (`turns`). threshold: longest edge over height from which a triangle is slanted. A piece of
 // a cut triangle may be large where the cell cannot see it: it has at least the corners' samples.
 __kernel void choose_strategies(int count, __global const float *shapes, __global const int *parents,
-                           __global const int *pieces, float scale, float threshold, __global const int *turns,
-                           __global const int *of_level, __global const int *of_size, __global const int *size_class,
-                           int classes, __global int *forms, __global int *bins)
+                                __global const int *pieces, float scale, float threshold, __global const int *turns,
+                                __global const int *of_level, __global const int *of_size,
+                                __global const int *size_class, int classes, __global int *forms, __global int *bins)
 {
     const int i = get_global_id(0);
     if (i >= count)

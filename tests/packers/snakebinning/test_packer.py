@@ -27,9 +27,9 @@ from shading_atlas_bench.packers.snakebinning.kernels.bins import HeightBins
 from shading_atlas_bench.packers.snakebinning.kernels.footprint import Fit, Footprints, measure_triangles, pack_views
 from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
 from shading_atlas_bench.packers.snakebinning.kernels.slices import Slices
+from shading_atlas_bench.packers.snakebinning.kernels.superblocks import superblock_height
 from shading_atlas_bench.packers.snakebinning.parameters import PARAMETERS, Parameters
 from shading_atlas_bench.packers.snakebinning.records import decode_records, encode_records
-from shading_atlas_bench.packers.snakebinning.slots import superblock_height
 from shading_atlas_bench.scenes.model import Scene
 from tests.packers import streams
 from tests.packers.rooms import CELL, FOV, NEAR, SIZE, changing_sets, frame_of, novel_view, room, server_of, wall
