@@ -341,25 +341,6 @@ PUBLISHED = Source(
         "tss-2019": Part(("quantity", "scene"), PUBLISHED_COLUMNS),
     },
 )
-RATE = Source(
-    "published-rate",
-    tuple(
-        f"bench run --method 'snakebinning[shading_rate=1.0]' --scene {VIKING} {STREET} --cell {cell} --size 1920x1080 "
-        "--atlas 8192x4096 --frames 3 --codec none --metrics flip"
-        for cell in published.CELLS
-    ),
-    digests.cell_parts,
-    {
-        ROWS: Part(
-            ("scene", "cell"),
-            (
-                _words("scene", "{scene}"),
-                _words("cell", "{cell}"),
-                *_numbers(samples="samples: ,.0f", atlas_full="atlas full: g"),
-            ),
-        )
-    },
-)
 EQUAL = Source(
     "equal-samples",
     tuple(
@@ -540,7 +521,6 @@ SOURCES: dict[str, Source] = {
         _full_atlas("viking", VIKING, quick=False),
         EQUAL,
         PUBLISHED,
-        RATE,
         TEXELS,
         SETS,
         THESIS,

@@ -374,21 +374,6 @@ def texel_parts(folders: Sequence[Path]) -> Parts:
     return {ROWS: rows}
 
 
-def cell_parts(folders: Sequence[Path]) -> Parts:
-    """Runs of one method in one view cell each: its samples, and whether the atlas had no room for its own rule."""
-    rows = []
-    for results in map(RunResults, folders):
-        (key,) = results.keys
-        row: Row = {
-            "scene": results.scene,
-            "cell": f"{results.rows[0]['cell_radius']:g} m, {results.rows[0]['cell_fov']:g}°",
-        }
-        rows.append(
-            row | {"samples": results.median(key, "samples"), "atlas_full": results.statistic(key, "atlas_full")}
-        )
-    return {ROWS: rows}
-
-
 def set_parts(folders: Sequence[Path]) -> Parts:
     """Runs of one method over densities of the visible set's views: its triangles, what it lacks, and its time."""
     rows = []
