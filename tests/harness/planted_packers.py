@@ -258,7 +258,7 @@ class InTheClass(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
-        InTheClassClient.locations = payload.blobs.pop("locations")
+        InTheClassClient.sent = payload.blobs.pop("locations")
         return payload
 
     def client(self, scene):
@@ -267,7 +267,7 @@ class InTheClass(ShadingAtlasStreaming):
 
 class InTheClassClient(ShadingAtlasClient):
     def read(self, blobs):
-        super().read({"locations": self.locations})
+        super().read({"locations": self.sent})
 
 
 class InTheModule(ShadingAtlasStreaming):
