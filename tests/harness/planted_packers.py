@@ -704,7 +704,7 @@ PLANTED = {
     CoarseTextures: "levels from what float64 shading gives them",
     Excused: "are listed as unplaced and have a place",
     InStatistics: "The client holds the payload before it was sent: client.read",
-    InTheClass: "State is kept outside of packer and client, in InTheClassClient.locations",
+    InTheClass: "State is kept outside of packer and client, in InTheClassClient.sent",
     InTheModule: "State is kept outside of packer and client",
     InTheModuleLater: "State is kept outside of packer and client",
     InNames: "not as the interface says, planes of the atlas' size: names",
