@@ -50,7 +50,7 @@ def transform(matrix: ArrayLike, points: ArrayLike) -> Doubles:
     return out
 
 
-def turned(matrix: ArrayLike, vector: ArrayLike) -> Doubles:
+def matvec(matrix: ArrayLike, vector: ArrayLike) -> Doubles:
     """Vectors (..., K) under matrices (..., M, K): float64 (..., M)."""
     return dot(matrix, np.asarray(vector, np.float64)[..., None, :])
 

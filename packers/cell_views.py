@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints, Longs
-from shading_atlas_bench.arithmetic.matrices import product, turned
+from shading_atlas_bench.arithmetic.matrices import matvec, product
 from shading_atlas_bench.packers.interface import View
 
 
@@ -35,7 +35,7 @@ def owned_spans(views: Sequence[View], number: int) -> Ints:
     for other, rival in enumerate(views):
         if other == number:
             continue
-        axis = turned(view.view[:3, :3], -rival.view[2, :3])
+        axis = matvec(view.view[:3, :3], -rival.view[2, :3])
         # The rival's axis in this eye space. Of the ray (x, y, -1), own cosine less the rival's, times its length:
         lead, slope = 1 + axis[2] - axis[0] * start - axis[1] * y, -axis[0] * step
         wins = lead > 0 if other < number else lead >= 0

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NoReturn, TypeAlias
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.matrices import product, turned
+from shading_atlas_bench.arithmetic.matrices import matvec, product
 from shading_atlas_bench.packers.skips import Skips
 
 if TYPE_CHECKING:
@@ -114,7 +114,7 @@ class View:
     @property
     def eye(self) -> Doubles:
         """The camera's position, float64 (3)."""
-        return -turned(self.view[:3, :3].T, self.view[:3, 3])
+        return -matvec(self.view[:3, :3].T, self.view[:3, 3])
 
     @property
     def pixels_per_tangent(self) -> float:

@@ -15,7 +15,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, tan
-from shading_atlas_bench.arithmetic.matrices import product, turned
+from shading_atlas_bench.arithmetic.matrices import matvec, product
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
 from shading_atlas_bench.scenes.gltf_materials import GltfMaterials, UvSource
 from shading_atlas_bench.scenes.gltf_motion import camera_animations
@@ -181,11 +181,11 @@ def _skin(document: GltfDocument, attributes: JsonObject, joints: Doubles, part:
             blended += weights[:, column, None, None] * joints[indices[:, column]]
         total += weights.sum(axis=1)
     blended /= np.where(total > 0, total, 1)[:, None, None]
-    part.positions = turned(blended[:, :3, :3], part.positions) + blended[:, :3, 3]
+    part.positions = matvec(blended[:, :3, :3], part.positions) + blended[:, :3, 3]
     if part.normals is not None:
-        part.normals = turned(normal_matrices(blended[:, :3, :3]), part.normals)
+        part.normals = matvec(normal_matrices(blended[:, :3, :3]), part.normals)
     if part.tangents is not None:
-        along = turned(blended[:, :3, :3], part.tangents[:, :3])
+        along = matvec(blended[:, :3, :3], part.tangents[:, :3])
         part.tangents = np.concatenate([along, part.tangents[:, 3:]], axis=1)
 
 

@@ -33,7 +33,6 @@ RUNS = Path("runs")
 RASTER = "raster"
 # Where a test must not change the picture: this much more error than at the first magnitude is another picture.
 DRIFT = (1.5, 0.005)  # factor, and FLIP on top
-TIMEOUT = 120.0  # seconds for one trial
 
 
 @dataclass(frozen=True)

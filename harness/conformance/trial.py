@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Floats, Ints
-from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.exact import ExactPicture, draw_exact
 from shading_atlas_bench.harness.measure.novel_view import Seen
@@ -66,7 +66,6 @@ WRONG = 0.002  # share of pixels that may show another surface than float64 does
 HOLES = 0.002  # share of pixels that may be empty well inside what float64 shows, with every triangle placed
 FIRST = 6  # triangles and texels named in a sentence
 # What a trial can end as, best first. Only the first two are results.
-STATUSES = ("ok", "overflow", "refused", "inaccurate", "nondeterministic", "invalid", "failed", "timeout")
 GOOD = ("ok", "overflow")
 
 
@@ -95,7 +94,7 @@ class TrialCase:
 class Finding:
     """What came out of a trial.
 
-    status: one of STATUSES. sentence: what is wrong, or what was left out; empty if nothing.
+    status: one of STRESS_STATUSES. sentence: what is wrong, or what was left out; empty if nothing.
     error: mean FLIP of the last frame's client picture against float64 (or, without one, against the reference).
     wrong, holes: shares of pixels; None where they are not known. unplaced: triangles, of the last frame's set.
     pictures: name to uint8 (h, w, 3), of the frame that went wrong or the last.
@@ -209,7 +208,7 @@ class Stage:
 def beside(pose: Pose, cell: ViewCell, fov: float) -> Pose:
     """A client's pose that a cell allows: a third of its radius to the right, and turned by up to 2 degrees."""
     turn = np.radians(min(2.0, (cell.fov - fov) / 4))
-    position = pose.position + turned(rotation(pose.orientation), [cell.radius / 3, 0, 0])
+    position = pose.position + matvec(rotation(pose.orientation), [cell.radius / 3, 0, 0])
     return Pose(position, multiply(pose.orientation, from_rotation_vector(np.array([0, turn, 0]))))
 
 

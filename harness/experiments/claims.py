@@ -53,7 +53,6 @@ from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
 COLOURS = {"confirmed": "green", "not confirmed": "red", "undecided": "yellow"}
-WAITING = "It has not been run yet: the same command goes on."
 
 
 @dataclass(frozen=True)

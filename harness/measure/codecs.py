@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes
+from shading_atlas_bench.harness.workload.settings import CODECS
 
 if TYPE_CHECKING:
     from av import VideoFrame
     from av.video.reformatter import ColorRange, Interpolation
 
-CODECS = ("h264", "jpeg", "none")
 LARGEST_SIDE = 8192
 ENCODERS_AT_A_TIME = 2
 RATE = 60

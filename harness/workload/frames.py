@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.harness.workload.prediction import predict
 from shading_atlas_bench.harness.workload.pvs import potentially_visible
 from shading_atlas_bench.harness.workload.settings import Settings
@@ -39,15 +39,13 @@ def sample_budget(settings: Settings) -> int | None:
 class Work:
     """One frame of work and, kept apart from what packers see, the novel view it is judged by.
 
-    pvs_ms: device time of finding the PVS, when it was found. pvs_views: views drawn for it. confined: whether the
-    client's pose had to be moved into the cell.
-    skipped: what was left out meanwhile.
+    pvs_ms: device time of finding the PVS, when it was found. confined: whether the client's pose had to be moved into
+    the cell. skipped: what was left out meanwhile.
     """
 
     frame: Frame
     novel: View
     pvs_ms: float
-    pvs_views: int
     confined: bool
     skipped: frozenset[str] = frozenset()
 
@@ -94,7 +92,7 @@ class FrameSource:
             seed=settings.seed,
             frusta=self.frustum.split(pose, self.near),
         )
-        return Work(frame, novel, pvs.milliseconds, pvs.views, moved, self.scene.skips.take())
+        return Work(frame, novel, pvs.milliseconds, moved, self.scene.skips.take())
 
     def _pose(self, index: int) -> Pose:
         return Pose(self.path.positions[index], self.path.orientations[index])
@@ -109,7 +107,7 @@ class FrameSource:
         time = float(self.path.times_ms[index])
         position, orientation = self.path.pose_at(time + settings.latency)
         shift, turn = self.head.offset(time, settings.latency)
-        shift = turned(rotation(orientation), shift) / self.scene.host.metres_per_unit
+        shift = matvec(rotation(orientation), shift) / self.scene.host.metres_per_unit
         wanted = Pose(position + shift, multiply(orientation, turn))
         pose, moved = confined(server, wanted, self.radius, self.frustum, self._client(wanted))
         return self._client(pose), moved

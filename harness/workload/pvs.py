@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Ints
-from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, rotation
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
 from shading_atlas_bench.kernels.device import kernels_digest
@@ -67,7 +67,7 @@ def cell_eyes(pose: Pose, radius: float) -> Iterator[Pose]:
     if radius > 0:
         turn = rotation(pose.orientation)
         for corner in product((-1, 1), repeat=3):
-            yield replace(pose, position=pose.position + turned(turn, corner) * radius / np.sqrt(3))
+            yield replace(pose, position=pose.position + matvec(turn, corner) * radius / np.sqrt(3))
 
 
 def potentially_visible(

@@ -9,7 +9,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, arctan2, cos, sin_cos, tan
-from shading_atlas_bench.arithmetic.matrices import dot, product, turned
+from shading_atlas_bench.arithmetic.matrices import dot, matvec, product
 from shading_atlas_bench.packers.interface import View
 
 # A frustum wider than this is split: perspective spends most pixels of a wider one near its edges.
@@ -74,7 +74,7 @@ def view_matrix(pose: Pose) -> Doubles:
     """World to camera, float64 (4, 4)."""
     matrix = np.eye(4)
     matrix[:3, :3] = rotation(pose.orientation).T
-    matrix[:3, 3] = -turned(matrix[:3, :3], pose.position)
+    matrix[:3, 3] = -matvec(matrix[:3, :3], pose.position)
     return matrix
 
 

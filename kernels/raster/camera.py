@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles
-from shading_atlas_bench.arithmetic.matrices import inverse, product, transform, turned
+from shading_atlas_bench.arithmetic.matrices import inverse, matvec, product, transform
 from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Camera:
             raise ValueError("View and projection must be finite 4 x 4 matrices.")
         if not (1 <= width <= LARGEST_SIZE and 1 <= height <= LARGEST_SIZE):
             raise ValueError(f"The image is {width} x {height} pixels; both sides must be 1 to {LARGEST_SIZE}.")
-        eye = -turned(inverse(view[:3, :3]), view[:3, 3])
+        eye = -matvec(inverse(view[:3, :3]), view[:3, 3])
         rows = np.column_stack([product(projection[:, :3], view[:3, :3]), projection[:, 3]])
         rows[0] *= width * SUBPIXELS / 2
         rows[1] *= -height * SUBPIXELS / 2
@@ -52,7 +52,7 @@ class Camera:
         from pyopencl import cltypes
 
         eye = self.eye.astype(np.float32)
-        constants = self.rows[:, 3] - turned(self.rows[:, :3], self.eye - eye)
+        constants = self.rows[:, 3] - matvec(self.rows[:, :3], self.eye - eye)
         rows = np.column_stack([self.rows[:, :3], constants]).astype(np.float32)
         return np.array((*eye, 0), cltypes.float4), np.array(tuple(rows.ravel()), cltypes.float16)
 

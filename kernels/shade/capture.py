@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats, Ints
-from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.kernels.raster.resolve import resolve
 from shading_atlas_bench.kernels.shade.colour import sky_radiance
 from shading_atlas_bench.kernels.shade.radiance import radiance
@@ -54,14 +54,14 @@ def scene_around(
     sky, faces = sky_around(shader), []
     for face in FACES:
         view = np.eye(4)
-        view[:3, :3], view[:3, 3] = face, -turned(face, point)
+        view[:3, :3], view[:3, 3] = face, -matvec(face, point)
         faces.append(_face(device, rasteriser, ids, shader, point, view, near))
     pictures = np.clip(np.nan_to_num(np.stack(faces), nan=0.0, posinf=brightest), -1, brightest)
 
     def arriving(direction: Doubles) -> Doubles:
         face = 2 * np.argmax(np.abs(direction), axis=1)
         face += np.take_along_axis(direction, face[:, None] // 2, axis=1)[:, 0] < 0
-        x, y, z = turned(FACES[face], direction).T
+        x, y, z = matvec(FACES[face], direction).T
         column, row = ((np.minimum((1 + part / -z) * (SIDE / 2), SIDE - 1)).astype(int) for part in (x, -y))
         seen = pictures[face, row, column].astype(np.float64)
         return np.where(seen < 0, sky(direction), seen)

@@ -10,7 +10,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import tan
-from shading_atlas_bench.arithmetic.matrices import product, transform, turned
+from shading_atlas_bench.arithmetic.matrices import matvec, product, transform
 from shading_atlas_bench.kernels.raster.rasteriser import Rasteriser
 from shading_atlas_bench.kernels.shade.tables import LightLike
 from shading_atlas_bench.kernels.triangles import Triangles
@@ -136,7 +136,7 @@ def shadow_camera(light: ShadowLight, casters: Triangles, focus: Doubles, metres
     middle = (low + high) / 2
     if side < extent:
         reach = np.maximum((high - low)[:2] - side, 0) / 2
-        middle[:2] = np.clip(turned(view[:3, :3], focus)[:2], middle[:2] - reach, middle[:2] + reach)
+        middle[:2] = np.clip(matvec(view[:3, :3], focus)[:2], middle[:2] - reach, middle[:2] + reach)
     margin = 0.01 * (high[2] - low[2]) + 4 * side / size  # so that nothing lies on the near or far end
     depth = high[2] - low[2] + 2 * margin
     view[:3, 3] = -middle[0], -middle[1], -(high[2] + margin)
@@ -159,5 +159,5 @@ def _looking(eye: Doubles, forward: Doubles) -> Doubles:
     right /= np.linalg.norm(right, axis=-1)
     view = np.eye(4)
     view[:3, :3] = right, np.cross(right, forward), -forward
-    view[:3, 3] = -turned(view[:3, :3], eye)
+    view[:3, 3] = -matvec(view[:3, :3], eye)
     return view

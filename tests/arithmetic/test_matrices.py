@@ -11,9 +11,9 @@ from shading_atlas_bench.arithmetic.matrices import (
     dot,
     eigenvectors,
     inverse,
+    matvec,
     product,
     transform,
-    turned,
 )
 
 RNG = np.random.default_rng(0)
@@ -24,7 +24,7 @@ def test_products_are_those_of_numpy():
     np.testing.assert_allclose(product(a, b), a @ b, rtol=1e-13)
     np.testing.assert_allclose(product(a, b, b.T), a @ b @ b.T, rtol=1e-12)
     np.testing.assert_allclose(dot(a, b.T[:1]), (a * b.T[:1]).sum(axis=-1), rtol=1e-13)
-    np.testing.assert_allclose(turned(a, b.T[0]), a @ b.T[0], rtol=1e-13)
+    np.testing.assert_allclose(matvec(a, b.T[0]), a @ b.T[0], rtol=1e-13)
 
 
 def test_what_has_no_answer_is_refused():

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.snakebinning.kernels.bins import (
     ANGLES,
@@ -98,7 +98,7 @@ def pack_views(matrices: Sequence[tuple[Doubles, Doubles, int]], rate: float) ->
     of tangent (`rate` texels per pixel), inverse half-angle tangents across and up, near."""
     rows = np.zeros((len(matrices), VIEW_FLOATS), np.float32)
     for row, (view, projection, width) in zip(rows, matrices, strict=True):
-        eye = -turned(view[:3, :3].T, view[:3, 3])
+        eye = -matvec(view[:3, :3].T, view[:3, 3])
         row[:3] = eye
         row[3:6] = eye - row[:3]
         row[6:9], row[9:12] = view[1, :3], view[0, :3]

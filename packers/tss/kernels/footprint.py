@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.matrices import turned
+from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.kernels.constants import constants_of
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ def camera_floats(view: Doubles, projection: Doubles, width: int, height: int) -
     view, projection: float64 (4, 4), the projection with reversed depth and an infinite far plane.
     """
     turn = view[:3, :3]
-    eye = -turned(turn.T, view[:3, 3])
+    eye = -matvec(turn.T, view[:3, 3])
     high = eye.astype(np.float32)
     tangents = (1 + np.abs(projection[:2, 2])) / np.abs(projection[[0, 1], [0, 1]])
     scale = np.array([projection[0, 0] * width / 2, projection[1, 1] * height / 2])
