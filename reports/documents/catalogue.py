@@ -204,7 +204,6 @@ STRATEGIES = Source(
             ("gather_over_shading",),
         )
     },
-    quick=True,
 )
 THRESHOLDS = " ".join(f"--method 'tss[slanted={value}]'" for value in (3.0, 5.0, 8.0, 10.0, 12.0))
 SLANTED = Source(

@@ -32,7 +32,8 @@ def kit(device, stages, packer_spec) -> Kit:
 
 @pytest.mark.parametrize("name", CHECKS)
 def test_packers_pass_the_check(kit, name, request):
-    if name.startswith("stress") and name not in ALWAYS and not request.config.getoption("--packer", default=None):
+    elsewhere = name == "kernels" or (name.startswith("stress") and name not in ALWAYS)  # test_cases.py has all kernels
+    if elsewhere and not request.config.getoption("--packer", default=None):
         pytest.skip("run with --packer, and by bench check")
     found = guarded_run(name, CHECKS[name].run, kit, 60 * CHECKS[name].patience)
     assert found.good, found.sentence
