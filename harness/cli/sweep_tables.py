@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from shading_atlas_bench.harness.sweep.grid import Grid
+    from shading_atlas_bench.harness.sweep.grid import SweepGrid
     from shading_atlas_bench.harness.sweep.request import SweepRequest
     from shading_atlas_bench.reports.analysis.sweep import Point
 
@@ -57,7 +57,7 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> None:
     console.print(f"about {total}{at_once}{timing}; results in {out or 'a new folder below runs/'}")
 
 
-def _show_axes(console: Console, grid: Grid) -> None:
+def _show_axes(console: Console, grid: SweepGrid) -> None:
     """What is varied per contender, and what was left out and why."""
     table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
     for contender in dict.fromkeys(cell.contender for cell in grid.cells):

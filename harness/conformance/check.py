@@ -1,6 +1,6 @@
 """`bench check`: the conformance kit, what every packer must pass, check by check.
 
-A check is a function of the kit that returns findings; `@check(name)` adds it to CHECKS. The test-suite runs the same
+A check is a function of the kit that returns results; `@check(name)` adds it to CHECKS. The test-suite runs the same
 ones on every packer.
 """
 
@@ -29,9 +29,9 @@ from shading_atlas_bench.harness.conformance.catalogue import (
 )
 from shading_atlas_bench.harness.conformance.fuzz import find_failure, save_soup
 from shading_atlas_bench.harness.conformance.trial import (
-    Finding,
     Stage,
     TrialCase,
+    TrialResult,
     describe,
     refuses,
     try_isolation,
@@ -108,7 +108,7 @@ class Kit:
                             width=wide, height=high, atlas_width=ATLAS[0], atlas_height=ATLAS[1])  # fmt: skip
         return open_session(settings, self.device)
 
-    def case(self, key: str, make: Callable[[], TrialCase]) -> Finding:
+    def case(self, key: str, make: Callable[[], TrialCase]) -> TrialResult:
         """What comes out of a case."""
         return try_method(self.stage(key, lambda: Stage.of(self.device, make())), self.make, again=1)
 
@@ -118,7 +118,7 @@ def _frames_of(session: Session) -> Stage:
     return Stage(session.scene, [work.frame for work in works], [work.novel for work in works], exact=False)
 
 
-Run: TypeAlias = Callable[[Kit], Finding]
+Run: TypeAlias = Callable[[Kit], TrialResult]
 
 
 @dataclass(frozen=True)
@@ -148,29 +148,29 @@ def check(name: str, what: str, patience: int = 1) -> Callable[[Run], Run]:
 
 
 @check("parameters", "every parameter's default and sweep can be used, and unknown ones are refused")
-def parameters(kit: Kit) -> Finding:
+def parameters(kit: Kit) -> TrialResult:
     """Invalid where a parameter is no Parameter, objects to a value of its own or lacks a meaning, and where an unknown
     one is taken."""
     for name, parameter in kit.kind.parameters.items():
         if not isinstance(parameter, Parameter):
-            return Finding("invalid", f"{name} is no packers.interface.Parameter.")
+            return TrialResult("invalid", f"{name} is no packers.interface.Parameter.")
         for value in (parameter.default, *parameter.sweep):
             if objection := parameter.objection(value):
-                return Finding(
+                return TrialResult(
                     "invalid", f"Of the parameter {name}, {value!r} is a default or in the sweep, and it {objection}."
                 )
         if not parameter.meaning:
-            return Finding("invalid", f"The parameter {name} lacks its meaning.")
+            return TrialResult("invalid", f"The parameter {name} lacks its meaning.")
     try:
         kit.kind(no_such_parameter=1)
     except ValueError:
-        return Finding("ok")
-    return Finding("invalid", "A parameter that does not exist is not refused with a ValueError.")
+        return TrialResult("ok")
+    return TrialResult("invalid", "A parameter that does not exist is not refused with a ValueError.")
 
 
 def _scene_check(name: str) -> None:
     @check(f"valid on {name}", f"two frames of {name}, with their potentially visible sets")
-    def valid(kit: Kit) -> Finding:
+    def valid(kit: Kit) -> TrialResult:
         return try_method(kit.scene(name), kit.make, again=0)
 
 
@@ -179,7 +179,7 @@ for _name in SCENES:
 
 
 @check("isolated", "clients hold nothing of the server, and show what they receive and nothing else")
-def isolated(kit: Kit) -> Finding:
+def isolated(kit: Kit) -> TrialResult:
     """What comes out of the first built-in scene whose client is not isolated, else of the last."""
     for name in SCENES:
         found = try_isolation(kit.scene(name), kit.make)
@@ -189,13 +189,13 @@ def isolated(kit: Kit) -> Finding:
 
 
 @check("deterministic", "two frames of the hall packed again, and again with other work-groups, to the same bytes")
-def deterministic(kit: Kit) -> Finding:
+def deterministic(kit: Kit) -> TrialResult:
     """What comes out of two frames of the hall, packed twice more."""
     return try_method(kit.scene("hall"), kit.make, again=2)
 
 
 @check("picture", "the client shows the surfaces that a float64 rendering shows, at a FLIP of at most 0.1")
-def picture(kit: Kit) -> Finding:
+def picture(kit: Kit) -> TrialResult:
     """What comes out of the room; inaccurate where the client's picture has a mean FLIP above 0.1."""
     found = kit.case("room", _room)
     if found.good and found.error is not None and found.error > 0.1:
@@ -209,28 +209,28 @@ def _room() -> TrialCase:
 
 
 @check("kernels", "each of its own kernels against its float64 twin, on typical and adversarial input", patience=5)
-def kernels(kit: Kit) -> Finding:
+def kernels(kit: Kit) -> TrialResult:
     """Inaccurate where a kernel of the method's own package is beyond its bound; ok where there are none."""
     own = own_cases(kit.kind)
     if not own:
-        return Finding("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
+        return TrialResult("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
     for stage in own:
         for kind in INPUTS:
             apart = against_twin(kit.device, stage, kind)
             if apart.over > 1:
-                return Finding("inaccurate", f"The kernels of {stage.name}, on {kind} input: {apart.what}.")
-    return Finding("ok")
+                return TrialResult("inaccurate", f"The kernels of {stage.name}, on {kind} input: {apart.what}.")
+    return TrialResult("ok")
 
 
 @check("empty set", "a frame in which nothing is visible, between two others, and as the first")
-def empty_set(kit: Kit) -> Finding:
+def empty_set(kit: Kit) -> TrialResult:
     """What comes out of the room after an empty set, then of an empty set between two of the room."""
     first = kit.case("empty first", lambda: _sets([0.0, 1.0]))
     return first if not first.good else kit.case("empty between", lambda: _sets([1.0, 0.0, 1.0]))
 
 
 @check("one triangle", "a scene, and a set, of one triangle")
-def one_triangle(kit: Kit) -> Finding:
+def one_triangle(kit: Kit) -> TrialResult:
     """What comes out of a scene of one triangle, then of a set of one between two of the room."""
 
     def alone() -> TrialCase:
@@ -242,7 +242,7 @@ def one_triangle(kit: Kit) -> Finding:
 
 
 @check("other set", "sets that change completely from frame to frame")
-def other_set(kit: Kit) -> Finding:
+def other_set(kit: Kit) -> TrialResult:
     """What comes out of the room's first half, its last half, its first half again, and all of it."""
     return kit.case("other set", lambda: _sets([0.5, -0.5, 0.5, 1.0]))
 
@@ -257,7 +257,7 @@ def _sets(shares: list[float]) -> TrialCase:
 
 
 @check("slivers only", "a scene of nothing but triangles 1000 times as long as high")
-def slivers_only(kit: Kit) -> Finding:
+def slivers_only(kit: Kit) -> TrialResult:
     """What comes out of 100 triangles, flattened to a thousandth."""
 
     def slivers() -> TrialCase:
@@ -270,7 +270,7 @@ def slivers_only(kit: Kit) -> Finding:
 
 
 @check("screen-filling", "one triangle that covers the whole picture")
-def screen_filling(kit: Kit) -> Finding:
+def screen_filling(kit: Kit) -> TrialResult:
     """What comes out of a triangle with a circumradius of 8 units, 2 units ahead."""
 
     def large() -> TrialCase:
@@ -281,7 +281,7 @@ def screen_filling(kit: Kit) -> Finding:
 
 
 @check("overflow", "an atlas of 16 x 16 texels: every triangle left out is named, with a reason")
-def overflow(kit: Kit) -> Finding:
+def overflow(kit: Kit) -> TrialResult:
     """What comes out of the room and a wall of 200 triangles in 16 x 16 texels."""
 
     def tiny() -> TrialCase:
@@ -295,7 +295,7 @@ def _stress_check(name: str, value: float) -> None:
     test = CATALOGUE[name]
 
     @check(f"stress {name} {magnitude(value)}", test.what)
-    def withstands(kit: Kit) -> Finding:
+    def withstands(kit: Kit) -> TrialResult:
         return kit.case(f"{name} {value}", lambda: test.make(value))
 
 
@@ -328,7 +328,7 @@ def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bo
     console = make_console()
     console.print(f"[bold]{kit.kind.name}[/]  {len(CHECKS) + 2} checks")
     failed = 0
-    for name, found in _findings(kit, out, thorough, timeout):
+    for name, found in _results(kit, out, thorough, timeout):
         failed += not found.good
         mark = "[green]pass[/]" if found.good else "[bold red]FAIL[/]"
         console.print(f"{mark} {escape(name)}" + (f": {escape(found.sentence)}" if found.sentence else ""))
@@ -341,8 +341,8 @@ def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bo
     return not failed
 
 
-def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Iterator[tuple[str, Finding]]:
-    """Every check's finding, one after the other; a hang in a kernel ends the command with a sentence."""
+def _results(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Iterator[tuple[str, TrialResult]]:
+    """Every check's result, one after the other; a hang in a kernel ends the command with a sentence."""
     console = make_console(stderr=True)
     for name, one in CHECKS.items():
         with console.status(name):
@@ -358,26 +358,26 @@ def _findings(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Ite
     yield "benchmark", found
 
 
-def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> Finding:
-    """A check's finding within a time limit; whatever is raised becomes one."""
+def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> TrialResult:
+    """A check's result within a time limit; whatever is raised becomes one."""
     try:
         with time_limit(timeout, f"{kit.kind.name}, check {name}"):
             return one(kit)
     except PackTimeoutError:
-        return Finding("timeout", f"It took longer than {timeout:g} s.")
+        return TrialResult("timeout", f"It took longer than {timeout:g} s.")
     except Exception as error:
-        return Finding("refused", str(error)) if refuses(error) else Finding("failed", describe(error))
+        return TrialResult("refused", str(error)) if refuses(error) else TrialResult("failed", describe(error))
 
 
-def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> Finding:
+def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> TrialResult:
     if smallest := find_failure(kit.device, kit.kind, count, kit.parameters, timeout):
         soup, found = smallest
         path = save_soup((out or Path(".")) / "regressions", kit.kind.name, soup, found)
         return replace(found, sentence=f"{found.sentence} The smallest such case is kept as {path}.")
-    return Finding("ok")
+    return TrialResult("ok")
 
 
-def benchmark(kit: Kit) -> Finding:
+def benchmark(kit: Kit) -> TrialResult:
     """Ten seconds of packing the hall, as a sentence: device time by halves, samples, host time."""
     packer = kit.make()
     stage = kit.scene("hall").shaded_by(packer)
@@ -398,15 +398,17 @@ def benchmark(kit: Kit) -> Finding:
         structs.append(record.total("structs"))
         gather.append(record.total("gather"))
     if not any(gather) and not any(structs):
-        return Finding("invalid", 'No kernel was launched as "structs/..." or "gather/...": its time would be zero.')
+        return TrialResult(
+            "invalid", 'No kernel was launched as "structs/..." or "gather/...": its time would be zero.'
+        )
     sentence = (
         f"{len(wall)} frames of the hall, median structs {median(structs):.2f} ms, gather {median(gather):.2f} ms, "
         f"host {median(wall):.1f} ms, {samples:,} samples."
     )
-    return Finding("ok", sentence)
+    return TrialResult("ok", sentence)
 
 
-def _write_pictures(out: Path | None, method: str, name: str, found: Finding) -> list[Path]:
+def _write_pictures(out: Path | None, method: str, name: str, found: TrialResult) -> list[Path]:
     from shading_atlas_bench.harness.measure.dump import write_png
 
     if out is None or found.good:

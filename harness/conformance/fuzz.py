@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import sin
-from shading_atlas_bench.harness.conformance.trial import Finding, Stage, TrialCase, describe, try_method
+from shading_atlas_bench.harness.conformance.trial import Stage, TrialCase, TrialResult, describe, try_method
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
 from shading_atlas_bench.harness.workload.views import Pose, ViewCell, from_rotation_vector, multiply
 from shading_atlas_bench.scenes.model import Light, Material, Scene
@@ -135,12 +135,12 @@ def soups(packer: type[Packer]) -> SearchStrategy[Soup]:
     return soup()
 
 
-def try_soup(device: Device, packer: type[Packer], soup: Soup) -> Finding:
+def try_soup(device: Device, packer: type[Packer], soup: Soup) -> TrialResult:
     """What comes out of a soup; parameters that a packer refuses in a sentence are its right."""
     try:
         stage = Stage.of(device, soup.case())
     except Exception as error:  # of the harness, then, and to be found as well
-        return Finding("failed", describe(error))
+        return TrialResult("failed", describe(error))
     return try_method(stage, lambda: packer(**soup.parameters), again=1)
 
 
@@ -150,7 +150,7 @@ def find_failure(
     examples: int,
     parameters: Mapping[str, Any] | None = None,
     timeout: float = 60.0,
-) -> tuple[Soup, Finding] | None:
+) -> tuple[Soup, TrialResult] | None:
     """Try so many soups, always the same ones; the smallest that goes wrong and what is wrong, or None.
 
     parameters: of the packer, where not its defaults. timeout: seconds for one soup.
@@ -158,7 +158,7 @@ def find_failure(
     import hypothesis
     import hypothesis.errors
 
-    failures: list[tuple[Soup, Finding]] = []
+    failures: list[tuple[Soup, TrialResult]] = []
 
     def tried(soup: Soup) -> bool:
         """Whether all is well; else it is noted."""
@@ -166,7 +166,7 @@ def find_failure(
             with time_limit(timeout, f"{packer.name}, fuzzing"):
                 found = try_soup(device, packer, soup)
         except PackTimeoutError:
-            found = Finding("timeout", "It did not finish in time.")
+            found = TrialResult("timeout", "It did not finish in time.")
         if not (found.good or found.status == "refused"):
             failures.append((soup, found))
         return found.good or found.status == "refused"
@@ -195,7 +195,7 @@ def find_failure(
     return None
 
 
-def save_soup(folder: Path, packer: str, soup: Soup, found: Finding) -> Path:
+def save_soup(folder: Path, packer: str, soup: Soup, found: TrialResult) -> Path:
     """Keep a soup as a file of the folder, and return its path."""
     text = json.dumps({"packer": packer, "found": f"{found.status}: {found.sentence}", **asdict(soup)}, indent=1)
     digest = hashlib.sha256(json.dumps(asdict(soup), sort_keys=True).encode()).hexdigest()[:8]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.markup import escape
 
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, StressTest
-from shading_atlas_bench.harness.conformance.trial import Finding, Stage, try_method, try_rasteriser
+from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult, try_method, try_rasteriser
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
@@ -44,7 +44,7 @@ class Contender:
     label: str
     make: Callable[[], Packer] | None
 
-    def run(self, stage: Stage) -> Finding:
+    def run(self, stage: Stage) -> TrialResult:
         """What comes out of a stage."""
         return try_rasteriser(stage) if self.make is None else try_method(stage, self.make)
 
@@ -213,10 +213,10 @@ class StressRun:
         stage = self._staged(test, step)
         for row in fresh:
             ended = self._ended(row, test, step)
-            if isinstance(stage, Finding):
+            if isinstance(stage, TrialResult):
                 found = stage
             elif before := ended_steps(**ended):
-                found = Finding(before[0]["status"], before[0]["reason"])
+                found = TrialResult(before[0]["status"], before[0]["reason"])
             else:
                 with time_limit(self.timeout, f"{test.name} {step}: {row.label}", ended):
                     found = row.run(stage)
@@ -226,22 +226,22 @@ class StressRun:
     def _ended(self, row: Contender, test: StressTest, step: int) -> dict[str, Any]:
         return {"folder": str(self.log.folder), "contender": row.key, "test": test.name, "step": step}
 
-    def _staged(self, test: StressTest, step: int) -> Stage | Finding:
+    def _staged(self, test: StressTest, step: int) -> Stage | TrialResult:
         """The stage, or why there is none: loading refuses what it cannot use in one sentence."""
         ended = {"folder": str(self.log.folder), "stage": test.name, "step": step}
         for before in ended_steps(**ended):
-            return Finding(before["status"], before["reason"])
+            return TrialResult(before["status"], before["reason"])
         try:
             with time_limit(self.timeout, f"{test.name} {step}: the scene", ended):
                 stage = Stage.of(self.device, test.make(test.magnitudes[step]))
                 _ = stage.reference
                 return stage
         except (SceneError, PathError) as error:
-            return Finding("refused", str(error))
+            return TrialResult("refused", str(error))
         except PackTimeoutError:
-            return Finding("timeout", "The scene was not ready in time.")
+            return TrialResult("timeout", "The scene was not ready in time.")
 
-    def _keep(self, row: Contender, test: StressTest, step: int, found: Finding) -> None:
+    def _keep(self, row: Contender, test: StressTest, step: int, found: TrialResult) -> None:
         first = self.log.find(row, test, 0)
         baseline: float | None = first["error"] if first else found.error
         growth = found.error / baseline if found.error is not None and baseline else None

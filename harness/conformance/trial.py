@@ -91,7 +91,7 @@ class TrialCase:
 
 
 @dataclass(frozen=True)
-class Finding:
+class TrialResult:
     """What came out of a trial.
 
     status: one of STRESS_STATUSES. sentence: what is wrong, or what was left out; empty if nothing.
@@ -220,7 +220,7 @@ class TrialError(Exception):
         self.status, self.sentence, self.pictures = status, sentence, pictures or {}
 
 
-def try_method(stage: Stage, make: Callable[[], Packer], *, again: int = 2) -> Finding:
+def try_method(stage: Stage, make: Callable[[], Packer], *, again: int = 2) -> TrialResult:
     """Everything that can be checked of the packer that `make` makes, on all frames of a stage.
 
     again: how often to pack all frames again: 2 for once the same and once with other work-groups, 1 for the latter,
@@ -229,33 +229,33 @@ def try_method(stage: Stage, make: Callable[[], Packer], *, again: int = 2) -> F
     return _caught(lambda: _tried(stage, make, again))
 
 
-def try_isolation(stage: Stage, make: Callable[[], Packer]) -> Finding:
+def try_isolation(stage: Stage, make: Callable[[], Packer]) -> TrialResult:
     """Whether clients know and show what they receive, and nothing else."""
 
-    def isolated() -> Finding:
+    def isolated() -> TrialResult:
         packer = make()
         if reason := packer.skip(stage.server.host):
-            return Finding("ok", f"skipped: {reason}")
+            return TrialResult("ok", f"skipped: {reason}")
         shaded = stage.shaded_by(packer)
         found = check_isolation(shaded.truth, make, shaded.frames[-1], shaded.views[-1])
-        return Finding("invalid" if found else "ok", " ".join(one.sentence for one in found))
+        return TrialResult("invalid" if found else "ok", " ".join(one.sentence for one in found))
 
     return _caught(isolated)
 
 
-def _caught(work: Callable[[], Finding]) -> Finding:
-    """What comes of it, with the time that it took; whatever is raised becomes a finding."""
+def _caught(work: Callable[[], TrialResult]) -> TrialResult:
+    """What comes of it, with the time that it took; whatever is raised becomes a result."""
     start = time.perf_counter()
     try:
         found = work()
     except TrialError as wrong:
-        found = Finding(wrong.status, wrong.sentence, pictures=wrong.pictures)
+        found = TrialResult(wrong.status, wrong.sentence, pictures=wrong.pictures)
     except PackTimeoutError:
-        found = Finding("timeout", "It did not finish in time.")
+        found = TrialResult("timeout", "It did not finish in time.")
     except NotShippedError as error:
-        found = Finding("invalid", str(error))
+        found = TrialResult("invalid", str(error))
     except Exception as error:  # whatever a method does becomes a sentence
-        found = Finding("refused", str(error)) if refuses(error) else Finding("failed", describe(error))
+        found = TrialResult("refused", str(error)) if refuses(error) else TrialResult("failed", describe(error))
     return replace(found, seconds=time.perf_counter() - start)
 
 
@@ -273,10 +273,10 @@ def refuses(error: Exception) -> bool:
     return (traceback.extract_tb(error.__traceback__)[-1].line or "").startswith("raise ")
 
 
-def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> Finding:
+def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> TrialResult:
     packer = make()
     if reason := packer.skip(stage.server.host):
-        return Finding("ok", f"skipped: {reason}")
+        return TrialResult("ok", f"skipped: {reason}")
     stage = stage.shaded_by(packer)
     packer.prepare(stage.server)
     client, verifier = packer.client(stage.server.shipped), Verifier(stage.truth, packer)
@@ -384,7 +384,7 @@ def work_groups(device: Device, size: int) -> Iterator[None]:
         device.local_size = usual
 
 
-def _judged(stage: Stage, payload: Payload, client: Client) -> Finding:
+def _judged(stage: Stage, payload: Payload, client: Client) -> TrialResult:
     """The last frame's client picture against what it should show."""
     image = client.draw(stage.views[-1])
     unplaced = len(payload.unplaced)
@@ -403,7 +403,7 @@ def _judged(stage: Stage, payload: Payload, client: Client) -> Finding:
     elif payload.planes and (holes or 0) > HOLES:
         status, sentence = "inaccurate", f"{holes:.2%} of the pixels are empty where float64 shows a surface."
     pictures = {} if status in GOOD else pictures_of(stage, len(stage.frames) - 1, payload, client)
-    return Finding(status, sentence, error, wrong, holes, payload.sample_count, unplaced, pictures=pictures)
+    return TrialResult(status, sentence, error, wrong, holes, payload.sample_count, unplaced, pictures=pictures)
 
 
 def _ids_and_coverage(image: Image) -> tuple[Ints | None, Bools]:
@@ -446,41 +446,41 @@ class _Drawn:
         return cls(image.rgb, ids, (of_rgb, of_ids))
 
 
-def try_rasteriser(stage: Stage) -> Finding:
+def try_rasteriser(stage: Stage) -> TrialResult:
     """The forward rendering of all frames' client views: the last against float64, all of them twice."""
     start = time.perf_counter()
     try:
         found = _rasterised(stage)
     except PackTimeoutError:
-        found = Finding("timeout", "It did not finish in time.")
+        found = TrialResult("timeout", "It did not finish in time.")
     except Exception as error:
-        found = Finding("failed", describe(error))
+        found = TrialResult("failed", describe(error))
     return replace(found, seconds=time.perf_counter() - start)
 
 
-def _rasterised(stage: Stage) -> Finding:
+def _rasterised(stage: Stage) -> TrialResult:
     drawn = [_Drawn.forward(stage, view, frame) for view, frame in zip(stage.views, stage.frames, strict=True)]
     usual = stage.device.local_size
     for size in (usual, 16 if usual != 16 else 32):
         with work_groups(stage.device, size):
             for index, (view, frame) in enumerate(zip(stage.views, stage.frames, strict=True)):
                 if _Drawn.forward(stage, view, frame).digests != drawn[index].digests:
-                    return Finding(
+                    return TrialResult(
                         "nondeterministic", f"Frame {index}: another picture when drawn with work-groups of {size}."
                     )
     rgb, ids = drawn[-1].rgb, drawn[-1].ids
     error = stage.error(rgb)
     if stage.last is None:
-        return Finding("ok", error=error)
+        return TrialResult("ok", error=error)
     wrong = stage.last.wrong(ids)
     share = float(wrong.mean())
     holes = float(stage.last.holes(ids >= 0).mean())
     if share <= WRONG:
-        return Finding("ok", error=error, wrong=share, holes=holes)
+        return TrialResult("ok", error=error, wrong=share, holes=holes)
     row, column = np.argwhere(wrong)[0]
     sentence = (
         f"{share:.2%} of the pixels show another surface than in float64. First: column {column}, row {row}, with "
         f"triangle {ids[row, column]} for {stage.last.triangle[row, column]}."
     )
     shown = {"drawn": rgb.get()[..., :3], "float64": stage.last.rgb}
-    return Finding("inaccurate", sentence, error, share, holes, pictures=shown)
+    return TrialResult("inaccurate", sentence, error, share, holes, pictures=shown)

@@ -13,6 +13,7 @@ from shading_atlas_bench.kernels.metrics.iwssim import IwSsim
 from shading_atlas_bench.kernels.metrics.mse import SquaredError, psnr
 from shading_atlas_bench.kernels.metrics.ssim import SMALLEST_SIDE as SSIM_SIDE
 from shading_atlas_bench.kernels.metrics.ssim import Ssim
+from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -20,9 +21,6 @@ if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Bytes
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.skips import Skips
-
-
-PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 
 
 class Metrics:

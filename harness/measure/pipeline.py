@@ -27,7 +27,7 @@ from shading_atlas_bench.harness.measure.verification.pictures import check_pict
 from shading_atlas_bench.harness.measure.verification.truth import Truth
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
-from shading_atlas_bench.harness.workload.frames import Work, sample_budget
+from shading_atlas_bench.harness.workload.frames import FrameWorkload, sample_budget
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.fill.fill import Filler
 from shading_atlas_bench.kernels.metrics.stretch import stretch
@@ -43,6 +43,7 @@ from shading_atlas_bench.packers.interface import (
     Payload,
     ServerScene,
 )
+from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -50,7 +51,6 @@ if TYPE_CHECKING:
 Key = tuple[str, int | None]  # codec and CRF
 T = TypeVar("T")
 LOSSLESS: Key = ("none", None)
-QUALITIES = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 
 
 @dataclass
@@ -223,7 +223,7 @@ class Pipeline:
         packer = self.packer
         return type(packer)(**{name: getattr(packer, name) for name in packer.parameters})
 
-    def warm_up(self, work_of: Callable[[int], Work], tried: int) -> None:
+    def warm_up(self, work_of: Callable[[int], FrameWorkload], tried: int) -> None:
         """Build and run every kernel once, so that no timer sees a compiler, with packers and clients of their own, of
         which it is checked meanwhile whether they share anything.
 
@@ -244,7 +244,7 @@ class Pipeline:
         self.scene.device.finish()
         self.scene.skips.take()  # so that no frame's row names what only warming up left out
 
-    def _isolation(self, work: Work) -> list[validity.Violation]:
+    def _isolation(self, work: FrameWorkload) -> list[validity.Violation]:
         return check_isolation(self.verifier.truth, self._another, self._shaded(work.frame), work.novel)
 
     @property
@@ -376,7 +376,7 @@ class Pipeline:
             "coherence_bytes": use.coherence_bytes,
         }
 
-    def replay(self, work: Work) -> None:
+    def replay(self, work: FrameWorkload) -> None:
         """Bring all state to where it was after this frame, without measuring."""
         payload = self.pack(work.frame).payload
         filled = self.fill(payload)
@@ -400,7 +400,7 @@ class Pipeline:
             drawn.metrics_ms += (time.perf_counter() - start) * 1000
             drawn.images[key] = image
             drawn.rows[key] = {
-                **{name: values[name] for name in QUALITIES},
+                **{name: values[name] for name in PICTURE_METRICS},
                 "receive_ms": receiving.host,
                 "draw_host_ms": drawing.host,
                 "client_ms": receiving.device + drawing.device,
@@ -423,7 +423,7 @@ class Pipeline:
 
     def measure(
         self,
-        work: Work,
+        work: FrameWorkload,
         novel: NovelView,
         packed: Packed,
         filled: Filled,

@@ -28,7 +28,7 @@ from shading_atlas_bench.harness.run.off_budget import note_off_budget
 from shading_atlas_bench.harness.run.plan import remember_pace
 from shading_atlas_bench.harness.run.rare import note_unseen
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
-from shading_atlas_bench.harness.workload.frames import Work
+from shading_atlas_bench.harness.workload.frames import FrameWorkload
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.packers.interface import NotShippedError
@@ -193,7 +193,7 @@ class Run:
             self._measure(some, work, novel)
             task.advance(len(some))
 
-    def _novel_view(self, work: Work) -> NovelView:
+    def _novel_view(self, work: FrameWorkload) -> NovelView:
         novel = draw_novel_view(
             self.session.scene,
             self.session.forward,
@@ -206,7 +206,7 @@ class Run:
             self._write_picture("reference", work.frame.index, "", novel.rgb[..., :3])
         return novel
 
-    def _measure(self, pipelines: list[Pipeline], work: Work, novel: NovelView) -> None:
+    def _measure(self, pipelines: list[Pipeline], work: FrameWorkload, novel: NovelView) -> None:
         """One frame of some pipelines. What the device's time is taken of runs alone; the rest runs in threads."""
         index = work.frame.index
         packed: dict[Pipeline, Packed] = {}
@@ -296,7 +296,7 @@ class Run:
         rows = [{**self.common, "frame": index, **row} for row in stopped_rows(pipeline.keys(), status, reason)]
         self.store.commit_frame(pipeline.method, pipeline.variant, index, rows)
 
-    def _write_pictures(self, measured: dict[Pipeline, Measured], work: Work, novel: NovelView) -> None:
+    def _write_pictures(self, measured: dict[Pipeline, Measured], work: FrameWorkload, novel: NovelView) -> None:
         """The pictures of a frame, and its dump."""
         index = work.frame.index
         groups = {pipeline: folder_name(pipeline.method, pipeline.variant) for pipeline in self.pipelines}
@@ -317,7 +317,7 @@ class Run:
             for pipeline, found in measured.items():
                 self._dump(pipeline, work, novel, found)
 
-    def _dump(self, pipeline: Pipeline, work: Work, novel: NovelView, measured: Measured) -> None:
+    def _dump(self, pipeline: Pipeline, work: FrameWorkload, novel: NovelView, measured: Measured) -> None:
         dump_scene(self.folder / "dump", self.session.scene.host)
         dump_frame(
             self.folder / "dump",

@@ -9,7 +9,7 @@ from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.loop import Run
 from shading_atlas_bench.harness.run.plan import make_plan
-from shading_atlas_bench.harness.sweep.grid import Cell, Grid, shuffled
+from shading_atlas_bench.harness.sweep.grid import SweepCell, SweepGrid, shuffled
 from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.timing import Timed, note_of
 from shading_atlas_bench.harness.workload.session import Session, open_session
@@ -36,7 +36,9 @@ class Sessions:
 class SweepRun:
     """A sweep on its way in one process: where its cells go, and what is shared between them."""
 
-    def __init__(self, wanted: SweepRequest, grid: Grid, folder: Path, sessions: Sessions, progress: Progress) -> None:
+    def __init__(
+        self, wanted: SweepRequest, grid: SweepGrid, folder: Path, sessions: Sessions, progress: Progress
+    ) -> None:
         self.wanted, self.grid, self.folder, self.sessions = wanted, grid, folder, sessions
         self.folders = grid.folders()
         self.progress = progress
@@ -52,7 +54,7 @@ class SweepRun:
                     total.advance()
                 self._repetitions(cells)
 
-    def _repetitions(self, cells: list[Cell]) -> None:
+    def _repetitions(self, cells: list[SweepCell]) -> None:
         """Time the cells of a scene again until each has a reason to stop."""
         read = {id(cell): Timed.read(cell, self.folder_of(cell)) for cell in cells}
         known = {number: timed for number, timed in read.items() if timed is not None}
@@ -70,7 +72,7 @@ class SweepRun:
                     return
                 task.doing(f"timing again, round {turn + 1}")
 
-    def once(self, cell: Cell) -> None:
+    def once(self, cell: SweepCell) -> None:
         """Measure all frames of a cell, as `bench run` does, unless they are finished."""
         folder = self.folder_of(cell)
         with Store(folder) as store:
@@ -87,6 +89,6 @@ class SweepRun:
                 store.notes[note_of(cell)] = NOT_TIMED
             self._warm.add(id(cell))
 
-    def folder_of(self, cell: Cell) -> Path:
+    def folder_of(self, cell: SweepCell) -> Path:
         """The folder of the run that a cell belongs to."""
         return self.folder / self.folders[cell.settings]

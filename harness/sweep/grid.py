@@ -82,7 +82,7 @@ ALIASES = {"display_crf": "crf", "density": "pvs_density"}
 
 
 @dataclass(frozen=True)
-class Cell:
+class SweepCell:
     """One cell of the grid: a method with its parameters, under one set of settings.
 
     contender: what the method is called without what is varied, so that two settings of one method compete.
@@ -106,10 +106,10 @@ class Cell:
 
 
 @dataclass(frozen=True)
-class Grid:
+class SweepGrid:
     """All cells, and combinations that were left out, each with its reason."""
 
-    cells: list[Cell]
+    cells: list[SweepCell]
     left_out: list[tuple[str, str]]
 
     def folders(self) -> dict[Settings, str]:
@@ -122,20 +122,20 @@ class Grid:
                 found[cell.settings] = f"cells/{len(found):03d}-{slug}"
         return found
 
-    def scenes(self) -> list[list[Cell]]:
+    def scenes(self) -> list[list[SweepCell]]:
         """The cells of each scene, in the order of the grid."""
-        by_scene: dict[str, list[Cell]] = {}
+        by_scene: dict[str, list[SweepCell]] = {}
         for cell in self.cells:
             by_scene.setdefault(cell.settings.scene, []).append(cell)
         return list(by_scene.values())
 
 
-def shuffled(cells: list[Cell], seed: int, turn: int) -> list[Cell]:
+def shuffled(cells: list[SweepCell], seed: int, turn: int) -> list[SweepCell]:
     """The cells in a random order, another one each turn, so that a machine that drifts favours nobody."""
     return random.Random(f"{seed}/{turn}").sample(cells, len(cells))
 
 
-def make_grid(settings: Settings, vary: Iterable[str]) -> Grid:
+def make_grid(settings: Settings, vary: Iterable[str]) -> SweepGrid:
     """The grid of `--vary` arguments, NAME=V1,V2,... or NAME for a parameter's own sweep values.
 
     Without any, each parameter of each method takes its sweep values in turn, the others at their defaults.
@@ -150,7 +150,7 @@ def make_grid(settings: Settings, vary: Iterable[str]) -> Grid:
     settings = replace(settings, crf=(settings.display_crf,), repeat=1, dump=False)
     if not axes:
         return _once(_one_by_one(packers, settings), [])
-    found: list[Cell] = []
+    found: list[SweepCell] = []
     left_out: list[tuple[str, str]] = []
     for name in axes:
         without = [p.name for p in packers if not (_concerns(name, p) if name in SETTINGS else name in p.parameters)]
@@ -212,7 +212,7 @@ def _concerns(name: str, packer: Packer) -> bool:
     return SETTINGS[name].work or packer.atlas
 
 
-def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> Cell:
+def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> SweepCell:
     """The cell of a combination of texts; of choices that mean nothing to a method, the settings stay as they are."""
     fields: Values = {}
     parameters = {name: getattr(packer, name) for name in packer.parameters}
@@ -227,7 +227,7 @@ def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> Ce
         varied[name] = text
     work = {name: text for name, text in varied.items() if name in SETTINGS and SETTINGS[name].work}
     contender = label_of(packer, [name for name in combination if name not in SETTINGS])
-    return Cell(contender, _made(packer, parameters), replace(settings, **fields), varied, work)
+    return SweepCell(contender, _made(packer, parameters), replace(settings, **fields), varied, work)
 
 
 def _parameter(packer: Packer, name: str, text: str) -> bool | int | float | str:
@@ -244,24 +244,24 @@ def _made(packer: Packer, parameters: Values) -> Packer:
         raise InputError(str(error)) from error
 
 
-def _one_by_one(packers: list[Packer], settings: Settings) -> list[Cell]:
+def _one_by_one(packers: list[Packer], settings: Settings) -> list[SweepCell]:
     """Each packer as it is, then with one parameter at a time at each of its sweep values."""
     found = []
     for packer in packers:
         own, contender = {name: getattr(packer, name) for name in packer.parameters}, label_of(packer)
-        found.append(Cell(contender, packer, settings, {}, {}))
+        found.append(SweepCell(contender, packer, settings, {}, {}))
         for name, parameter in packer.parameters.items():
             for value in parameter.sweep:
                 if value != own[name]:
                     varied = {name: value_text(value)}
-                    found.append(Cell(contender, _made(packer, own | {name: value}), settings, varied, {}))
+                    found.append(SweepCell(contender, _made(packer, own | {name: value}), settings, varied, {}))
     return found
 
 
-def _once(cells: list[Cell], left_out: list[tuple[str, str]]) -> Grid:
+def _once(cells: list[SweepCell], left_out: list[tuple[str, str]]) -> SweepGrid:
     """Each method, variant and settings once, in their order. What two contenders have is of the one in which nothing
     is varied, else of the first; the other's is left out."""
-    owners: dict[tuple[tuple[str, str], Settings], Cell] = {}
+    owners: dict[tuple[tuple[str, str], Settings], SweepCell] = {}
     for cell in sorted(cells, key=lambda cell: bool(cell.varied)):
         owners.setdefault((cell.key, cell.settings), cell)
     shared = []
@@ -270,10 +270,10 @@ def _once(cells: list[Cell], left_out: list[tuple[str, str]]) -> Grid:
         if owner.contender != cell.contender:
             varied = ", ".join(f"{name}={text}" for name, text in cell.varied.items())
             shared.append((f"{cell.contender}, {varied}", f"it is a cell of {owner.contender}"))
-    return Grid([cell for cell in cells if owners[cell.key, cell.settings] is cell], left_out + shared)
+    return SweepGrid([cell for cell in cells if owners[cell.key, cell.settings] is cell], left_out + shared)
 
 
-def _refuse_useless(axes: dict[str, list[str]], cells: list[Cell], left_out: list[tuple[str, str]]) -> None:
+def _refuse_useless(axes: dict[str, list[str]], cells: list[SweepCell], left_out: list[tuple[str, str]]) -> None:
     """Raise for a value of a setting that no combination can use, with the reason."""
     for name in axes:
         for value in axes[name]:

@@ -14,7 +14,7 @@ from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT
 from shading_atlas_bench.harness.run.provenance import write_notes
 from shading_atlas_bench.harness.run.run import tell_device
 from shading_atlas_bench.harness.sweep.cells import Sessions, SweepRun
-from shading_atlas_bench.harness.sweep.grid import SETTINGS, Cell, Grid, make_grid
+from shading_atlas_bench.harness.sweep.grid import SETTINGS, SweepCell, SweepGrid, make_grid
 from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.workers import run_workers
 from shading_atlas_bench.harness.workload.session import Session, open_path, open_scene
@@ -67,7 +67,7 @@ def sweep(wanted: SweepRequest, out: Path | None = None, progress: Progress | No
     return Outcome(folder, points, all(point.row["status"] in ("ok", "skipped") for point in points))
 
 
-def _has_begun(folder: Path, grid: Grid) -> bool:
+def _has_begun(folder: Path, grid: SweepGrid) -> bool:
     """Whether a frame of any cell is finished."""
     for place in {folder / cell_folder for cell_folder in grid.folders().values()}:
         if (place / "results.sqlite").is_file():
@@ -77,7 +77,7 @@ def _has_begun(folder: Path, grid: Grid) -> bool:
     return False
 
 
-def check_scenes(grid: Grid) -> dict[str, str]:
+def check_scenes(grid: SweepGrid) -> dict[str, str]:
     """The content hash of each scene of the grid; what is wrong with one shows now, not after hours of the others.
 
     Raises SceneError, PathError or SettingsError.
@@ -90,7 +90,7 @@ def check_scenes(grid: Grid) -> dict[str, str]:
     return hashes
 
 
-def make_sweep_plan(wanted: SweepRequest, grid: Grid, hashes: dict[str, str], session: Session) -> dict[str, Any]:
+def make_sweep_plan(wanted: SweepRequest, grid: SweepGrid, hashes: dict[str, str], session: Session) -> dict[str, Any]:
     """Everything that the cells of one folder must have in common; how precisely they are timed may change."""
     settings = {
         key: value for key, value in wanted.settings.to_json().items() if key not in (*WITHOUT_EFFECT, "crf", "repeat")
@@ -109,7 +109,7 @@ def make_sweep_plan(wanted: SweepRequest, grid: Grid, hashes: dict[str, str], se
     }
 
 
-def describe(wanted: SweepRequest, grid: Grid) -> dict[str, Any]:
+def describe(wanted: SweepRequest, grid: SweepGrid) -> dict[str, Any]:
     """The content of sweep.json: what a report needs to know of the grid, in its order."""
     folders = grid.folders()
     return {
@@ -123,7 +123,7 @@ def describe(wanted: SweepRequest, grid: Grid) -> dict[str, Any]:
     }
 
 
-def _describe(cell: Cell, folder: str) -> dict[str, Any]:
+def _describe(cell: SweepCell, folder: str) -> dict[str, Any]:
     settings = cell.settings
     method, variant = cell.key
     lossless: tuple[str, int | None] = ("none", None)

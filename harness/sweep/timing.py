@@ -9,7 +9,7 @@ from pathlib import Path
 from statistics import median
 
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
-from shading_atlas_bench.harness.sweep.grid import Cell
+from shading_atlas_bench.harness.sweep.grid import SweepCell
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.reports.analysis.sweep import passes
@@ -42,7 +42,7 @@ class StopRule:
         return "budget" if spent >= self.budget else None
 
 
-def note_of(cell: Cell) -> str:
+def note_of(cell: SweepCell) -> str:
     """The note that holds why a cell's timing stopped."""
     method, variant = cell.key
     return f"stop/{method}[{variant}]"
@@ -52,13 +52,13 @@ def note_of(cell: Cell) -> str:
 class Timed:
     """What is known of a cell's time: milliseconds of each pass, and seconds spent on those after the first."""
 
-    cell: Cell
+    cell: SweepCell
     folder: Path
     times: list[float]
     spent: float
 
     @classmethod
-    def read(cls, cell: Cell, folder: Path) -> Timed | None:
+    def read(cls, cell: SweepCell, folder: Path) -> Timed | None:
         """As far as an earlier process came; None for a cell without times, or whose timing failed."""
         with Store(folder, must_exist=True) as store:
             rows = [row for row in store.rows() if (row["method"], row["variant"]) == cell.key]
@@ -106,7 +106,7 @@ class Timed:
             store.notes[note_of(self.cell)] = reason
 
 
-def _one_pass(cell: Cell, session: Session, warm: bool, ended: dict[str, str]) -> list[tuple[int, str, float]]:
+def _one_pass(cell: SweepCell, session: Session, warm: bool, ended: dict[str, str]) -> list[tuple[int, str, float]]:
     """(frame, stage, milliseconds) of packing all frames with a packer of no past; host times are under `wall/`."""
     pipeline = Pipeline(cell.fresh(), session.scene, session.settings)
     limit, name = session.settings.timeout, pipeline.method

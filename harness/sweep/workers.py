@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, Any
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.sweep.cells import Sessions, SweepRun
-from shading_atlas_bench.harness.sweep.grid import Grid, make_grid, shuffled
+from shading_atlas_bench.harness.sweep.grid import SweepGrid, make_grid, shuffled
 from shading_atlas_bench.harness.watch.ends import crashed, ended_by, name_of, overdue_steps
 from shading_atlas_bench.harness.watch.watchdog import ENDED, ended_steps
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 TICK = 0.5  # seconds between looks at the workers
 
 
-def run_workers(wanted: SweepRequest, grid: Grid, folder: Path, progress: Progress) -> None:
+def run_workers(wanted: SweepRequest, grid: SweepGrid, folder: Path, progress: Progress) -> None:
     """Measure every unfinished cell once, in as many processes as wanted.
 
     Raises InputError if workers die without getting anything done.
@@ -49,7 +49,7 @@ def run_workers(wanted: SweepRequest, grid: Grid, folder: Path, progress: Progre
         ended += found
 
 
-def unfinished(grid: Grid, folder: Path, frames: int) -> dict[int, int]:
+def unfinished(grid: SweepGrid, folder: Path, frames: int) -> dict[int, int]:
     """How many frames are done of the cells that lack some, by the cells' numbers, in the seeded order."""
     folders, left = grid.folders(), {}
     numbers = {id(cell): number for number, cell in enumerate(grid.cells)}

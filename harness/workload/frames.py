@@ -36,7 +36,7 @@ def sample_budget(settings: Settings) -> int | None:
 
 
 @dataclass(frozen=True)
-class Work:
+class FrameWorkload:
     """One frame of work and, kept apart from what packers see, the novel view it is judged by.
 
     pvs_ms: device time of finding the PVS, when it was found. confined: whether the client's pose had to be moved into
@@ -69,7 +69,7 @@ class FrameSource:
             ViewCell(settings.cell_radius, settings.cell_fov), settings.fov, settings.width, settings.height
         )
 
-    def work(self, index: int) -> Work:
+    def work(self, index: int) -> FrameWorkload:
         """The work of frame `index`."""
         settings = self.settings
         pose = self._pose(index)
@@ -92,7 +92,7 @@ class FrameSource:
             seed=settings.seed,
             frusta=self.frustum.split(pose, self.near),
         )
-        return Work(frame, novel, pvs.milliseconds, moved, self.scene.skips.take())
+        return FrameWorkload(frame, novel, pvs.milliseconds, moved, self.scene.skips.take())
 
     def _pose(self, index: int) -> Pose:
         return Pose(self.path.positions[index], self.path.orientations[index])

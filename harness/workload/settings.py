@@ -10,6 +10,7 @@ from typing import Any
 
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS, PRESETS
 from shading_atlas_bench.harness.workload.views import ViewCell
+from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
 from shading_atlas_bench.scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
@@ -21,7 +22,7 @@ CELLS = {
 }
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
-METRIC_NAMES = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch")
+METRIC_NAMES = (*PICTURE_METRICS, "stretch")
 
 
 class SettingsError(ValueError):

@@ -14,7 +14,7 @@ from shading_atlas_bench.packers.sas.kernels.footprint import SIZES, STEPS, meas
 
 if TYPE_CHECKING:
     from shading_atlas_bench.packers.interface import Frame
-    from shading_atlas_bench.packers.sas.kernels.allocate import Grid
+    from shading_atlas_bench.packers.sas.kernels.allocate import SuperblockGrid
     from shading_atlas_bench.packers.sas.kernels.tables import PatchTables
     from shading_atlas_bench.packers.sas.kernels.visible import VisiblePatches
 
@@ -43,7 +43,7 @@ class AllocationBias:
         """Whether only the room in the atlas holds the frame's samples down."""
         return frame.sample_budget is None and not self.of_picture and self.budgeted.rate < 1
 
-    def request(self, frame: Frame, visible: VisiblePatches, grid: Grid) -> Request:
+    def request(self, frame: Frame, visible: VisiblePatches, grid: SuperblockGrid) -> Request:
         """What the patches ask for, held down to what `fit` allows and to the samples that the frame may have; with the
         largest bias if none does."""
         device, room = frame.scene.device, int(self.fit * grid.total)
@@ -68,7 +68,9 @@ class AllocationBias:
             self.budgeted.meet(ALL, needed, highest=1.0)
         return last
 
-    def _request_at(self, rate: float, frame: Frame, visible: VisiblePatches, grid: Grid) -> tuple[Request, int]:
+    def _request_at(
+        self, rate: float, frame: Frame, visible: VisiblePatches, grid: SuperblockGrid
+    ) -> tuple[Request, int]:
         """What the patches ask for at a rate, and the superblocks that it takes."""
         device, server = frame.scene.device, frame.server
         bias = int(np.clip(np.ceil(-STEPS * float(log2(rate))), 0, SIZES - 1))

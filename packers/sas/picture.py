@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.packers.sas.kernels.allocate import Grid
+from shading_atlas_bench.packers.sas.kernels.allocate import SuperblockGrid
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
 
 if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Bytes, Words
 
 
-def draw_allocation(grid: Grid, words: Words) -> Bytes:
+def draw_allocation(grid: SuperblockGrid, words: Words) -> Bytes:
     """Blocks of location words as uint8 (H, W, 3), black where no block lies.
 
     Red grows with the logarithm of a block's width, green with that of its height; blue changes from block to block, so

@@ -15,6 +15,7 @@ from shading_atlas_bench.reports.store.columns import (
     BY_NAME,
     MEASURED_STATUSES,
     MEASURES_OF_SWEEPS,
+    PICTURE_METRICS,
     SWEEP_COLUMNS,
     SWEEP_MEASURES,
     SWEEP_SETTINGS,
@@ -30,7 +31,7 @@ COSTS = {"server_ms": "time", "samples": "samples", "bytes_total": "bytes", "atl
 # The statistic that a cost is compared by; bytes are what a network carries, so all of them count.
 STATISTICS = {"bytes_total": "mean"}
 COLUMN_TYPES = {column.name: column.type for column in SWEEP_COLUMNS}
-ERRORS = ("flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2")
+ERRORS = (*PICTURE_METRICS, "stretch_l2")
 
 Row = dict[str, Any]
 Numbers = dict[str, dict[int, float]]

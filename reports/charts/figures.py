@@ -6,7 +6,7 @@ from collections import defaultdict
 from statistics import median
 from typing import Any
 
-from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, Column
+from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, PICTURE_METRICS, Column
 from shading_atlas_bench.reports.store.labels import Key, Labels
 
 Row = dict[str, Any]
@@ -20,8 +20,8 @@ GROUP_HUES = {"structs": 212, "gather": 32, "client": 160}
 OTHER_HUE = 340
 
 PER_FRAME = (
-    "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms",
-    "samples", "bytes_total", "bytes_video", "bytes_metadata", "bytes_geometry", "fill", "coherence",
+    *PICTURE_METRICS, "stretch_l2", "missing_px", "holes_px", "server_ms", "client_ms", "samples", "bytes_total",
+    "bytes_video", "bytes_metadata", "bytes_geometry", "fill", "coherence",
 )  # fmt: skip
 
 

@@ -12,6 +12,8 @@ STATUSES = ("ok", "skipped", "overflow", "invalid", "timeout", "failed")
 STRESS_STATUSES = ("ok", "overflow", "refused", "inaccurate", "nondeterministic", "invalid", "failed", "timeout")
 # Frames with numbers: where triangles found no place the picture shows it, so its numbers are fair.
 MEASURED_STATUSES = ("ok", "overflow")
+# Of two pictures; each is also the name of its column.
+PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
 KINDS = ("key", "setting", "status", "time", "count", "size", "quality")
 MEASURED = ("time", "count", "size", "quality")
 DOCUMENT = Path(__file__).parents[1] / "COLUMNS.md"
@@ -245,9 +247,7 @@ MEASURES_OF_SWEEPS = BY_NAME | {
         "lower",
     )
 }
-SWEEP_MEASURES = (
-    "server_ms", "samples", "bytes_total", "atlas_mb", "flip", "dssim", "iwssim", "psnr", "delta_e", "stretch_l2",
-)  # fmt: skip
+SWEEP_MEASURES = ("server_ms", "samples", "bytes_total", "atlas_mb", *PICTURE_METRICS, "stretch_l2")
 SWEEP_COLUMNS: tuple[Column, ...] = (
     BY_NAME["method"],
     BY_NAME["variant"],

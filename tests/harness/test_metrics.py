@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from shading_atlas_bench.harness.measure.metrics import PICTURE_METRICS, Metrics
+from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.kernels.inputs.pictures import damaged, flat, on_device, rendering
-from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURES
+from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURES, PICTURE_METRICS
 
 
 @pytest.fixture(scope="module")

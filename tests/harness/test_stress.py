@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
 from shading_atlas_bench.harness.conformance.stress import Contender, Log, StressRun
-from shading_atlas_bench.harness.conformance.trial import Finding, Stage, TrialCase, try_method, try_rasteriser
+from shading_atlas_bench.harness.conformance.trial import Stage, TrialCase, TrialResult, try_method, try_rasteriser
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.exact import draw_exact
 from shading_atlas_bench.harness.watch.watchdog import time_limit
@@ -162,8 +162,8 @@ def test_without_a_first_picture_nothing_has_drifted(tmp_path):
     row = Contender("m", "", "m", None)
     log = Log.open(tmp_path / "out", {"device": "A"})
     stress = StressRun(None, [], [row], log, True, 1.0)
-    stress._keep(row, CATALOGUE["world-offset"], 0, Finding("failed", "crashed"))
-    stress._keep(row, CATALOGUE["world-offset"], 1, Finding("ok", error=0.5))
+    stress._keep(row, CATALOGUE["world-offset"], 0, TrialResult("failed", "crashed"))
+    stress._keep(row, CATALOGUE["world-offset"], 1, TrialResult("ok", error=0.5))
     assert [known["status"] for known in log.rows] == ["failed", "ok"]
     with pytest.raises(InputError, match="other device"):
         Log.open(tmp_path / "out", {"device": "B"})

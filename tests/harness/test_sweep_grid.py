@@ -7,14 +7,14 @@ import pytest
 
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.sweep import timing
-from shading_atlas_bench.harness.sweep.grid import Cell, make_grid, shuffled
+from shading_atlas_bench.harness.sweep.grid import SweepCell, make_grid, shuffled
 from shading_atlas_bench.harness.sweep.timing import StopRule, Timed
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, settings_of
 
 ALL = Settings(methods=("ppll", "sas", "snakebinning"), frames=2)
 
 
-def of(cells: list[Cell], method: str) -> list[Cell]:
+def of(cells: list[SweepCell], method: str) -> list[SweepCell]:
     return [cell for cell in cells if cell.packer.name == method]
 
 

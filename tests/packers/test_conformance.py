@@ -9,7 +9,7 @@ import pytest
 
 from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
 from shading_atlas_bench.harness.conformance.fuzz import find_failure, read_soup, save_soup, try_soup
-from shading_atlas_bench.harness.conformance.trial import Finding, Stage
+from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult
 from shading_atlas_bench.harness.plugins import load_packer
 
 REGRESSIONS = Path(__file__).with_name("regressions")
@@ -58,8 +58,8 @@ def test_what_once_broke_a_packer_breaks_none(kit, path):
 def test_a_failing_soup_is_shrunk_and_kept(device, tmp_path, monkeypatch):
     """Of a packer that cannot bear three triangles, three triangles are left."""
 
-    def breaks(_device, _packer, soup) -> Finding:
-        return Finding("failed", "too many") if len(soup.corners) > 2 else Finding("ok")
+    def breaks(_device, _packer, soup) -> TrialResult:
+        return TrialResult("failed", "too many") if len(soup.corners) > 2 else TrialResult("ok")
 
     monkeypatch.setattr("shading_atlas_bench.harness.conformance.fuzz.try_soup", breaks)
     (packer,) = load_packer("sas")

@@ -39,7 +39,7 @@ SECONDS = 600  # for one case
 
 
 @dataclass(frozen=True, order=True)
-class Finding:
+class Race:
     """What was found, in which kernel, at which line of its source."""
 
     kernel: str
@@ -49,14 +49,14 @@ class Finding:
 
 BYTES = "items store the same byte, see raster/mark.cl"
 EXPLAINED = {
-    Finding("mark_visible", "Write-write data race", "flags[row[i]] = 1;"): BYTES,
-    Finding("mark_layers", "Write-write data race", "flags[triangle[at]] = 1;"): BYTES,
-    Finding("mark_layers", "Write-write data race", "flags[opaque[pixel]] = 1;"): BYTES,
-    Finding("note_seen", "Write-write data race", "last_seen[row[i] / CLUSTER] = now;"): "items store the same word",
+    Race("mark_visible", "Write-write data race", "flags[row[i]] = 1;"): BYTES,
+    Race("mark_layers", "Write-write data race", "flags[triangle[at]] = 1;"): BYTES,
+    Race("mark_layers", "Write-write data race", "flags[opaque[pixel]] = 1;"): BYTES,
+    Race("note_seen", "Write-write data race", "last_seen[row[i] / CLUSTER] = now;"): "items store the same word",
 }
 
 
-def findings_in(log: str) -> list[Finding]:
+def races_in(log: str) -> list[Race]:
     """What an Oclgrind log tells, in order, each once: without addresses and items."""
     found = set()
     for part in log.split("\n\n"):
@@ -64,11 +64,11 @@ def findings_in(log: str) -> list[Finding]:
         kernel = re.search(r"^\s*Kernel:\s+(\w+)", part, re.MULTILINE)
         if kernel:
             what = re.sub(r" at \w+ memory address.*", "", message[0])
-            found.add(Finding(kernel[1], what, message[-1].strip()))
+            found.add(Race(kernel[1], what, message[-1].strip()))
     return sorted(found)
 
 
-def under_oclgrind(command: Sequence[str]) -> tuple[list[Finding], str]:
+def under_oclgrind(command: Sequence[str]) -> tuple[list[Race], str]:
     """Run a command with Oclgrind as its only OpenCL device: what was found, and how it failed, if it did."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
@@ -78,13 +78,13 @@ def under_oclgrind(command: Sequence[str]) -> tuple[list[Finding], str]:
                 [*OCLGRIND, "--log", str(log), *command], capture_output=True, text=True, timeout=SECONDS, check=False
             )
         except subprocess.TimeoutExpired:
-            return findings_in(log.read_text(encoding="utf-8")), f"not done after {SECONDS} s"
+            return races_in(log.read_text(encoding="utf-8")), f"not done after {SECONDS} s"
         last = done.stderr.strip().rpartition("\n")[2]
         failure = f"it ended with {done.returncode}: {last}" if done.returncode else ""
-        return findings_in(log.read_text(encoding="utf-8")), failure
+        return races_in(log.read_text(encoding="utf-8")), failure
 
 
-def check(name: str) -> tuple[list[Finding], str]:
+def check(name: str) -> tuple[list[Race], str]:
     """A case under Oclgrind."""
     return under_oclgrind([sys.executable, "-W", "ignore", "-m", "tests.portability.races", "--make", name])
 

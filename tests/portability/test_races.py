@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from tests.portability.races import EXPLAINED, MISSING, Finding, check, findings_in, under_oclgrind
+from tests.portability.races import EXPLAINED, MISSING, Race, check, races_in, under_oclgrind
 
 needs_oclgrind = pytest.mark.skipif(not shutil.which("oclgrind"), reason=MISSING)
 
@@ -40,9 +40,9 @@ BEYOND = "kernel void planted(global int *a) {\n  a[get_global_id(0) + 1] = 3;\n
 
 
 def test_a_log_is_read():
-    assert findings_in(LOG) == [Finding("mark_visible", "Write-write data race", "flags[row[i]] = 1;")]
-    assert findings_in(LOG)[0] in EXPLAINED
-    assert findings_in("") == []
+    assert races_in(LOG) == [Race("mark_visible", "Write-write data race", "flags[row[i]] = 1;")]
+    assert races_in(LOG)[0] in EXPLAINED
+    assert races_in("") == []
 
 
 @needs_oclgrind
@@ -56,7 +56,7 @@ def test_a_log_is_read():
 def test_a_planted_fault_is_found(source, what, line):
     found, failure = under_oclgrind([sys.executable, "-W", "ignore", "-c", PROGRAM.format(source=source)])
     assert not failure
-    assert found == [Finding("planted", what, line)]
+    assert found == [Race("planted", what, line)]
 
 
 @needs_oclgrind

@@ -32,7 +32,7 @@ STAGE = "structs/allocate"
 
 
 @dataclass(frozen=True)
-class Grid:
+class SuperblockGrid:
     """The superblocks of an atlas: log2 of their side, and how many lie beside and below each other."""
 
     top: int
@@ -74,7 +74,7 @@ class Superblocks:
     state: Array
 
     @classmethod
-    def allocate(cls, device: Device, grid: Grid) -> Superblocks:
+    def allocate(cls, device: Device, grid: SuperblockGrid) -> Superblocks:
         """Those of an atlas, with anything in them."""
         used, owned, bases = (device.empty(grid.classes, np.int32) for _ in range(3))
         table, ordinals = device.empty((grid.classes, grid.total), np.int32), device.empty(grid.total, np.int32)
@@ -91,7 +91,7 @@ class FreeSlots:
     pool: Array
 
     @classmethod
-    def none(cls, device: Device, grid: Grid) -> FreeSlots:
+    def none(cls, device: Device, grid: SuperblockGrid) -> FreeSlots:
         """Of an atlas whose blocks are all in place."""
         return cls(np.zeros(grid.classes, np.int64), np.zeros(grid.classes, np.int64), device.zeros(1, np.int32))
 
@@ -109,7 +109,7 @@ class Allocator:
     another size, and serves others.
     """
 
-    def __init__(self, device: Device, grid: Grid, patch_count: int, reuse: bool) -> None:
+    def __init__(self, device: Device, grid: SuperblockGrid, patch_count: int, reuse: bool) -> None:
         self.device, self.grid, self.reuse = device, grid, reuse
         self.kernels = device.build(HERE / "allocate.cl")
         self.words = device.empty(patch_count, np.uint32)
@@ -210,7 +210,7 @@ def classes_of(words: Words, top: int) -> Longs:
 class AllocatorTwin:
     """Allocator on the host: words uint32 (P), resets, and `allocate`."""
 
-    def __init__(self, grid: Grid, patch_count: int, reuse: bool) -> None:
+    def __init__(self, grid: SuperblockGrid, patch_count: int, reuse: bool) -> None:
         self.grid, self.reuse, self.resets = grid, reuse, 0
         self.words = np.zeros(patch_count, np.uint32)
         self.slot = np.full(patch_count, -1, np.int64)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.kernels.case import Bound, Cost, Result, Trial, case, seeded
-from shading_atlas_bench.packers.sas.kernels.allocate import Allocator, AllocatorTwin, Grid
+from shading_atlas_bench.packers.sas.kernels.allocate import Allocator, AllocatorTwin, SuperblockGrid
 from shading_atlas_bench.packers.sas.kernels.bias import Request, needed_superblocks, needed_superblocks_twin
 from shading_atlas_bench.packers.sas.kernels.corners import locate_corners, locate_corners_twin
 from shading_atlas_bench.packers.sas.kernels.emit import (
@@ -119,7 +119,7 @@ ALLOCATION = {
 def allocation(device: Device, kind: str, size: int) -> Trial:
     """Three frames that reuse blocks. Adversarial: every size changes, and the atlas overflows."""
     rng, hard = seeded(kind), kind == "adversarial"
-    grid = Grid(8, 4, 4) if hard else Grid(8, 16, 16)
+    grid = SuperblockGrid(8, 4, 4) if hard else SuperblockGrid(8, 16, 16)
     frames = (
         [rng.integers(0, 64 if hard else 32, (size, 2)) for _ in range(3)]
         if hard

@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.packers.sas.kernels.allocate import Allocator, AllocatorTwin, Grid, classes_of, request_twin
+from shading_atlas_bench.packers.sas.kernels.allocate import (
+    Allocator,
+    AllocatorTwin,
+    SuperblockGrid,
+    classes_of,
+    request_twin,
+)
 from shading_atlas_bench.packers.sas.kernels.bias import Request
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
 from shading_atlas_bench.packers.sas.kernels.visible import Marks, VisiblePatches
@@ -37,7 +43,7 @@ def allocate(device, allocator: Allocator, patches: np.ndarray, sizes: np.ndarra
     return allocator.words.get()
 
 
-def assert_disjoint_and_inside(words: np.ndarray, grid: Grid) -> None:
+def assert_disjoint_and_inside(words: np.ndarray, grid: SuperblockGrid) -> None:
     """Blocks lie inside the atlas, inside one superblock each, and share no texel."""
     x, y, w, h = unpack_location(words[words > 0])
     side = 1 << grid.top
@@ -63,7 +69,7 @@ def assert_disjoint_and_inside(words: np.ndarray, grid: Grid) -> None:
 )
 def test_blocks_stay_apart_and_in_place(device, seed, top, columns, rows, patches, churn, reuse, bias):
     rng = np.random.default_rng(seed)
-    grid = Grid(top, columns, rows)
+    grid = SuperblockGrid(top, columns, rows)
     allocator, twin = Allocator(device, grid, patches, reuse), AllocatorTwin(grid, patches, reuse)
     before, resets = np.zeros(patches, np.uint32), 0
     for visible, sizes in visible_frames(rng, patches, 6, churn, 8 * top):
@@ -90,7 +96,7 @@ def test_blocks_stay_apart_and_in_place(device, seed, top, columns, rows, patche
 
 def test_resets_only_when_full(device):
     """Two superblocks of four blocks: the third size class finds none, all is given up, the two asked for now fit."""
-    grid = Grid(2, 2, 1)
+    grid = SuperblockGrid(2, 2, 1)
     allocator = Allocator(device, grid, 8, reuse=False)
     small, wide, tall = 8 | 8 << 8, 16 | 8 << 8, 8 | 16 << 8
     patches = np.arange(4, dtype=np.int32)
@@ -101,7 +107,7 @@ def test_resets_only_when_full(device):
 
 
 def test_reuse_avoids_the_reset(device):
-    grid = Grid(2, 1, 1)
+    grid = SuperblockGrid(2, 1, 1)
     sizes = np.full(4, 8 | 8 << 8, np.int32)
     resets = []
     for reuse in (False, True):
@@ -114,7 +120,7 @@ def test_reuse_avoids_the_reset(device):
 
 
 def test_a_hidden_patch_finds_its_block_again(device):
-    allocator = Allocator(device, Grid(4, 4, 4), 20, reuse=False)
+    allocator = Allocator(device, SuperblockGrid(4, 4, 4), 20, reuse=False)
     first = allocate(device, allocator, np.arange(10, dtype=np.int32), np.full(10, 8, np.int32), 0)
     allocate(device, allocator, np.arange(10, 20, dtype=np.int32), np.full(10, 8, np.int32), 0)
     again = allocate(device, allocator, np.arange(10, dtype=np.int32), np.full(10, 8, np.int32), 0)
@@ -123,7 +129,7 @@ def test_a_hidden_patch_finds_its_block_again(device):
 
 @pytest.mark.parametrize("reuse", [False, True])
 def test_more_patches_than_texels_leave_the_last_without_a_block(device, reuse):
-    grid = Grid(0, 4, 4)
+    grid = SuperblockGrid(0, 4, 4)
     allocator = Allocator(device, grid, 40, reuse)
     for _ in range(2):
         words = allocate(device, allocator, np.arange(40, dtype=np.int32), np.full(40, 99, np.int32), 127)
@@ -131,7 +137,7 @@ def test_more_patches_than_texels_leave_the_last_without_a_block(device, reuse):
 
 
 def test_no_patch_is_no_request(device):
-    allocator = Allocator(device, Grid(3, 2, 2), 5, reuse=True)
+    allocator = Allocator(device, SuperblockGrid(3, 2, 2), 5, reuse=True)
     words = allocate(device, allocator, np.empty(0, np.int32), np.empty(0, np.int32), 0)
     assert (words == 0).all()
     assert allocator.superblocks_in_use() == 0
