@@ -13,7 +13,9 @@ SOME_WRONG = 1
 
 
 def tables(
-    names: Annotated[list[str] | None, typer.Argument(metavar="[NAME]...", help="Tables. Default: all")] = None,
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME]...", help="Tables, or all. Default with --check: all")
+    ] = None,
     check: Annotated[
         bool, typer.Option("--check", help="Write nothing: say where a printed digit is another one now")
     ] = False,
@@ -38,13 +40,15 @@ def tables(
     from shading_atlas_bench.harness.errors import InputError
 
     with guarded():
-        from shading_atlas_bench.harness.experiments.tables import check_tables, show_tables, write_tables
+        from shading_atlas_bench.harness.experiments.tables import ALL, check_tables, show_tables, write_tables
 
         if sum((check, write, listed, folder is not None)) > 1 or (quick and not check):
             raise InputError("Give one of --check, --write, --from and --list; --quick goes with --check.")
         if listed:
             show_tables()
             return
-        chosen = tuple(names or ())
+        if not (names or check or write or folder):
+            raise InputError("Name the tables to measure, or give all. bench tables --list shows them.")
+        chosen = names or [ALL]
         if not (check_tables(chosen, quick) if check else write_tables(chosen, folder, run=not write)):
             raise typer.Exit(SOME_WRONG)

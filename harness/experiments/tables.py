@@ -42,14 +42,17 @@ from shading_atlas_bench.scenes.model import SceneError
 
 RUNS = Path("runs")
 RUN_FILE = "run.json"
+ALL = "all"
 
 
 def chosen(sources: Mapping[str, Source], names: Sequence[str], quick: bool) -> list[Source]:
-    """The tables of these names, all without any; with `quick` only the quick ones. Raises InputError."""
+    """The tables of these names, every one for `all`; with `quick` only the quick ones. Raises InputError."""
+    if ALL in names:
+        return [source for source in sources.values() if source.quick or not quick]
     for name in names:
         if name not in sources:
             raise InputError(f"There is no table {name!r}.{nearest(name, list(sources))}")
-    return [sources[name] for name in names or sources if sources[name].quick or not quick]
+    return [sources[name] for name in names if sources[name].quick or not quick]
 
 
 def show_tables() -> None:
@@ -83,9 +86,9 @@ def write_tables(
 
     Raises InputError, DocumentError or what the results are refused with.
     """
-    if folder and len(names) != 1:
+    picked = chosen(sources, names, False) if run else []
+    if folder and len(picked) != 1:
         raise InputError("--from takes the results of one table: name it.")
-    picked = chosen(sources, names, False) if run else ()
     console, well = make_console(), True
     try:
         for source in picked:

@@ -16,19 +16,9 @@ from shading_atlas_bench.harness.cli.supervisor import Supervisor, ended_by, ove
 from shading_atlas_bench.kernels.journal import Journal, read_journal
 from shading_atlas_bench.kernels.runtime.builtins_library import installed_package
 from shading_atlas_bench.kernels.runtime.vendors import mirror
+from tests.harness.commands import BAD, ROOT, bench
 
-ROOT = Path(__file__).parents[2]
-BAD = Path(__file__).parent / "bad_packers.py"
 SMALL = ["run", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--codec", "none"]
-
-
-def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
-    """The watched command line."""
-    return subprocess.run(
-        [sys.executable, "-m", "shading_atlas_bench", *arguments],
-        cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
-        check=False,
-    )  # fmt: skip
 
 
 def rows_of(folder: Path) -> dict[str, list[tuple[str, str]]]:

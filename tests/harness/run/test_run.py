@@ -2,7 +2,6 @@
 
 import csv
 import json
-import os
 import re
 import sqlite3
 import subprocess
@@ -15,20 +14,10 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS
+from tests.harness.commands import BAD, ROOT, bench
 
-ROOT = Path(__file__).parents[2]
-BAD = Path(__file__).parent / "bad_packers.py"
 SMALL = ["--method", "sas", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--crf", "25"]
 VARYING = {column.name for column in FRAME_COLUMNS if column.kind == "time"} - {"network_ms"} | {"peak_mb"}
-
-
-def bench(*arguments: str, **environment: str) -> subprocess.CompletedProcess:
-    """Run the command line in a process of its own, at 80 columns."""
-    return subprocess.run(
-        [sys.executable, "-m", "shading_atlas_bench", *arguments],
-        cwd=ROOT, env=os.environ | {"COLUMNS": "80"} | environment, capture_output=True, text=True, timeout=300,
-        check=False,
-    )  # fmt: skip
 
 
 def rows_of(folder: Path) -> list[dict[str, str]]:

@@ -11,7 +11,7 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, needs, variants_of
 from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, FEWEST
-from tests.harness.test_run import bench
+from tests.harness.commands import bench
 
 TINY = """
 [papers]

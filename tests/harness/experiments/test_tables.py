@@ -3,9 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,8 +13,8 @@ from shading_atlas_bench.harness.experiments import tables
 from shading_atlas_bench.reports.documents.digests import speed_parts, transparency_parts
 from shading_atlas_bench.reports.documents.kept import FOLDER, Column, Part, Source, read_kept, write_kept
 from shading_atlas_bench.reports.documents.markdown import DOCUMENTS
+from tests.harness.commands import bench
 
-ROOT = Path(__file__).parents[2]
 COMMAND = "bench run --method sas --scene hall --frames 1 --size 96x54 --atlas 128x128 --codec none --metrics flip"
 PART = Part(
     ("scene", "method"),
@@ -45,7 +42,7 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "README.md").write_text(marks, encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(folder)
-        tables.write_tables((), sources=SOURCES, root=folder)
+        tables.write_tables((tables.ALL,), sources=SOURCES, root=folder)
     return folder
 
 
@@ -96,7 +93,7 @@ def test_a_planted_digit_is_found_by_measuring_again(
     file.write_text(json.dumps(content), encoding="utf-8")
     try:
         tables.write_tables((), run=False, sources=SOURCES, root=root)
-        assert not tables.check_tables((), True, sources=SOURCES, root=root)  # `small` is the quick one
+        assert not tables.check_tables((tables.ALL,), True, sources=SOURCES, root=root)  # `small` is the quick one
     finally:
         write_kept("small", before, root)
         tables.write_tables((), run=False, sources=SOURCES, root=root)
@@ -139,13 +136,15 @@ def test_unusable_arguments_are_refused_in_a_sentence(root: Path):
 
 @pytest.mark.parametrize(
     ("arguments", "code", "said"),
-    [(["--list"], 0, "sweep-hall"), (["--check", "--write"], 2, "Give one of"), (["nothing"], 2, "There is no table")],
+    [
+        (["--list"], 0, "sweep-hall"),
+        ([], 2, "Name the tables to measure, or give all."),
+        (["--check", "--write"], 2, "Give one of"),
+        (["nothing"], 2, "There is no table"),
+    ],
 )
 def test_the_command_line(arguments: list[str], code: int, said: str):
-    done = subprocess.run(
-        [sys.executable, "-m", "shading_atlas_bench", "tables", *arguments],
-        check=False, capture_output=True, text=True, encoding="utf-8", cwd=ROOT, env=os.environ | {"COLUMNS": "80"},
-    )  # fmt: skip
+    done = bench("tables", *arguments)
     assert done.returncode == code, done.stderr
     assert said in done.stdout + done.stderr
 

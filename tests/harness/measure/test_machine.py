@@ -11,8 +11,8 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.machine import load, peak_memory
 from shading_atlas_bench.harness.run.folder import locked
+from tests.harness.commands import ROOT
 
-ROOT = Path(__file__).parents[2]
 PEAK = "from shading_atlas_bench.harness.measure.machine import peak_memory; print(peak_memory())"
 HOLD = """
 import sys

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 import csv
 import json
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -25,6 +23,7 @@ from shading_atlas_bench.reports.pages.stress import magnitude, matrix
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 from tests.harness import faulty_packers as faulty
+from tests.harness.commands import BAD, bench
 
 FAULTY = Path(faulty.__file__)
 
@@ -144,12 +143,8 @@ def test_a_run_reports_and_resumes(tmp_path):
 
 def test_crashes_are_trials_that_failed(tmp_path):
     """Also where the first magnitude, which the others are compared with, has no picture."""
-    bad = Path(__file__).parent / "bad_packers.py"
-    command = ["stress", "--method", f"{bad}:AbortingAtOnce", "--test", "world-offset", "--quick"]
-    done = subprocess.run(
-        [sys.executable, "-m", "shading_atlas_bench", *command, "--out", str(tmp_path / "out")],
-        cwd=Path(__file__).parents[2], capture_output=True, text=True, timeout=300, check=False,
-    )  # fmt: skip
+    command = ["stress", "--method", f"{BAD}:AbortingAtOnce", "--test", "world-offset", "--quick"]
+    done = bench(*command, "--out", str(tmp_path / "out"))
     assert done.returncode == 1, done.stderr
     assert "Traceback" not in done.stderr
     rows = list(csv.DictReader((tmp_path / "out" / "stress.csv").read_text(encoding="utf-8").splitlines()))

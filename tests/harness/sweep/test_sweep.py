@@ -16,7 +16,7 @@ import pytest
 
 from shading_atlas_bench.reports.documents.digests import sweep_parts
 from shading_atlas_bench.reports.store.columns import SWEEP_COLUMNS
-from tests.harness.test_run import BAD, ROOT, bench
+from tests.harness.commands import BAD, ROOT, bench
 
 GRID = [
     "--method", "sas", "--method", "ppll", "--size", "160x90", "--frames", "2", "--atlas", "128x128",
