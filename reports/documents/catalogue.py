@@ -322,7 +322,7 @@ PUBLISHED_COLUMNS = (
     _words("as published", "{as_published}"),
     _words("default", "{default}"),
     _words("equal samples", "{equal}"),
-    _words("claims", "{claims}"),
+    _words("causes", "{claims}"),
 )
 PUBLISHED = Source(
     "published",
@@ -338,6 +338,32 @@ PUBLISHED = Source(
         "cells": Part(("paper", "quantity", "scene", "cell")),
         "snakebinning-2021": Part(("quantity", "scene"), PUBLISHED_COLUMNS),
         "tss-2019": Part(("quantity", "scene"), PUBLISHED_COLUMNS),
+    },
+)
+CAUSES = Source(
+    "published-causes",
+    tuple(
+        f"bench run --method snakebinning@published --method 'snakebinning@published[shading_rate=1.0]' "
+        f"--scene {scene} --cell {cell} --size 1920x1080 --atlas {atlas} --frames 3 --codec none --metrics psnr"
+        for scene, atlas in (
+            (f"hall --detail {published.TRIANGLES['RL']}", "8192x8192"),
+            (f"{VIKING} {STREET}", "8192x4096"),
+            (f"village --detail {published.TRIANGLES['VV']}", "8192x4096"),
+        )
+        for cell in published.CELLS
+    ),
+    published.cause_parts,
+    {
+        ROWS: Part(
+            ("scene", "cell"),
+            (
+                _words("scene", "{scene}"),
+                _words("cell", "{cell}"),
+                *_numbers(triangles="visible triangles: ,.0f", triangles_ratio="over published: .2f"),
+                *_numbers(samples="samples: ,.0f", samples_ratio="over published: .2f"),
+                *_numbers(samples_rate_1="at rate 1: ,.0f", samples_rate_1_ratio="over published: .2f"),
+            ),
+        )
     },
 )
 EQUAL = Source(
@@ -520,6 +546,7 @@ SOURCES: dict[str, Source] = {
         _full_atlas("viking", VIKING, quick=False),
         EQUAL,
         PUBLISHED,
+        CAUSES,
         TEXELS,
         SETS,
         THESIS,

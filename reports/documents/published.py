@@ -9,13 +9,14 @@ from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.reports.documents.digests import RunResults
-from shading_atlas_bench.reports.documents.kept import DocumentError, Parts, Row
+from shading_atlas_bench.reports.documents.kept import ROWS, DocumentError, Parts, Row
 from shading_atlas_bench.reports.store.columns import BY_NAME
 from shading_atlas_bench.reports.store.labels import read_labels
 from shading_atlas_bench.reports.store.results import Store
 
 FILE = Path(__file__).parents[1] / "published.toml"
 CELLS = ("pvs1", "pvs2", "pvs3")  # of SnakeBinning's table 1
+TRIANGLES = {"RL": 472_000, "VV": 4_600_000}  # of the published scenes, SnakeBinning's figure 10
 STANDS_FOR = {"hall": "RL", "viking_village": "VV", "village": "VV"}  # our scene to the published one
 SETTINGS = ("as_published", "default", "equal")
 ALIKE = 1.5  # a ratio of measured over published within 1/ALIKE and ALIKE
@@ -28,7 +29,8 @@ EXPECTED = ("where", "unit", "compared", "claims")
 class Quantity:
     """A number that a paper has for several methods. values: by method and published scene, one per cell.
 
-    compared: one method, or two of which the first is divided by the second; claims: as many lists of ids."""
+    compared: one method, or two of which the first is divided by the second; claims: as many lists of ids, or of
+    sections of the document, `#the-section`, that test the cause."""
 
     paper: str
     name: str
@@ -105,6 +107,29 @@ def published_parts(folders: Sequence[Path]) -> Parts:
     return parts
 
 
+def cause_parts(folders: Sequence[Path]) -> Parts:
+    """Runs of SnakeBinning as published and at shading rate 1, a cell of a scene each: visible triangles and samples
+    beside the published ones."""
+    of = {quantity.name: quantity for quantity in read_published() if quantity.paper == "snakebinning-2021"}
+    rows = []
+    for place, folder in enumerate(folders):
+        results, number = RunResults(folder), place % len(CELLS)
+        row: Row = {"scene": results.scene, "cell": CELLS[number]}
+        keys = {("shading_rate=1.0" in variant): (method, variant) for method, variant in results.keys}
+        for name, quantity, key in (
+            ("triangles", of["pvs_triangles"], keys.get(False)),
+            ("samples", of["samples"], keys.get(False)),
+            ("samples_rate_1", of["samples"], keys.get(True)),
+        ):
+            value = results.median(key, quantity.name)
+            row |= {
+                name: value,
+                f"{name}_ratio": _over([value, quantity.published(["snakebinning"], results.scene)[number]]),
+            }
+        rows.append(row)
+    return {ROWS: rows}
+
+
 def _measured(usual: Path, equal: Path) -> Measured:
     with Store(usual, must_exist=True) as store:
         published = {
@@ -130,7 +155,12 @@ def _line(quantity: Quantity, methods: Sequence[str], claims: Sequence[str], num
     for setting in SETTINGS:
         row[setting] = ", ".join(_short(each[setting], is_unlike(each, setting)) for each in numbers)
     unlike = any(is_unlike(each, SETTINGS[0]) for each in numbers)
-    return row | {"where": quantity.where, "claims": ", ".join(f"`{name}`" for name in claims) if unlike else ""}
+    return row | {"where": quantity.where, "claims": ", ".join(map(_cause, claims)) if unlike else ""}
+
+
+def _cause(named: str) -> str:
+    """A claim's id as code, a section of the same document as a link."""
+    return f"[below]({named})" if named.startswith("#") else f"`{named}`"
 
 
 def is_unlike(row: Row, setting: str) -> bool:

@@ -2,22 +2,36 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
 from shading_atlas_bench.reports.analysis.claims import read_claims
 from shading_atlas_bench.reports.documents.kept import DocumentError
-from shading_atlas_bench.reports.documents.published import ALIKE, CELLS, is_unlike, published_parts, read_published
+from shading_atlas_bench.reports.documents.published import (
+    ALIKE,
+    CELLS,
+    cause_parts,
+    is_unlike,
+    published_parts,
+    read_published,
+)
 from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
+
+DOCUMENT = Path(__file__).parents[2] / "reports" / "PUBLISHED.md"
 
 
 def test_every_published_number_is_whole_and_its_claims_are_there() -> None:
     claims = {claim.id for claim in read_claims().claims}
+    headings = re.findall(r"^## (.*)$", DOCUMENT.read_text(encoding="utf-8"), re.MULTILINE)
+    sections = {"#" + re.sub(r"[^a-z0-9 -]", "", heading.lower()).replace(" ", "-") for heading in headings}
     for quantity in read_published():
         assert len(quantity.claims) == len(quantity.compared), quantity.name
-        assert {name for ids in quantity.claims for name in ids} <= claims
+        named = {name for names in quantity.claims for name in names}
+        assert {name for name in named if not name.startswith("#")} <= claims
+        assert {name for name in named if name.startswith("#")} <= sections
         for methods in quantity.compared:
             for scene in ("hall", "viking_village"):
                 numbers = quantity.published(methods, scene)
@@ -81,6 +95,17 @@ def test_runs_of_other_scenes_or_numbers_are_refused(tmp_path: Path) -> None:
         assert store.rows()[0]["scene"] == "elsewhere"
     with pytest.raises(DocumentError, match="viking_village and elsewhere"):
         published_parts(folders)
+
+
+def test_causes_set_both_rates_beside_the_published_numbers(tmp_path: Path) -> None:
+    folders = [tmp_path / cell for cell in CELLS]
+    for folder in folders:
+        rates = {"shading_rate=0.7": 5.74e6, "shading_rate=1.0": 11.48e6}
+        measured_run(folder, {("snakebinning", f"a=1,{rate}"): value for rate, value in rates.items()})
+    first, *_ = cause_parts(folders)["rows"]
+    assert (first["samples"], first["samples_rate_1"]) == (5.74e6, 11.48e6)
+    assert (first["samples_ratio"], first["samples_rate_1_ratio"]) == (0.5, 1.0)  # published: 11.48 million
+    assert first["triangles_ratio"] is None, "these rows have none"
 
 
 def test_alike_is_within_the_factor_both_ways() -> None:
