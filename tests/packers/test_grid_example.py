@@ -1,5 +1,7 @@
 """The documented example of a packer is what is tested here, and it is sound."""
 
+import ast
+
 import numpy as np
 import pytest
 
@@ -15,6 +17,17 @@ README = "packers/README.md"
 def test_the_documentation_shows_this_packer(request):
     root = request.config.rootpath
     assert (root / "packers/example/grid.py").read_text(encoding="utf-8") in (root / README).read_text(encoding="utf-8")
+
+
+def test_it_is_under_40_lines_of_code(request):
+    """Blank lines, imports and docstrings aside."""
+    text = (request.config.rootpath / "packers/example/grid.py").read_text(encoding="utf-8")
+    code = {number for number, line in enumerate(text.splitlines(), 1) if line.strip()}
+    for node in ast.walk(ast.parse(text)):
+        is_text = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if is_text or isinstance(node, ast.Import | ast.ImportFrom):
+            code -= set(range(node.lineno, node.end_lineno + 1))
+    assert 20 < len(code) < 40
 
 
 def received(packer: Grid, frame, client):
