@@ -16,7 +16,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from shading_atlas_bench.packers.interface import COMMON, Packer, Parameter
+from shading_atlas_bench.packers.interface import COMMON, Packer, Parameter, Value
 from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 
 GROUP = "shading_atlas_packers"
@@ -226,7 +226,7 @@ def _parse_values(target: str, parameters: dict[str, Parameter], text: str) -> d
     return values
 
 
-def parse_value(method: str, name: str, parameter: Parameter, text: str) -> bool | int | float | str:
+def parse_value(method: str, name: str, parameter: Parameter, text: str) -> Value:
     """`text` as the type of the parameter's default; a whole number may be written for a float.
 
     Raises ValueError for what cannot be read so, naming the method and the parameter.
@@ -235,7 +235,7 @@ def parse_value(method: str, name: str, parameter: Parameter, text: str) -> bool
     try:
         if kind is bool:
             return TRUTH[text.lower()]
-        value: bool | int | float | str = kind(text)
+        value: Value = kind(text)
     except (KeyError, ValueError):
         wanted = {bool: "true or false", int: "a whole number", float: "a number"}.get(kind, f"a {kind.__name__}")
         raise ValueError(f"{method}: {name} must be {wanted}, not {text!r}.") from None
@@ -246,7 +246,7 @@ def parse_value(method: str, name: str, parameter: Parameter, text: str) -> bool
     return value
 
 
-def value_text(value: bool | int | float | str) -> str:
+def value_text(value: Value) -> str:
     """A parameter's value as text that `parse_value` reads."""
     if isinstance(value, bool):
         return str(value).lower()

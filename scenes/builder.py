@@ -233,12 +233,10 @@ def struts(
     return boxes((first + last) / 2, sizes, material, aim(along), tints, faces)
 
 
-def chain(
-    points: ArrayLike, width: float, material: int, tints: ArrayLike | None = None, height: float | None = None
-) -> Mesh:
+def chain(points: ArrayLike, width: float, material: int, tints: ArrayLike | None = None) -> Mesh:
     """Bars along a polyline of points (N, 3)."""
     line = np.asarray(points, np.float64)
-    return struts(line[:-1], line[1:], width, material, tints, height)
+    return struts(line[:-1], line[1:], width, material, tints)
 
 
 def sheet(
@@ -248,7 +246,6 @@ def sheet(
     material: int,
     divisions: tuple[int, int] = (1, 1),
     tint: ArrayLike = WHITE,
-    uv0: tuple[float, float] = (0, 0),
 ) -> Mesh:
     """A flat rectangle of divisions[0] x divisions[1] cells; its front is cross(along_u, along_v)."""
     start, right, up = (np.asarray(point, np.float64) for point in (corner, along_u, along_v))
@@ -257,7 +254,7 @@ def sheet(
     positions = start + u[..., None] * right + v[..., None] * up
     normal = np.cross(right, up)
     lengths = np.linalg.norm(right, axis=-1), np.linalg.norm(up, axis=-1)
-    uvs = np.stack([uv0[0] + u * lengths[0], uv0[1] - v * lengths[1]], axis=-1)
+    uvs = np.stack([u * lengths[0], 0.0 - v * lengths[1]], axis=-1)  # 0, and not -0, where v is 0
     normals = np.broadcast_to(normal / np.linalg.norm(normal, axis=-1), positions.shape)
     return mesh(positions, normals, uvs, lattice_indices(nv + 1, nu + 1), material, tint)
 

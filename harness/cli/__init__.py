@@ -1,1 +1,1 @@
-"""Commands of `bench` with a file of their own: their options, and what runs then."""
+"""The command line: a file for each command, with its options and what it prints."""

@@ -31,6 +31,7 @@ def show_comparison(first: Path, second: Path) -> None:
     Raises InputError for a folder without results, and for runs that have nothing in common.
     """
     from shading_atlas_bench.reports.analysis.compare import ALL, compare, differences
+    from shading_atlas_bench.reports.charts.figures import coding_label
 
     for folder in (first, second):
         if not (folder / "results.sqlite").is_file():
@@ -46,7 +47,7 @@ def show_comparison(first: Path, second: Path) -> None:
         console.print(f"[yellow]differs[/] {escape(text)}")
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
     for (label, variant, codec, crf), group in groups.items():
-        coding = "every coding" if codec == ALL else f"{codec} {crf if crf is not None else ''}".strip()
+        coding = "every coding" if codec == ALL else coding_label(codec, crf)
         table = make_table(
             f"{escape(label)}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A",
             "median B", "B is", "p",

@@ -75,7 +75,9 @@ def test_the_catalogue_fits_the_console(monkeypatch: pytest.MonkeyPatch, capsys:
 
 def test_a_comparison_names_the_same_sizes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     show_comparison(fill(tmp_path / "a"), fill(tmp_path / "b"))
-    lines = [line.split() for line in capsys.readouterr().out.splitlines()]
+    out = capsys.readouterr().out
+    assert "sas, CRF 25, frames: 4" in out
+    lines = [line.split() for line in out.splitlines()]
     assert ["bytes_total", "50,000", "50,000", "40,000", "40,000", "same", "1"] in lines
     assert ["bytes_total_kbit_s", "24,000", "24,000", "same"] in lines
     assert ["bytes_total_key", "1,000,000", "1,000,000", "same"] in lines
