@@ -23,7 +23,7 @@ from shading_atlas_bench.packers.tss.kernels.bins import Bins
 from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
 from shading_atlas_bench.packers.tss.kernels.layout import REGION, place_items_twin
 from shading_atlas_bench.packers.tss.kernels.locate import UNPLACED
-from shading_atlas_bench.packers.tss.kernels.pattern import TOP
+from shading_atlas_bench.packers.tss.kernels.pattern import LEVELS
 from shading_atlas_bench.packers.tss.placement import Placement
 
 if TYPE_CHECKING:
@@ -75,7 +75,7 @@ def decode(blobs: Mapping[str, bytes], rows: int, bins: Bins) -> Records:
     count = int(ends[-1]) if rows else 0
     halves = np.unpackbits(np.frombuffer(blobs["strategies"], np.uint8), count=count).astype(bool)
     records = np.zeros((count, 4), np.int32)
-    regions = unshuffle(blobs["regions"], np.int32, (TOP + 1) * REGION).reshape(-1, REGION)
+    regions = unshuffle(blobs["regions"], np.int32, (LEVELS + 1) * REGION).reshape(-1, REGION)
     words = unshuffle(blobs["lpacking"], np.uint32, count - int(halves.sum()))
     records[~halves] = _decode_l(words, regions, bins)
     quads = unshuffle(blobs["oversampling"], np.uint32, 4 * int(halves.sum())).view(np.int32).reshape(-1, 4)

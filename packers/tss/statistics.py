@@ -10,14 +10,14 @@ import numpy as np
 
 from shading_atlas_bench.packers.tss.kernels.emit import row_length
 from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
-from shading_atlas_bench.packers.tss.kernels.pattern import TOP, cell_count, vertex_count
+from shading_atlas_bench.packers.tss.kernels.pattern import LEVELS, cell_count, vertex_count
 from shading_atlas_bench.packers.tss.placement import Placement
 
 if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Ints, Longs
 
-CELLS = np.array([1, *(cell_count(level) for level in range(1, TOP + 1))])
-COPIES = CELLS - np.array([1, *(vertex_count(level) for level in range(1, TOP + 1))])
+CELLS = np.array([1, *(cell_count(level) for level in range(1, LEVELS + 1))])
+COPIES = CELLS - np.array([1, *(vertex_count(level) for level in range(1, LEVELS + 1))])
 
 
 @cache
@@ -52,7 +52,7 @@ def describe(placement: Placement) -> dict[str, float]:
     forms, places = placement.forms[placed], placement.places[placed]
     halves = forms[:, 0] == OVERSAMPLED
     levels = forms[~halves, 0]
-    by_level = np.bincount(levels, minlength=TOP + 1)
+    by_level = np.bincount(levels, minlength=LEVELS + 1)
     sides = np.concatenate([np.column_stack([forms[halves, 1], forms[halves, 2 + k]]) for k in (0, 1)])
     sides = np.sort(sides[np.concatenate([places[halves, k] >= 0 for k in (0, 1)])], axis=1)
     pairs, number = np.unique(sides[:, 0] * 1024 + sides[:, 1], return_counts=True)

@@ -2,8 +2,6 @@
 
 // How many superblocks the request of a frame needs at each allocation bias.
 
-#define SIZES 128
-
 // Inclusive sums along each row, then along each column, in place: entry (h, w) becomes the number of patches of at
 // most that height and width.
 __kernel void sum_rows(__global int *histogram)

@@ -1,9 +1,7 @@
 #include "common/wide.cl"
+#include "sizes.cl"
 
 // How large the sides of a patch's rectangle appear from the eye; 8 patches per step.
-
-#define STEPS 8 // sizes are logarithms to base 2 in steps of 1/8
-#define SIZES 128
 
 #define MAGIC 12582912.0f // 1.5 * 2^23: adding and subtracting it rounds to a whole number
 #define HALF_PI 1.57079633f

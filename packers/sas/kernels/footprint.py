@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 HERE = Path(__file__).parent
 
-DEFINED = constants_of(HERE / "footprint.cl")
+DEFINED = constants_of(HERE / "sizes.cl")
 STEPS = DEFINED.whole("STEPS")  # per doubling of the size
 SIZES = DEFINED.whole("SIZES")  # sizes 2^0 to 2^(127/8), 60 000 pixels
 

@@ -1,5 +1,6 @@
 // A block's place in one word, and the classes of blocks; layout.py describes both.
 #include "common/wide.cl"
+#include "sizes.cl"
 
 typedef struct {
     int x, y; // texel of the upper left corner
@@ -28,8 +29,6 @@ INLINE Block unpack_location(uint word)
 }
 
 // The level of a side of `steps` eighths at a bias of `bias` eighths.
-#define STEPS 8
-
 INLINE int level_at(int steps, int bias, int top)
 {
     return min((max(steps - bias, 0) + STEPS - 1) / STEPS, top);

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.kernels.constants import constants_of
-from shading_atlas_bench.packers.tss.kernels.pattern import TOP
+from shading_atlas_bench.packers.tss.kernels.pattern import LEVELS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Ints
     from shading_atlas_bench.kernels.device import Device
 
-DEFINED = constants_of(Path(__file__).with_name("forms.cl"))
+DEFINED = constants_of(Path(__file__).with_name("limits.cl"))
 # Texels along a side of a right triangle, but for the last one.
 LONGEST = DEFINED.whole("LONGEST")
 EXACT = 16  # sizes up to this one have a class each
@@ -57,8 +57,8 @@ class Bins:
     def make(cls) -> Bins:
         """All bins, sorted by height, then width, both falling."""
         size_class, largest = size_classes()
-        half = np.arange(TOP + 1) // 2
-        odd = np.arange(TOP + 1) % 2
+        half = np.arange(LEVELS + 1) // 2
+        odd = np.arange(LEVELS + 1) % 2
         q, p = np.nonzero(np.tri(len(largest), dtype=bool).T)
         width = np.concatenate([2 * (half + 1), largest[p] + 3])
         height = np.concatenate([3 * half + 2 + 2 * odd, largest[q] + 3])
@@ -66,9 +66,9 @@ class Bins:
         order = np.lexsort((-width, -height))
         bin_of = np.argsort(order).astype(np.int32)
         of_size = np.full((len(largest), len(largest)), -1, np.int32)
-        of_size[q, p] = bin_of[TOP + 1 :]
+        of_size[q, p] = bin_of[LEVELS + 1 :]
         sizes = (width[order].astype(np.int32), height[order].astype(np.int32))
-        return cls(*sizes, bin_of[: TOP + 1], of_size, size_class)
+        return cls(*sizes, bin_of[: LEVELS + 1], of_size, size_class)
 
     @property
     def count(self) -> int:

@@ -1,9 +1,9 @@
+#include "limits.cl"
 #include "piece.cl"
 #include "place.cl"
 
 // The shading samples of placed primitives.
 
-#define OVERSAMPLED -1
 #define IOTA ((float8)(0.0f, 1.0f, 2.0f, 3.0f, 4.0f, 5.0f, 6.0f, 7.0f))
 
 // cells: first cell of each level in the table of cells.

@@ -12,7 +12,7 @@ from shading_atlas_bench.kernels.common.scan import exclusive_scan
 from shading_atlas_bench.kernels.samples import WIDTH, Samples
 from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
 from shading_atlas_bench.packers.tss.kernels.layout import unpack_place
-from shading_atlas_bench.packers.tss.kernels.pattern import TOP, cells_of
+from shading_atlas_bench.packers.tss.kernels.pattern import LEVELS, cells_of
 from shading_atlas_bench.packers.tss.kernels.perspective import to_object
 from shading_atlas_bench.packers.tss.kernels.primitives import piece_corners
 
@@ -47,7 +47,7 @@ class CellTable:
     @classmethod
     def upload(cls, device: Device) -> CellTable:
         """Tabulate the levels 0 to 64."""
-        levels = [cells_of(level) for level in range(TOP + 1)]
+        levels = [cells_of(level) for level in range(LEVELS + 1)]
         starts = np.cumsum([0, *(len(cells.column) for cells in levels)]).astype(np.int32)
         padding = np.zeros(WIDTH, np.int32)  # whole steps are read
         weights = np.concatenate([*(cells.weights for cells in levels), np.zeros((WIDTH, 2))]).astype(np.float32)

@@ -1,9 +1,8 @@
 #include "camera.cl"
+#include "limits.cl"
 
 // Depths and number of pieces of each triangle; 8 triangles per step.
 
-#define LEVELS 64.0f       // of the tessellator
-#define LONGEST 1023.0f    // texels along a base
 #define MOST_PIECES 16.0f  // along an edge
 #define LEAST_HEIGHT 16.0f // texels, of a slanted triangle's pieces: most samples of lower ones lie outside
 

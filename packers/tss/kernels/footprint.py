@@ -9,6 +9,8 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.kernels.constants import constants_of
+from shading_atlas_bench.packers.tss.kernels.bins import LONGEST
+from shading_atlas_bench.packers.tss.kernels.pattern import LEVELS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -21,8 +23,6 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 
 DEFINED = constants_of(HERE / "footprint.cl")
-LEVELS = DEFINED.whole("LEVELS")  # of the tessellator
-LONGEST = DEFINED.whole("LONGEST")  # texels along a base
 MOST_PIECES = DEFINED.whole("MOST_PIECES")  # along an edge
 LEAST_HEIGHT = DEFINED.whole("LEAST_HEIGHT")  # texels, of a slanted triangle's pieces
 CAMERA_FLOATS = 21

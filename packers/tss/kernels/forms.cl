@@ -1,10 +1,7 @@
 #include "common/wide.cl"
+#include "limits.cl"
 
 // What becomes of each primitive: a single texel, an L, or two right triangles.
-
-#define TOP 64
-#define LONGEST 1023.0f
-#define OVERSAMPLED -1
 
 INLINE int whole(float value, float most)
 {
@@ -46,7 +43,7 @@ __kernel void choose_strategies(int count, __global const float *shapes, __globa
         bin.x = bin_of_half(form.z, form.y, of_size, size_class, classes);
         bin.y = bin_of_half(form.w, form.y, of_size, size_class, classes);
     } else {
-        form.x = whole(level, (float)TOP);
+        form.x = whole(level, LEVELS);
         bin = (int2)(of_level[form.x], -1);
     }
     vstore4(form, i, forms);

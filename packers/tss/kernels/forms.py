@@ -9,7 +9,7 @@ import numpy as np
 
 from shading_atlas_bench.kernels.constants import constants_of
 from shading_atlas_bench.packers.tss.kernels.bins import LONGEST, Bins
-from shading_atlas_bench.packers.tss.kernels.pattern import TOP
+from shading_atlas_bench.packers.tss.kernels.pattern import LEVELS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 HERE = Path(__file__).parent
 
 STAGE = "structs/forms"
-DEFINED = constants_of(HERE / "forms.cl")
+DEFINED = constants_of(HERE / "limits.cl")
 OVERSAMPLED = DEFINED.whole("OVERSAMPLED")  # as the kind of a form
 
 
@@ -61,7 +61,7 @@ def choose_strategies_twin(
     before = np.rint(foot * width.astype(np.float32)).astype(int)
     with np.errstate(invalid="ignore"):  # no height is slanted beyond infinity
         slanted = (base > np.float32(threshold) * height) & ~(tiny & (threshold > 0))
-    kind = np.where(tiny & ~cut, 0, np.where(slanted, OVERSAMPLED, np.clip(area, 1, TOP)))
+    kind = np.where(tiny & ~cut, 0, np.where(slanted, OVERSAMPLED, np.clip(area, 1, LEVELS)))
     halves = kind == OVERSAMPLED
     forms = np.stack([kind, halves * tall, halves * before, halves * (width - before)], axis=1)
     items = np.full((len(shapes), 2), -1)

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic import arrays
     from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Ints, Longs
 
-TOP = constants_of(Path(__file__).with_name("forms.cl")).whole("TOP")  # the highest level a hardware tessellator takes
+LEVELS = constants_of(Path(__file__).with_name("limits.cl")).whole("LEVELS")
 
 
 def vertex_count(level: int) -> int:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from shading_atlas_bench.packers.tss.kernels.bins import LONGEST, Bins
 from shading_atlas_bench.packers.tss.kernels.emit import half_texels, row_length
 from shading_atlas_bench.packers.tss.kernels.pattern import (
-    TOP,
+    LEVELS,
     cell_count,
     cells_of,
     locate_in_l_twin,
@@ -19,7 +19,7 @@ from shading_atlas_bench.packers.tss.kernels.pattern import (
 )
 from shading_atlas_bench.packers.tss.statistics import half_samples, published
 
-LEVELS = range(1, TOP + 1)
+EVERY = range(1, LEVELS + 1)
 
 
 def pattern(level: int) -> set[tuple[Fraction, ...]]:
@@ -39,7 +39,7 @@ def triangles_by_rings(level: int) -> int:
     return sum(3 * (2 * n - 2) if n > 1 else 1 for n in range(level, 0, -2))
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", EVERY)
 def test_counts_are_those_of_the_enumeration(level):
     vertices = pattern(level)
     assert vertex_count(level) == len(vertices)
@@ -60,7 +60,7 @@ def test_published_counts():
     assert published(17, 6) == 86 == half_samples(17, 6)[0]
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", EVERY)
 def test_samples_are_looked_up_where_they_lie(level):
     cells = cells_of(level)
     place = locate_in_l_twin(cells.weights, np.full(len(cells.column), level))
@@ -70,7 +70,7 @@ def test_samples_are_looked_up_where_they_lie(level):
     np.testing.assert_allclose(place[own, 1], cells.row[own], atol=1e-9)
 
 
-@pytest.mark.parametrize("level", LEVELS)
+@pytest.mark.parametrize("level", EVERY)
 def test_two_nested_ls_fit_their_slot_without_overlap(level):
     bins = Bins.make()
     b = bins.of_level[level]
@@ -83,7 +83,7 @@ def test_two_nested_ls_fit_their_slot_without_overlap(level):
 
 
 @settings(max_examples=40, deadline=None)
-@given(level=st.integers(1, TOP), seed=st.integers(0, 1000))
+@given(level=st.integers(1, LEVELS), seed=st.integers(0, 1000))
 def test_lookups_in_an_l_touch_written_cells_and_find_their_point(level, seed):
     """Bilinear interpolation of the cells' weights is off by at most a third of a sample's distance."""
     cells, half = cells_of(level), level // 2
