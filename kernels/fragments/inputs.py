@@ -52,7 +52,7 @@ class Glass:
 
 
 def glass_opacity(device: Device, rng: np.random.Generator, triangles: Triangles) -> tuple[Opacity, Ints]:
-    """What covers what in a scene of glass triangles, and the triangles' materials."""
+    """What covers what in a scene of glass triangles, and the triangles' materials, int32 (T)."""
     texels = rng.integers(0, 256, (32, 48, 4)).astype(np.uint8)
     images = [Texture(texels, wrap_s="mirror", wrap_t="clamp")]
     textures, glass = TextureBuffers.upload(device, images), Glass.of(rng, triangles, images)

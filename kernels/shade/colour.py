@@ -8,7 +8,8 @@ from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats
 
 
 def sky_radiance(environment: Floats, height: Doubles) -> Doubles:
-    """Radiance (..., 3) from directions whose unit vectors have this y: a linear gradient, fading to the ground."""
+    """Radiance (..., 3) from directions whose unit vectors have this y, height (...): a linear gradient, fading to the
+    ground. environment: float (10), see tables.environment_row."""
     zenith, horizon, ground = np.asarray(environment[:9], np.float64).reshape(3, 3)
     up = np.clip(height, 0, 1)[..., None]
     down = np.clip(-20 * height, 0, 1)[..., None]
@@ -17,7 +18,10 @@ def sky_radiance(environment: Floats, height: Doubles) -> Doubles:
 
 
 def sky_irradiance(environment: Floats, height: Doubles) -> Doubles:
-    """Irradiance / pi (..., 3) on surfaces whose unit normals have this y; exact at -1, 0 and 1."""
+    """Irradiance / pi (..., 3) on surfaces whose unit normals have this y, height (...); exact at -1, 0 and 1.
+
+    environment: float (10), see tables.environment_row.
+    """
     zenith, horizon, ground = np.asarray(environment[:9], np.float64).reshape(3, 3)
     height = height[..., None]
     level = 2 / (3 * np.pi)
