@@ -94,7 +94,10 @@ class Head:
 
 @dataclass(frozen=True, kw_only=True)
 class Message(Head):
-    """One view's lists as they arrive: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
+    """One view's lists as they arrive.
+
+    nodes: of each, offsets int64 (P + 1) and rows uint32 (n, words), nearest first.
+    """
 
     nodes: tuple[tuple[Longs, Words], ...]
 

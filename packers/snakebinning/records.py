@@ -31,7 +31,7 @@ class Records:
         return message
 
     def decode(self, pvs: Ints, message: bytes) -> None:
-        """Take the words of the triangles of a set, ascending, of which there may be new ones."""
+        """Take the words of the triangles of a set, int32 (n), ascending, of which there may be new ones."""
         if len(pvs) and pvs[-1] >= len(self.words):
             more = int(pvs[-1] * 1.25) + 1 - len(self.words)
             self.words = np.concatenate([self.words, np.zeros((more, FIELDS), np.uint32)])
@@ -60,8 +60,11 @@ def decode_records(data: bytes, count: int) -> Words:
 
 @dataclass(frozen=True)
 class PieceRecords:
-    """Pieces of sliced triangles: parents int32 (k), those of one together; barycentrics 1 and 2 of the corners in the
-    parent, float32 (k, 3, 2); records uint32 (k, 4)."""
+    """Pieces of sliced triangles.
+
+    parents: int32 (k), those of one together. bary: float32 (k, 3, 2), barycentrics 1 and 2 of the corners in the
+    parent. words: uint32 (k, 4), records.
+    """
 
     parents: Ints
     bary: Floats

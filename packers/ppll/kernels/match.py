@@ -38,8 +38,9 @@ def turning(old: Doubles, new: Doubles) -> Doubles:
 
 
 def move_lists(device: Device, held: Lists, turn: Doubles, projection: Doubles, stage: str) -> Lists:
-    """Lists in another eye space (turn: float64 (4, 4)), each fragment in the pixel it then falls into.
+    """Lists in another eye space, each fragment in the pixel it then falls into.
 
+    turn: float64 (4, 4), from the one eye space to the other. projection: float64 (4, 4), of the view they move to.
     Fragments that leave the picture are gone.
     """
     kernels, pixels, count = device.build(HERE / "match.cl"), held.pixels, held.count
@@ -109,7 +110,10 @@ def apply_differences(device: Device, moved: Lists, changes: Lists, fresh: Lists
 def move_twin(
     held: Host, turn: Doubles, projection: Doubles, width: int, height: int
 ) -> tuple[Doubles, Doubles, Doubles]:
-    """Columns and rows in pixels and distances, float64 (n) each, of held fragments after moving."""
+    """Columns and rows in pixels and distances, float64 (n) each, of held fragments after moving.
+
+    turn, projection: float64 (4, 4), as for `move_lists`.
+    """
     x, y, z = np.ascontiguousarray(held[1][:, 2:]).view(np.float32).astype(np.float64).T
     eye = np.stack([x, y, -z, np.ones_like(z)], axis=1) @ turn.T
     clip = eye @ projection.T

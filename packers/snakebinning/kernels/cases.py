@@ -312,7 +312,7 @@ def emission(device: Device, kind: str, size: int) -> Trial:
 
 
 def samples_twin(packed: Packed) -> dict[str, arrays.Array]:
-    """All samples, triangle by triangle."""
+    """All samples, triangle by triangle, as from `emit_twin`."""
     corners, places = packed.scene.corners, packed.placement.places
     slots = [SlotShape.of(strip) for strip in packed.placement.superblocks.strips.get()]
     placed, drawn, strips = places.places.get(), places.drawn.get(), places.slots.get()[:, 0]

@@ -116,7 +116,7 @@ def place_twin(
 
 
 def parts_twin(strips: NDArray[np.void], number: arrays.Array, rank: arrays.Array) -> tuple[arrays.Array, arrays.Array]:
-    """Parts of the strips `number` (n) that ranks (n) lie in, -1 beyond their slots, and ranks in these."""
+    """Parts, int (n), of the strips `number` that ranks, int (n), lie in, -1 beyond their slots, and ranks in these."""
     number, rank = number.copy(), rank.copy()
     for i in range(len(number)):
         while number[i] >= 0:

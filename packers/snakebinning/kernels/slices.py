@@ -28,8 +28,11 @@ LEAST = 1 / 16  # weight: float32 barycentrics tell the corners of pieces apart 
 
 @dataclass(frozen=True)
 class Slices:
-    """Pieces of sliced triangles: parents int32 (k), corners float64 (k, 3, 3), barycentrics in the parent float64
-    (k, 3, 3), and whether each lies inside the frustum, bool (k). Pieces of one parent follow one another."""
+    """Pieces of sliced triangles; those of one parent follow one another.
+
+    parents: int32 (k). corners: float64 (k, 3, 3). bary: float64 (k, 3, 3), the corners' barycentrics in the parent.
+    inside: bool (k), whether the piece lies inside the frustum.
+    """
 
     parents: Ints = field(default_factory=lambda: np.empty(0, np.int32))
     corners: Doubles = field(default_factory=lambda: np.empty((0, 3, 3)))

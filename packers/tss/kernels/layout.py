@@ -101,12 +101,12 @@ def place_items_twin(
 
 
 def pack_place(column: Longs, row: Longs, turned: Longs) -> Longs:
-    """A place as one number."""
+    """Places as one number each, int64 of any shape."""
     places: Longs = column | row << 15 | turned << 30
     return places
 
 
 def unpack_place(word: arrays.Array) -> tuple[Longs, Longs, Longs]:
-    """Column, row, and the direction, 1 or -1, of places from 0 on."""
+    """Column, row, and the direction, 1 or -1, of places from 0 on, int of any shape."""
     place = word.astype(np.int64)
     return place & 0x7FFF, place >> 15 & 0x7FFF, 1 - 2 * (place >> 30 & 1)
