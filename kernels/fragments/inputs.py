@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Glass:
-    """A scene's materials and vertices, as Opacity reads them."""
+    """A scene's materials and vertices, as BlendedScene has them.
+
+    uvs: float32 (V, 2). colours: float32 (V, 4), linear. indices: int32 (T, 3). material_ids: int32 (T).
+    """
 
     uvs: Floats
     colours: Floats

@@ -51,7 +51,8 @@ class Layers:
     ) -> None:
         """Shade the fragments and blend them over `picture`, uint8 (h, w, 4), which shows the opaque triangles.
 
-        `visible.triangle` becomes the nearest triangle that is not wholly transparent there.
+        `visible.triangle` becomes the nearest triangle that is not wholly transparent there. eye: float64 (3), see
+        Shader.shade.
         """
         if not fragments.count:
             return

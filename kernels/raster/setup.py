@@ -34,7 +34,7 @@ CLIPPING_PLANES = np.array([[0, 0, -1, 1], [-1, 0, 0, GUARD], [1, 0, 0, GUARD], 
 class Scratch:
     """Memory that set-up keeps from draw to draw, because fresh memory costs as much as writing to it.
 
-    records, entries: how many each chunk has room for; they grow to what the views need.
+    records, entries: how many each chunk has room for; they grow to what the views need. arrays: int32 (n), by name.
     """
 
     device: Device

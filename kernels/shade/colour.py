@@ -38,7 +38,8 @@ def shown_as(colour: Doubles, exposure: float) -> Doubles:
 
 
 def encode(radiance: Doubles) -> Bytes:
-    """uint8 (..., 4): ACES tone mapping (Narkowicz 2015), sRGB (IEC 61966-2-1), alpha 255; not-a-number is black."""
+    """uint8 (..., 4) of radiance (..., 3): ACES tone mapping (Narkowicz 2015), sRGB (IEC 61966-2-1), alpha 255;
+    not-a-number is black."""
     x = np.clip(np.nan_to_num(radiance, nan=0.0, posinf=1e4), 0, 1e4)
     x = np.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)

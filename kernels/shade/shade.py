@@ -73,7 +73,7 @@ def shade8_twin(
     footprint: Array,
     eye: Array,
 ) -> Doubles:
-    """What shade8 returns: radiance (n, 3) of the same samples."""
+    """What shade8 returns: radiance (n, 3) of the samples, given as for `shade_twin`."""
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
         points = _mapped(textures, points)
