@@ -139,7 +139,7 @@ def repeat(part: Mesh, matrices: Doubles, tints: ArrayLike | None = None) -> Mes
 
 
 def moved(part: Mesh, point: ArrayLike, yaw: float = 0.0, scale: float = 1.0, tilt: float = 0.0) -> Mesh:
-    """One copy of a part, placed as by `placement`."""
+    """One copy of a part at a point, (3), placed as by `placement`."""
     return repeat(part, placement(point, yaw, scale, tilt))
 
 
@@ -228,7 +228,10 @@ def struts(
     height: float | None = None,
     faces: str = SIDES_ALONG_Z,
 ) -> Mesh:
-    """Square bars from starts (N, 3) to ends (N, 3); `width` across and `height` (default the same) along up."""
+    """Square bars from starts (N, 3) to ends (N, 3); `width` across and `height` (default the same) along up.
+
+    tints: linear, (3), (N, 3) or None.
+    """
     first, last = (np.asarray(points, np.float64).reshape(-1, 3) for points in (starts, ends))
     along = last - first
     lengths = np.linalg.norm(along, axis=1)
@@ -284,7 +287,7 @@ def card(
 ) -> Mesh:
     """A quad with explicit texture coordinates (u0, v0, u1, v1); corners (4, 3) from lower left, counter-clockwise.
 
-    The material's tile must be 1.
+    The material's tile must be 1. tint: linear, (3).
     """
     points = np.asarray(corners, np.float64)
     normal = np.cross(points[1] - points[0], points[3] - points[0])
@@ -298,7 +301,7 @@ def card(
 def lathe(profile: ArrayLike, segments: int, material: int, tint: ArrayLike = WHITE, crease: float = 40.0) -> Mesh:
     """A profile (N, 2) of (radius, y) turned about the y axis, from bottom to top for outward fronts.
 
-    Bends of the profile sharper than `crease` degrees stay sharp; the rest is smooth.
+    Bends of the profile sharper than `crease` degrees stay sharp; the rest is smooth. tint: linear, (3).
     """
     outline = np.asarray(profile, np.float64)
     edges = np.diff(outline, axis=0)
@@ -376,7 +379,10 @@ def ball(radius: float, segments: int, material: int, tint: ArrayLike = WHITE) -
 def tube(
     points: ArrayLike, radius: ArrayLike, sides: int, material: int, tint: ArrayLike = WHITE, closed: bool = False
 ) -> Mesh:
-    """A smooth tube along points (N, 3); radius is a number or (N,); open at its ends unless a closed loop."""
+    """A smooth tube along points (N, 3); radius is a number or (N,); open at its ends unless a closed loop.
+
+    tint: linear, (3).
+    """
     line = np.asarray(points, np.float64)
     if closed:
         line = np.concatenate([line, line[:1]])
