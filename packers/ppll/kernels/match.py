@@ -26,14 +26,18 @@ HERE = Path(__file__).parent
 
 
 def lens(projection: Doubles, width: int, height: int) -> Doubles:
-    """float64 (4): pixels per tangent along x and y, and the picture's centre in pixels."""
+    """float64 (4), of a projection float64 (4, 4): pixels per tangent along x and y, and the picture's centre in
+    pixels."""
     half = np.array([width / 2, height / 2])
     scale = projection[[0, 1], [0, 1]] * half
     return np.concatenate([scale, (1 + np.array([-1, 1]) * projection[:2, 2]) * half])
 
 
 def turning(old: Doubles, new: Doubles) -> Doubles:
-    """float64 (4, 4): from one view's eye space to another's; the identity exactly where they are the same."""
+    """float64 (4, 4): from one view's eye space to another's; the identity exactly where they are the same.
+
+    old, new: float64 (4, 4), from the scene to each eye space.
+    """
     return np.eye(4) if np.array_equal(old, new) else product(new, inverse(old))
 
 

@@ -96,7 +96,7 @@ class FreeSlots:
         return cls(np.zeros(grid.classes, np.int64), np.zeros(grid.classes, np.int64), device.zeros(1, np.int32))
 
     def upload(self, device: Device) -> tuple[Array, Array]:
-        """Counts and starts as kernels read them, int32."""
+        """Counts and starts as kernels read them, int32 (classes)."""
         return device.upload(self.counts.astype(np.int32)), device.upload(self.starts.astype(np.int32))
 
 

@@ -56,7 +56,10 @@ SLOT_FIELDS = [field.name for field in fields(SlotShape)]
 
 @dataclass
 class Scene:
-    """Triangles before two views, measured. Adversarial: of all sizes, those below 2 texels as points."""
+    """Triangles before two views, measured. Adversarial: of all sizes, those below 2 texels as points.
+
+    corners: float32 (n, 3, 3). views: float32 (2, 16), see pack_views.
+    """
 
     device: Device
     corners: Floats

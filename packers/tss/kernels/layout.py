@@ -87,7 +87,10 @@ def lay_out_twin(bins: Bins, totals: Longs, width: int) -> tuple[Longs, int]:
 def place_items_twin(
     items: arrays.Array, ranks: Longs, width: Ints, height: Ints, regions: arrays.Array, rows: int
 ) -> Longs:
-    """Places, as from `place_items`, of items (bins, -1 for none) with `ranks`, in their own order."""
+    """Places, as from `place_items`, of items, int (n), bins, -1 for none, with ranks int64 (n), in their own order.
+
+    width, height: int32 (B), as in Bins. regions: int (B, 6), as from `lay_out`.
+    """
     safe = np.maximum(items, 0)
     region, slot, turned = regions[safe].astype(np.int64), ranks // 2, ranks % 2
     w, h = width[safe], height[safe]
@@ -101,7 +104,7 @@ def place_items_twin(
 
 
 def pack_place(column: Longs, row: Longs, turned: Longs) -> Longs:
-    """Places as one number each, int64 of any shape."""
+    """Places as one number each, int64: column, row and turned (0 or 1) of any shape."""
     places: Longs = column | row << 15 | turned << 30
     return places
 
