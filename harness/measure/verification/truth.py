@@ -123,7 +123,7 @@ class Truth:
         return flat
 
     def off(self, colours: Bytes, points: Points, eye: Doubles) -> Whole:
-        """(n): levels by which colours (n, 3) differ from those of surface points, as for `shade`.
+        """int (n): levels by which colours (n, 3) differ from those of surface points, as for `shade`.
 
         Where rounding decides (at a shadow's edge, between texels, on triangles that reach far beyond the scene), the
         nearest colour close by counts, or what the shading function itself gives the point here; any does on triangles
