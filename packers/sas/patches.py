@@ -250,7 +250,7 @@ class Shapes:
         """The same for a single triangle that joins a pair.
 
         right, left: int64 (n), half-edges of the centre. single: int64 (n), triangles. twin: int64 (3 T), of each
-        half-edge the one of its neighbour.
+        half-edge the one of its neighbour, -1 for none.
         """
         apex, x, y = self.corner(right, 0), self.corner(right, 1), self.corner(right, 2)
         right_outer, left_outer = self.corner(twin[right], 2), self.corner(twin[left], 2)
