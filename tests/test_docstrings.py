@@ -127,6 +127,12 @@ def test_public_docstrings_say_shapes_and_numbers_of_arrays():
     assert lacks({name_of(path): path.read_text(encoding="utf-8") for path in public}) == []
 
 
+def test_every_name_of_a_type_of_arrays_is_known():
+    named = re.compile(r"^(\w+): TypeAlias = NDArray\b", re.MULTILINE)
+    found = {name for path in sources(*FLOORS) for name in named.findall(path.read_text(encoding="utf-8"))}
+    assert {"Floats", "Indices"} < found <= ARRAYS
+
+
 def function(docstring: str, signature: str = "(points: Doubles) -> Bools") -> str:
     return f'def function{signature}:\n    """{docstring}"""\n'
 
