@@ -39,7 +39,7 @@ class Generator:
     @overload
     def uniform(self, low: ArrayLike, high: ArrayLike, size: Size) -> Doubles: ...
     def uniform(self, low: ArrayLike, high: ArrayLike, size: Size | None = None) -> float | Doubles:
-        """Like NumPy's."""
+        """Like NumPy's, of shape `size`, a number without it. low, high: of any shapes that broadcast with it."""
         least, most = np.asarray(low, np.float64), np.asarray(high, np.float64)
         return least + (most - least) * self.random(size)
 
@@ -50,21 +50,22 @@ class Generator:
     @overload
     def normal(self, *, size: Size) -> Doubles: ...
     def normal(self, loc: float = 0.0, scale: float = 1.0, size: Size | None = None) -> float | Doubles:
-        """Like NumPy's, but at most 3.654 deviations from its mean."""
+        """Like NumPy's, of shape `size`, a number without it, but at most 3.654 deviations from its mean."""
         return loc + scale * np.clip(self._numpy.standard_normal(size), -NORMAL_END, NORMAL_END)
 
     def exponential(self, scale: float, size: Size) -> Doubles:
-        """Like NumPy's, but at most 7.697 times its mean."""
+        """Like NumPy's, of shape `size`, but at most 7.697 times its mean."""
         return scale * np.clip(self._numpy.standard_exponential(size), None, EXPONENTIAL_END)
 
     def gamma(self, shape: float, scale: float, size: Size) -> Doubles:
-        """Like NumPy's for a shape above 1, but at most what the largest normal draw makes of it."""
+        """Like NumPy's for a `shape` above 1, an array of shape `size`, but at most what the largest normal draw makes
+        of it."""
         base = shape - 1 / 3
         cube = 1 + NORMAL_END / math.sqrt(9 * base)
         return scale * np.clip(self._numpy.standard_gamma(shape, size), None, base * (cube * cube * cube))
 
     def lognormal(self, mean: float, sigma: float, size: Size) -> Doubles:
-        """The exponential of a normal draw."""
+        """The exponential of normal draws, of shape `size`."""
         return exp(self.normal(mean, sigma, size))
 
 

@@ -23,8 +23,8 @@ def dot(a: ArrayLike, b: ArrayLike) -> Doubles:
 
 
 def product(*matrices: ArrayLike) -> Doubles:
-    """Matrix product from left to right: float64 (..., rows of the first, columns of the last); ValueError where the
-    shapes do not fit."""
+    """Product of matrices (..., M, K), (..., K, N) and so on, from left to right: float64 (..., M, N) with the rows of
+    the first and the columns of the last; ValueError where they do not fit."""
     total = np.asarray(matrices[0], np.float64)
     for matrix in matrices[1:]:
         matrix = np.asarray(matrix, np.float64)
@@ -62,7 +62,7 @@ def determinant(matrix: ArrayLike) -> Doubles:
 
 
 def cofactors(matrix: ArrayLike) -> Doubles:
-    """Cofactors of matrices (..., 3, 3), float64: the inverse's transpose times the determinant."""
+    """Cofactors of matrices (..., 3, 3), float64 (..., 3, 3): the inverse's transpose times the determinant."""
     matrix = np.asarray(matrix, np.float64)
     next_, last = matrix[..., [1, 2, 0], :], matrix[..., [2, 0, 1], :]
     found: Doubles = next_[..., [1, 2, 0]] * last[..., [2, 0, 1]] - next_[..., [2, 0, 1]] * last[..., [1, 2, 0]]

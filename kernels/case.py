@@ -41,7 +41,8 @@ class Cost:
 
 @dataclass(frozen=True)
 class Result:
-    """Values of a launch beside those of the twin, of equal shape; whole numbers where `found` are."""
+    """Values of a launch, found, beside those of the twin, expected: of equal shapes and any numbers, whole ones where
+    `found` are."""
 
     found: Array
     expected: Array

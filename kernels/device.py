@@ -355,7 +355,7 @@ class Device:
                 record._events.append((stage, self._names.get(kernel), event))
 
     def upload(self, values: arrays.Array) -> Array:
-        """A device copy of a NumPy array (never empty: zero-sized arrays become one unused element)."""
+        """A device copy of a NumPy array, of any shape and numbers (never empty: one without elements gets one)."""
         values = np.ascontiguousarray(values)
         if values.size == 0:
             return self.zeros((1,), values.dtype)
@@ -364,7 +364,7 @@ class Device:
         return array
 
     def download(self, array: Array) -> bytes:
-        """The array's bytes, copied once, from where the device shows them to the host."""
+        """The bytes of `array`, of any shape and numbers, copied once, from where the device shows them to the host."""
         cl = opencl()
         with SPEAKING:
             place = (array.base_data, cl.map_flags.READ, array.offset, array.shape, array.dtype)
@@ -376,7 +376,8 @@ class Device:
         return content
 
     def empty(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> Array:
-        """An uninitialised device array; a shape without elements gets one, because OpenCL has no empty buffer."""
+        """An uninitialised device array of this shape and dtype; one without elements has one, because OpenCL has no
+        empty buffer."""
         with SPEAKING:
             return array_class()(self.queue, _some(shape), np.dtype(dtype))
 
@@ -395,13 +396,13 @@ class Device:
             return array_class()(self.queue, _some(shape), np.dtype(dtype), allocator=self._pool)
 
     def zeros(self, shape: int | tuple[int, ...], dtype: DTypeLike) -> Array:
-        """A device array of zeros."""
+        """A device array of zeros, of this shape and dtype."""
         array = self.empty(shape, dtype)
         self.fill(array, 0)
         return array
 
     def fill(self, array: Array, value: float, stage: str | None = None) -> None:
-        """Set every element of `array`; timed under `stage` if one is given."""
+        """Set every element of `array`, of any shape and numbers; timed under `stage` if one is given."""
         pattern = array.dtype.type(value)
         with SPEAKING:
             event = opencl().enqueue_fill_buffer(self.queue, array.base_data, pattern, array.offset, array.nbytes)

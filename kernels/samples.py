@@ -54,7 +54,7 @@ class Samples:
         footprint: arrays.Array,
         texel: arrays.Array,
     ) -> Samples:
-        """Samples from host arrays of equal length."""
+        """Samples from host arrays (n) of any numbers: triangle, bary1, bary2, footprint, texel, as the fields say."""
         samples = cls.allocate(device, len(triangle))
         for array, values in (
             (samples.triangle, triangle),

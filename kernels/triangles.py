@@ -18,8 +18,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Triangles:
-    """positions float32 (V, 3), indices int32 (T, 3) and flags uint8 (T) on the device, with host copies.
+    """positions float32 (V, 3), indices int32 (T, 3) and flags uint8 (T) on the device.
 
+    host_positions, host_indices, host_flags: the same on the host.
     flags, per triangle: DOUBLE_SIDED, MASKED, BLENDED (what is behind shows through), FADED (masked, and the alpha of
     its vertices counts).
     """
@@ -39,7 +40,7 @@ class Triangles:
 
     @classmethod
     def upload(cls, device: Device, positions: arrays.Array, indices: arrays.Array, flags: arrays.Array) -> Triangles:
-        """Copy host arrays to the device: positions (V, 3), indices (T, 3), flags (T)."""
+        """Copy host arrays to the device: positions float (V, 3), indices int (T, 3), flags int (T)."""
         positions = np.ascontiguousarray(positions, np.float32)
         indices = np.ascontiguousarray(indices, np.int32)
         flags = np.ascontiguousarray(flags, np.uint8)

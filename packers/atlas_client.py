@@ -166,7 +166,7 @@ class AtlasClient(LookupClient):
 
 
 def geometry_encoder(scene: ServerScene, attributes: Mapping[str, arrays.Array]) -> GeometryEncoder:
-    """The encoder whose messages an AtlasClient with the same attributes understands."""
+    """The encoder whose messages an AtlasClient with the same attributes, see GeometryEncoder, understands."""
     triangles, host = scene.triangles, scene.host
     return GeometryEncoder(
         positions=triangles.host_positions,

@@ -34,7 +34,7 @@ Number = TypeVar("Number", bound=np.generic)
 
 
 def shuffle(values: Array) -> bytes:
-    """The bytes of an array, first all lowest ones, then all second ones and so on."""
+    """The bytes of an array of any shape and numbers, first all lowest ones, then all second ones and so on."""
     values = np.ascontiguousarray(values, values.dtype.newbyteorder("<"))
     return values.view(np.uint8).reshape(values.size, values.itemsize).T.tobytes()
 
@@ -42,7 +42,7 @@ def shuffle(values: Array) -> bytes:
 def unshuffle(
     data: bytes | memoryview, dtype: type[Number] | np.dtype[Number], count: int, offset: int = 0
 ) -> NDArray[Number]:
-    """The inverse: `count` numbers of `dtype` from `data` at `offset`."""
+    """The inverse: numbers of `dtype`, of shape (count), from `data` at `offset`."""
     sent = np.dtype(dtype).newbyteorder("<")
     planes = np.frombuffer(data, np.uint8, count * sent.itemsize, offset).reshape(sent.itemsize, count)
     return np.ascontiguousarray(planes.T).reshape(-1).view(sent)
@@ -163,7 +163,7 @@ class GeometryDecoder:
             self.opacities.update(zip(materials, opacities, strict=True))
 
     def current(self, name: str) -> Array:
-        """A column of the triangles in the current set, in the order of their ids: (n, width) or (n)."""
+        """A column, of any numbers, of the triangles in the current set, by ascending id: (n, width) or (n)."""
         values = self.columns[name][self.row_of[self.pvs]]
         return values[:, 0] if values.shape[1] == 1 else values
 

@@ -217,8 +217,11 @@ class Frame:
         return self.frusta or (self.server,)
 
     def shade(self, samples: Samples) -> dict[str, Array]:
-        """The frame's planes: every sample's colour at its texel of "atlas", not multiplied by its opacity, and in
-        scenes where opacity varies over triangles, the opacity in a second plane, ALPHA."""
+        """The frame's planes, uint8 (atlas_height, atlas_width, 4) each, as Payload has them.
+
+        Every sample's colour at its texel of "atlas", not multiplied by its opacity, and in scenes where opacity varies
+        over triangles, the opacity in a second plane, ALPHA.
+        """
         device, scene = self.scene.device, self.scene
         shape = (self.atlas_height, self.atlas_width, 4)
         opacity = scene.layers.opacity if scene.layers and scene.layers.opacity.varies else None
@@ -447,7 +450,7 @@ class Packer(ABC):
         return {}
 
     def details(self, payload: Payload) -> dict[str, arrays.Array]:
-        """Arrays that `--dump` writes beside the pictures, on request only, under their names."""
+        """Arrays of any shape and numbers that `--dump` writes beside the pictures, on request only, by name."""
         return {}
 
     @abstractmethod

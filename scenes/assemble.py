@@ -113,7 +113,8 @@ class CompletePart:
 
 
 def compacted(indices: Indices, count: int) -> tuple[Indices, Indices]:
-    """Indices renumbered to the vertices that they use, and those vertices' old numbers in rising order."""
+    """Indices, of any shape, renumbered to the vertices that they use of `count`, and those vertices' old numbers, int
+    (n), in rising order."""
     marks = np.zeros(count, bool)
     marks[indices] = True
     used = np.flatnonzero(marks)
@@ -122,7 +123,8 @@ def compacted(indices: Indices, count: int) -> tuple[Indices, Indices]:
 
 
 def has_area(positions: Floats, indices: Indices) -> Bools:
-    """Bool (T): whether float32 positions span any area at all, decided in float64 where it is close."""
+    """Bool (T): whether triangles (T, 3) of positions float32 (V, 3) span any area at all, decided in float64 where it
+    is close."""
     keep = np.ones(len(indices), bool)
     for start in range(0, len(indices), _CHUNK):
         corners = [positions[indices[start : start + _CHUNK, corner]] for corner in range(3)]

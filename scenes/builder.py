@@ -60,7 +60,11 @@ def mesh(
     material: int,
     colour: ArrayLike = WHITE,
 ) -> Mesh:
-    """A mesh of one material and one colour."""
+    """A mesh of one material.
+
+    positions, normals: (..., 3). uvs: (..., 2). indices: three per triangle, into these in their order. colour:
+    linear, (3) or (V, 3).
+    """
     points = np.asarray(positions, np.float32).reshape(-1, 3)
     triangles = np.asarray(indices, np.int32).reshape(-1, 3)
     return Mesh(
@@ -135,7 +139,7 @@ def repeat(part: Mesh, matrices: Doubles, tints: ArrayLike | None = None) -> Mes
 
 
 def moved(part: Mesh, point: ArrayLike, yaw: float = 0.0, scale: float = 1.0, tilt: float = 0.0) -> Mesh:
-    """One copy of a part, placed as by `placement`."""
+    """One copy of a part at a point, (3), placed as by `placement`."""
     return repeat(part, placement(point, yaw, scale, tilt))
 
 
@@ -202,7 +206,7 @@ def box(
     yaw: float = 0.0,
     faces: str = ALL_FACES,
 ) -> Mesh:
-    """One box turned by `yaw` degrees about y."""
+    """One box turned by `yaw` degrees about y. centre, size: (3). tint: linear, (3)."""
     return boxes(centre, size, material, placement([(0, 0, 0)], yaw)[:, :3, :3], tint, faces)
 
 
@@ -224,7 +228,10 @@ def struts(
     height: float | None = None,
     faces: str = SIDES_ALONG_Z,
 ) -> Mesh:
-    """Square bars from starts (N, 3) to ends (N, 3); `width` across and `height` (default the same) along up."""
+    """Square bars from starts (N, 3) to ends (N, 3); `width` across and `height` (default the same) along up.
+
+    tints: linear, (3), (N, 3) or None.
+    """
     first, last = (np.asarray(points, np.float64).reshape(-1, 3) for points in (starts, ends))
     along = last - first
     lengths = np.linalg.norm(along, axis=1)
@@ -234,7 +241,7 @@ def struts(
 
 
 def chain(points: ArrayLike, width: float, material: int, tints: ArrayLike | None = None) -> Mesh:
-    """Bars along a polyline of points (N, 3)."""
+    """Bars along a polyline of points (N, 3); tints: linear, (3) or one per bar, (N - 1, 3)."""
     line = np.asarray(points, np.float64)
     return struts(line[:-1], line[1:], width, material, tints)
 
@@ -247,7 +254,10 @@ def sheet(
     divisions: tuple[int, int] = (1, 1),
     tint: ArrayLike = WHITE,
 ) -> Mesh:
-    """A flat rectangle of divisions[0] x divisions[1] cells; its front is cross(along_u, along_v)."""
+    """A flat rectangle of divisions[0] x divisions[1] cells; its front is cross(along_u, along_v).
+
+    corner, along_u, along_v: (3), the corner at both sides' start, and the sides. tint: linear, (3).
+    """
     start, right, up = (np.asarray(point, np.float64) for point in (corner, along_u, along_v))
     nu, nv = divisions
     u, v = np.meshgrid(np.linspace(0, 1, nu + 1), np.linspace(0, 1, nv + 1))
@@ -272,9 +282,9 @@ def card(
     uv: tuple[float, float, float, float] = (0, 0, 1, 1),
     tint: ArrayLike = WHITE,
 ) -> Mesh:
-    """A quad with explicit texture coordinates (u0, v0, u1, v1); corners from lower left, counter-clockwise.
+    """A quad with explicit texture coordinates (u0, v0, u1, v1); corners (4, 3) from lower left, counter-clockwise.
 
-    The material's tile must be 1.
+    The material's tile must be 1. tint: linear, (3).
     """
     points = np.asarray(corners, np.float64)
     normal = np.cross(points[1] - points[0], points[3] - points[0])
@@ -288,7 +298,7 @@ def card(
 def lathe(profile: ArrayLike, segments: int, material: int, tint: ArrayLike = WHITE, crease: float = 40.0) -> Mesh:
     """A profile (N, 2) of (radius, y) turned about the y axis, from bottom to top for outward fronts.
 
-    Bends of the profile sharper than `crease` degrees stay sharp; the rest is smooth.
+    Bends of the profile sharper than `crease` degrees stay sharp; the rest is smooth. tint: linear, (3).
     """
     outline = np.asarray(profile, np.float64)
     edges = np.diff(outline, axis=0)
@@ -349,13 +359,13 @@ def picked(part: Mesh, triangles: Bools, material: int) -> Mesh:
 def cylinder(
     radius: float, height: float, segments: int, material: int, tint: ArrayLike = WHITE, rings: int = 1
 ) -> Mesh:
-    """A closed upright cylinder standing on y = 0; `rings` divides its side."""
+    """A closed upright cylinder standing on y = 0; `rings` divides its side. tint: linear, (3)."""
     side = [(radius, y) for y in np.linspace(0, height, rings + 1)]
     return lathe([(0, 0), *side, (0, height)], segments, material, tint)
 
 
 def ball(radius: float, segments: int, material: int, tint: ArrayLike = WHITE) -> Mesh:
-    """A sphere about the origin."""
+    """A sphere about the origin. tint: linear, (3)."""
     angle = np.linspace(-np.pi / 2, np.pi / 2, max(3, segments // 2) + 1)
     sine, cosine = sin_cos(angle)
     profile = np.stack([np.maximum(cosine, 0) * radius, sine * radius], axis=1)
@@ -366,7 +376,10 @@ def ball(radius: float, segments: int, material: int, tint: ArrayLike = WHITE) -
 def tube(
     points: ArrayLike, radius: ArrayLike, sides: int, material: int, tint: ArrayLike = WHITE, closed: bool = False
 ) -> Mesh:
-    """A smooth tube along points (N, 3); radius is a number or (N,); open at its ends unless a closed loop."""
+    """A smooth tube along points (N, 3); radius is a number or (N,); open at its ends unless a closed loop.
+
+    tint: linear, (3).
+    """
     line = np.asarray(points, np.float64)
     if closed:
         line = np.concatenate([line, line[:1]])
@@ -401,7 +414,7 @@ def _transported(tangents: Doubles) -> Doubles:
 
 
 def sagging(start: ArrayLike, end: ArrayLike, drop: float, count: int) -> Doubles:
-    """Points (count, 3) of a cable that hangs `drop` below the straight line in its middle."""
+    """Points (count, 3) of a cable from start to end, (3), that hangs `drop` below the straight line in its middle."""
     t = np.linspace(0, 1, count)[:, None]
     points = np.asarray(start, np.float64) * (1 - t) + np.asarray(end, np.float64) * t
     points[:, 1] -= drop * 4 * (t * (1 - t))[:, 0]
@@ -441,7 +454,10 @@ class Palette:
         return len(self.materials) - 1
 
     def textured(self, material: Material, tile: float, texels: Bytes, normals: Bytes | None = None) -> int:
-        """Adds a material with a base texture, and perhaps a normal map, named after it; returns its index."""
+        """Adds a material with a base texture, and perhaps a normal map, named after it; returns its index.
+
+        texels, normals: uint8 (H, W, 4).
+        """
         base = self.texture(material.name, texels)
         bumps = -1 if normals is None else self.texture(material.name + " normals", normals, srgb=False)
         return self.material(replace(material, base_texture=base, normal_texture=bumps), tile)

@@ -41,7 +41,8 @@ def _scaled(values: Array, raw: RawScene) -> Doubles:
 
 
 def whole(values: Array) -> Array:
-    """Numbers of a text without types: as bytes where they are whole, from 0 to 255, and not just 0 and 1."""
+    """Numbers of a text without types, of any shape: as uint8 where they are whole, from 0 to 255, and not just 0 and
+    1, else as they are."""
     if not (np.isfinite(values).all() and values.min(initial=0) >= 0 and 1 < values.max(initial=0) <= 255):
         return values
     return values.astype(np.uint8) if (values == np.floor(values)).all() else values

@@ -30,7 +30,7 @@ class UvSource:
     transform: tuple[tuple[float, float, float], ...] | None = None
 
     def apply(self, uvs: Array) -> Array:
-        """The UVs (V, 2) after the transform."""
+        """The UVs, float (V, 2), after the transform."""
         if self.transform is None:
             return uvs
         matrix = np.array(self.transform)

@@ -43,7 +43,8 @@ class GltfNodes:
         self.drawn = self._descend(_scene_roots(document, roots))
 
     def world_matrices(self, local: Doubles, order: list[int]) -> Doubles:
-        """World matrices for local ones; `order` has parents before children and every ancestor of its nodes."""
+        """World matrices for local ones, (N, 4, 4) of all nodes; `order` has parents before children and every ancestor
+        of its nodes."""
         world = local.copy()
         for index in order:
             if self.parents[index] >= 0:
@@ -79,7 +80,7 @@ def _scene_roots(document: GltfDocument, roots: list[int]) -> list[int]:
 
 
 def local_matrix(node: JsonObject) -> Doubles:
-    """A node's local transform, from its matrix or its translation, rotation and scale."""
+    """A node's local transform, float64 (4, 4), from its matrix or its translation, rotation and scale."""
     if "matrix" in node:
         return np.array(numbers(node, "matrix", _IDENTITY)).reshape(4, 4).T
     if not node.keys() & {"translation", "rotation", "scale"}:

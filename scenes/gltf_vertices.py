@@ -25,7 +25,10 @@ _FOUND_ANEW = ("NORMAL", "TANGENT")  # from the morphed positions where a primit
 
 
 def attribute(document: GltfDocument, attributes: JsonObject, name: str, count: int) -> Array | None:
-    """An attribute's values (count, k), or None where it is not there; raises ValueError where it has other ones."""
+    """An attribute's values (count, k), as from `GltfDocument.accessor`, or None where it is not there.
+
+    Raises ValueError where it has other ones.
+    """
     return _values(document, attributes, name, count, _KINDS) if name in attributes else None
 
 
@@ -54,11 +57,12 @@ class Vertices:
         return count
 
     def get(self, name: str) -> Array | None:
-        """An attribute (count, k), morphed; None where the primitive has not got it."""
+        """As `moved`; None where the primitive has not got the attribute."""
         return self.moved(name) if name in self.primitive["attributes"] else None
 
     def moved(self, name: str) -> Array:
-        """An attribute (count, k) that the primitive has, morphed."""
+        """An attribute (count, k) that the primitive has, morphed; floats where that moves it, else as from
+        `attribute`."""
         own = _values(self.document, self.primitive["attributes"], name, self.count, _KINDS)
         values = self._fractions(name, own)
         targets = [(weight, target) for weight, target in self._targets() if name in target]

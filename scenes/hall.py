@@ -949,7 +949,7 @@ def _filled(kinds: list[Mesh], budget: int, rng: draws.Generator) -> Indices:
 def cylinder_at(
     point: ArrayLike, radius: float, height: float, segments: int, material: int, tint: ArrayLike = WHITE
 ) -> Mesh:
-    """An upright cylinder standing on a point."""
+    """An upright cylinder standing on a point, (3). tint: linear, (3)."""
     return moved(cylinder(radius, height, segments, material, tint), point)
 
 

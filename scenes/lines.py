@@ -9,7 +9,10 @@ from shading_atlas_bench.arithmetic.functions import exp
 
 
 def smoothed(values: Array, deviation: float) -> Doubles:
-    """Values weighted by a Gaussian of a deviation in steps, cut at four; the ends go on as they are."""
+    """Values (N, ...), of any numbers, weighted by a Gaussian of a deviation in steps, cut at four: float64 (N, ...).
+
+    The ends go on as they are.
+    """
     reach = int(4 * deviation + 0.5)
     steps: Doubles = np.arange(1, reach + 1) / deviation
     weights = exp(-0.5 * steps * steps)

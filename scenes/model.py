@@ -130,7 +130,11 @@ class Camera:
 
 @dataclass
 class CameraAnimation:
-    """An animated camera of the file: times in milliseconds, positions (N, 3), quaternions x, y, z, w (N, 4)."""
+    """An animated camera of the file.
+
+    times: float64 (N), milliseconds, from 0. positions: float64 (N, 3), in scene units, relative to the scene's origin.
+    orientations: float64 (N, 4), quaternions x, y, z, w, camera to world.
+    """
 
     name: str
     times: Doubles

@@ -83,7 +83,8 @@ class LibraryMaterial:
         return max(self.material.base_texture, self.material.emissive_texture) >= 0
 
     def placed(self, uvs: Array) -> Doubles:
-        """The scene's texture coordinates (N, 2), v counted from a picture's upper edge, from those of the file."""
+        """The scene's texture coordinates, float64 (N, 2), v counted from a picture's upper edge, from those of the
+        file, float (N, 2)."""
         moved = uvs * np.array(self.lies.scale) + np.array(self.lies.offset)
         return np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)
 

@@ -68,6 +68,8 @@ def crease_normals(positions: Array, indices: Indices, welded: Indices) -> Doubl
 def tangents(positions: Array, normals: Array, uvs: Array, indices: Indices) -> Doubles:
     """Tangents (V, 4) along growing u, perpendicular to the normals; w is the sign of the bitangent.
 
+    positions, normals: float (V, 3), normals of length 1. uvs: float (V, 2). indices: int (T, 3).
+
     The bitangent w * cross(normal, tangent) points up in the image, to falling v, as the glTF specification's tangents
     do (3.7.2.1 with 3.9.3: green is up and row 0 is v = 0).
     """
@@ -90,7 +92,7 @@ def tangents(positions: Array, normals: Array, uvs: Array, indices: Indices) -> 
 
 
 def perpendicular(normals: Array) -> Doubles:
-    """Some unit vector perpendicular to each normal (V, 3)."""
+    """float64 (V, 3): some unit vector perpendicular to each normal, float (V, 3)."""
     helper = np.where(np.abs(normals[:, :1]) < 0.9, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
     return _unit(np.cross(normals, helper), helper)
 

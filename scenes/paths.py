@@ -170,7 +170,7 @@ def _file(name: str) -> Path:
 
 
 def read_path(file: Path, origin: Doubles) -> Poses:
-    """Poses of a text file (see above) relative to `origin`, or PathError naming the file and the line."""
+    """Poses of a text file (see above) relative to `origin`, float64 (3), or PathError naming the file and the line."""
     rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw")
     table = np.array([row for _, row in rows])
     lengths = np.linalg.norm(table[:, 4:], axis=1)

@@ -57,17 +57,18 @@ class Element:
         return next((names for names in choices if there.issuperset(names)), None)
 
     def columns(self, *choices: tuple[str, ...]) -> Array | None:
-        """The properties of the first choice of which all are there, side by side (rows, names)."""
+        """The properties of the first choice of which all are there, as `stacked` gives them."""
         names = self.chosen(*choices)
         return None if names is None else self.stacked(names)
 
     def stacked(self, names: tuple[str, ...]) -> Array:
-        """Properties that are there, side by side (rows, names)."""
+        """Properties that are there, side by side (rows, names), of any numbers: of a type that holds them all."""
         self.used.update(names)
         return np.stack([self.values[name] for name in names], axis=1)
 
     def list(self, *names: str) -> tuple[Array, Indices] | None:
-        """Values and lengths of the first of these lists that is there."""
+        """Values, of any numbers, one list after the other, and lengths, int64 (rows), of the first of these that is
+        there."""
         for name in names:
             if name in self.lengths:
                 self.used.add(name)

@@ -75,7 +75,8 @@ def _areas(points: Array, triangles: Indices) -> Array:
 
 
 def vertex_numbers(values: Array) -> Longs:
-    """Numbers of vertices as a file has them, of any type, as int64; raises ValueError where one is no whole number."""
+    """Numbers of vertices as a file has them, (C) of any numbers, as int64; raises ValueError where one is no whole
+    number."""
     if values.dtype.kind == "f":
         broken = np.flatnonzero(~(np.isfinite(values) & (np.floor(values) == values)))
         if broken.size:
@@ -85,7 +86,10 @@ def vertex_numbers(values: Array) -> Longs:
 
 
 def usable_polygons(corners: Indices, counts: Indices, vertices: int, raw: RawScene) -> Bools:
-    """Polygons, bool (P), of three corners or more that all refer to one of so many vertices; the others are noted."""
+    """Polygons, bool (P), of three corners or more that all refer to one of so many vertices; the others are noted.
+
+    corners: int64 (C), the vertices of all polygons, one polygon after the other. counts: int64 (P), corners of each.
+    """
     full = counts >= 3
     raw.note("Faces of fewer than three corners, dropped: {}.", np.count_nonzero(~full))
     missing = np.concatenate([[0], np.cumsum((corners < 0) | (corners >= vertices))])
@@ -108,7 +112,7 @@ def distinct(columns: Sequence[Indices]) -> tuple[Indices, Indices]:
 
 
 def triangulate(points: Array) -> list[tuple[int, int, int]]:
-    """Corners of N - 2 triangles that cover a simple, possibly concave polygon (N, 3), by clipping ears.
+    """Corners of N - 2 triangles that cover a simple, possibly concave polygon, float (N, 3), by clipping ears.
 
     The polygon's own turning sense is kept. Corners that no ear can be clipped from (crossing edges, no area) end in a
     fan, and so do polygons of more than 256 corners; every polygon gets its N - 2 triangles.

@@ -33,7 +33,7 @@ def rotate(q: ArrayLike, v: Doubles) -> Doubles:
 
 
 def about(axis: int, radians: Doubles | float) -> Doubles:
-    """Rotations (..., 4) about coordinate axis 0, 1 or 2, counter-clockwise as seen from its tip."""
+    """Rotations (..., 4) by radians (...) about coordinate axis 0, 1 or 2, counter-clockwise as seen from its tip."""
     half = np.asarray(radians, np.float64) / 2
     out = np.zeros((*half.shape, 4))
     out[..., axis], out[..., 3] = sin_cos(half)
@@ -69,7 +69,7 @@ def from_matrix(m: Doubles) -> Doubles:
 
 
 def upright(q: Doubles) -> Doubles:
-    """The same rotations with w >= 0."""
+    """The same rotations (..., 4) with w >= 0."""
     return np.where(q[..., 3:] < 0, -q, q)
 
 

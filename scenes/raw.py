@@ -33,7 +33,7 @@ class Part:
     further_uvs: tuple[Array | None, ...] = ()
 
     def taking(self, vertices: Indices, indices: Indices) -> Part:
-        """The part with only these vertices (any index array, repeats allowed) and these triangles of them."""
+        """The part with only these vertices, int (n), repeats allowed, and triangles of them, indices int (T, 3)."""
 
         def of(attribute: Array | None) -> Array | None:
             return None if attribute is None else attribute[vertices]

@@ -117,7 +117,8 @@ def _wear(roughness: Array, metal: Array | float = 1.0) -> Bytes:
 
 
 def normal_map(height: Array, metres_per_texel: float) -> Bytes:
-    """A tangent-space normal map of a seamless height field (H, W) in metres; green points up in the image."""
+    """A tangent-space normal map, uint8 (H, W, 4), linear, of a seamless height field, float (H, W), in metres; green
+    points up in the image."""
     du = (np.roll(height, -1, 1) - np.roll(height, 1, 1)) / (2 * metres_per_texel)
     dv = (np.roll(height, -1, 0) - np.roll(height, 1, 0)) / (2 * metres_per_texel)
     length = np.sqrt(du * du + dv * dv + 1)
@@ -141,7 +142,7 @@ def _wall(size: int, columns: int, rows: int, joint: float, shift: float) -> tup
 
 
 def brick(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
-    """A brick wall of 8 x 24 bricks (for a tile of 2 m) and its normal map."""
+    """A brick wall of 8 x 24 bricks (for a tile of 2 m) and its normal map; uint8 (size, size, 4) each."""
     rng = generator(seed, "brick")
     stone, inside = _wall(size, 8, 24, 0.14, 0.5)
     grain = fractal(size, rng, 0.7)
@@ -152,7 +153,7 @@ def brick(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
 
 
 def tiles(seed: int, count: int = 4, size: int = 512) -> Bytes:
-    """Square tiles, some darker, for a tile of 1.2 m."""
+    """Square tiles, some darker, for a tile of 1.2 m; uint8 (size, size, 4)."""
     rng = generator(seed, "tiles")
     stone, inside = _wall(size, count, count, 0.03, 0.0)
     grain = fractal(size, rng, 1.0)
@@ -165,7 +166,8 @@ def tiles(seed: int, count: int = 4, size: int = 512) -> Bytes:
 
 
 def tile_wear(seed: int, count: int = 4, size: int = 256) -> Bytes:
-    """Roughness of `tiles` under a sealing coat: smears, scuffs, some tiles worn more than others, matt joints."""
+    """Roughness of `tiles` under a sealing coat: smears, scuffs, some tiles worn more than others, matt joints; linear,
+    uint8 (size, size, 4)."""
     rng = generator(seed, "tile wear")
     stone, inside = _wall(size, count, count, 0.03, 0.0)
     smear, scuff = fractal(size, rng, 1.3), fractal(size, rng, 0.6, (0.05, 1))
@@ -175,7 +177,7 @@ def tile_wear(seed: int, count: int = 4, size: int = 256) -> Bytes:
 
 
 def concrete(seed: int, size: int = 512) -> Bytes:
-    """Grey concrete with pores and stains."""
+    """Grey concrete with pores and stains; uint8 (size, size, 4)."""
     rng = generator(seed, "concrete")
     grain, stain = fractal(size, rng, 0.6), fractal(size, rng, 1.6)
     pores = rng.random((size, size), np.float32) > 0.992
@@ -184,7 +186,7 @@ def concrete(seed: int, size: int = 512) -> Bytes:
 
 
 def paint(seed: int, size: int = 512) -> Bytes:
-    """Near-white painted metal with scratches and grime, to be tinted."""
+    """Near-white painted metal with scratches and grime, to be tinted; uint8 (size, size, 4)."""
     rng = generator(seed, "paint")
     grain = fractal(size, rng, 0.9)
     scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
@@ -193,7 +195,8 @@ def paint(seed: int, size: int = 512) -> Bytes:
 
 
 def paint_wear(seed: int, size: int = 512) -> Bytes:
-    """Roughness of `paint` of a size, at half of it: gloss where it is sound, dull scratches and grime."""
+    """Roughness of `paint` of a size, at half of it: gloss where it is sound, dull scratches and grime; linear, uint8
+    (size / 2, size / 2, 4)."""
     rng = generator(seed, "paint")
     grain = fractal(size, rng, 0.9)
     scratch = np.clip(fractal(size, rng, 0.5, (0.03, 1)) * 3 - 2.2, 0, 1)
@@ -203,7 +206,8 @@ def paint_wear(seed: int, size: int = 512) -> Bytes:
 
 
 def metal_wear(seed: int, size: int = 256) -> Bytes:
-    """Roughness and metalness of brushed metal plates: fine lines, and dull oxide in patches."""
+    """Roughness and metalness of brushed metal plates: fine lines, and dull oxide in patches; linear, uint8
+    (size, size, 4)."""
     rng = generator(seed, "metal wear")
     brushed, patches = fractal(size, rng, 0.5, (0.05, 1)), fractal(size, rng, 1.4)
     oxide = np.clip(patches * 3 - 2, 0, 1)
@@ -211,7 +215,7 @@ def metal_wear(seed: int, size: int = 256) -> Bytes:
 
 
 def rivets(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
-    """Metal plates, 2 x 2 in a tile of 2 m, with rows of rivets, and their normal map."""
+    """Metal plates, 2 x 2 in a tile of 2 m, with rows of rivets, and their normal map; uint8 (size, size, 4) each."""
     rng = generator(seed, "rivets")
     plate, inside = _wall(size, 2, 2, 0.01, 0.0)
     x, y = _coordinates(size)
@@ -227,7 +231,7 @@ def rivets(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
 
 
 def tread(seed: int, size: int = 512) -> Bytes:
-    """Tread plate: short raised bars in alternating directions."""
+    """Tread plate: short raised bars in alternating directions; uint8 (size, size, 4)."""
     rng = generator(seed, "tread")
     x, y = _coordinates(size)
     u, v = (x + y) * 12, (x - y) * 12
@@ -240,7 +244,7 @@ def tread(seed: int, size: int = 512) -> Bytes:
 
 
 def stripes(seed: int, size: int = 256) -> Bytes:
-    """Yellow and black diagonal hazard stripes."""
+    """Yellow and black diagonal hazard stripes; uint8 (size, size, 4)."""
     x, y = _coordinates(size)
     yellow = (((x + y) * 4) % 1 < 0.5).astype(np.float32)
     grain = fractal(size, generator(seed, "stripes"), 0.9)
@@ -248,7 +252,7 @@ def stripes(seed: int, size: int = 256) -> Bytes:
 
 
 def ruler(size: int = 512) -> Bytes:
-    """A calibration board: checkers of three sizes, rings and a ruler along the lower edge."""
+    """A calibration board: checkers of three sizes, rings and a ruler along the lower edge; uint8 (size, size, 4)."""
     x, y = _coordinates(size)
     checks = np.where(x < 0.5, 8, 32)
     checks = np.where(y < 0.5, checks, np.where(x < 0.5, 64, 16))
@@ -313,7 +317,7 @@ def sign_cell(index: int) -> tuple[float, float, float, float]:
 
 
 def signs(boards: Boards = SIGNS) -> Bytes:
-    """Sixteen square signs with text, 4 x 4 in 1024 x 1024 texels."""
+    """Sixteen square signs with text, 4 x 4 in a texture; uint8 (1024, 1024, 4)."""
     out = np.empty((1024, 1024, 3), np.float32)
     for index, (lines, colours) in enumerate(boards):
         ground, ink = INKS[colours]
@@ -329,7 +333,7 @@ def signs(boards: Boards = SIGNS) -> Bytes:
 
 
 def screen(seed: int, size: int = 512) -> Bytes:
-    """A monitor: lines of text, a curve on a grid and bars."""
+    """A monitor: lines of text, a curve on a grid and bars; uint8 (size, size, 4)."""
     rng = generator(seed, "screen")
     letters = list("ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789     -.:")
     lines = ["".join(rng.choice(letters, 20)) for _ in range(26)]
@@ -351,7 +355,7 @@ def screen(seed: int, size: int = 512) -> Bytes:
 
 
 def planks(seed: int, count: int = 8, size: int = 512) -> Bytes:
-    """Boards along v with wood grain, knots and gaps, `count` across."""
+    """Boards along v with wood grain, knots and gaps, `count` across; uint8 (size, size, 4)."""
     rng = generator(seed, "planks")
     x, _ = _coordinates(size)
     board = np.floor(x * count).astype(np.int32) % count
@@ -365,7 +369,7 @@ def planks(seed: int, count: int = 8, size: int = 512) -> Bytes:
 
 
 def cardboard(seed: int, size: int = 256) -> Bytes:
-    """Corrugated cardboard."""
+    """Corrugated cardboard; uint8 (size, size, 4)."""
     rng = generator(seed, "cardboard")
     x, _ = _coordinates(size)
     ridge = 0.5 + 0.5 * sin(x * 2 * np.pi * 64)
@@ -393,7 +397,7 @@ def _cells(size: int, count: int, rng: draws.Generator) -> tuple[Array, Array, I
 
 
 def cobbles(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
-    """Rounded field stones in mortar (a tile of 2 m holds 9 x 9) and their normal map."""
+    """Rounded field stones in mortar (a tile of 2 m holds 9 x 9) and their normal map; uint8 (size, size, 4) each."""
     rng = generator(seed, "cobbles")
     near, second, index = _cells(size, 9, rng)
     dome = np.clip((second - near) / 0.35, 0, 1)
@@ -404,8 +408,10 @@ def cobbles(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
 
 
 def paving(seed: int, size: int = 512) -> tuple[Bytes, Bytes, Bytes]:
-    """Trodden cobbles after rain: colours, normal map and roughness. Stones are polished; in wet patches they are dark
-    and water stands in the joints, level."""
+    """Trodden cobbles after rain: colours, normal map and roughness, uint8 (size, size, 4) each.
+
+    Stones are polished; in wet patches they are dark and water stands in the joints, level.
+    """
     colour, _ = cobbles(seed, size)
     rng = generator(seed, "cobbles")
     near, second, index = _cells(size, 9, rng)
@@ -421,7 +427,10 @@ def paving(seed: int, size: int = 512) -> tuple[Bytes, Bytes, Bytes]:
 
 
 def mud(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
-    """Trodden earth after rain: colours and roughness. Where it is damp it is dark, and in the middle stands water."""
+    """Trodden earth after rain: colours and roughness, uint8 (size, size, 4) each.
+
+    Where it is damp it is dark, and in the middle stands water.
+    """
     earth = dirt(seed, size)[..., :3].astype(np.float32) / 255
     depth = fractal(size, generator(seed, "rain on earth"), 1.6)
     damp, water = np.clip(depth * 5 - 2.6, 0, 1), np.clip(depth * 12 - 8.4, 0, 1)
@@ -430,7 +439,7 @@ def mud(seed: int, size: int = 512) -> tuple[Bytes, Bytes]:
 
 
 def grass(seed: int, size: int = 512) -> Bytes:
-    """Meadow from above: short strokes in many greens."""
+    """Meadow from above: short strokes in many greens; uint8 (size, size, 4)."""
     rng = generator(seed, "grass")
     blades = fractal(size, rng, 0.45, (0.35, 1)) * 0.5 + fractal(size, rng, 0.45, (1, 0.35)) * 0.5
     patches = fractal(size, rng, 1.3)
@@ -441,7 +450,7 @@ def grass(seed: int, size: int = 512) -> Bytes:
 
 
 def dirt(seed: int, size: int = 512) -> Bytes:
-    """Trodden earth with pebbles."""
+    """Trodden earth with pebbles; uint8 (size, size, 4)."""
     rng = generator(seed, "dirt")
     near, _, index = (np.tile(part, (2, 2)) for part in _cells(size // 2, 12, rng))
     pebble = (near < 0.24) * (rng.random(144, np.float32)[index] > 0.55)
@@ -451,7 +460,7 @@ def dirt(seed: int, size: int = 512) -> Bytes:
 
 
 def bark(seed: int, size: int = 512) -> Bytes:
-    """Furrowed bark along v."""
+    """Furrowed bark along v; uint8 (size, size, 4)."""
     rng = generator(seed, "bark")
     ridge = np.abs(fractal(size, rng, 0.9, (0.25, 1.5)) - 0.5) * 3
     grain = fractal(size, rng, 0.5)
@@ -459,7 +468,8 @@ def bark(seed: int, size: int = 512) -> Bytes:
 
 
 def shingle(seed: int, size: int = 512) -> Bytes:
-    """Split wood for shingles, weathered grey, grain along v; uneven dark lower edges every eighth."""
+    """Split wood for shingles, weathered grey, grain along v; uneven dark lower edges every eighth; uint8
+    (size, size, 4)."""
     rng = generator(seed, "shingle")
     _, y = _coordinates(size)
     grain = fractal(size, rng, 0.5, (0.04, 1))
@@ -470,7 +480,7 @@ def shingle(seed: int, size: int = 512) -> Bytes:
 
 
 def plaster(seed: int, size: int = 512) -> Bytes:
-    """Lime plaster over daub, with straw and cracks."""
+    """Lime plaster over daub, with straw and cracks; uint8 (size, size, 4)."""
     rng = generator(seed, "plaster")
     stain, grain = fractal(size, rng, 1.3), fractal(size, rng, 0.5)
     crack = np.clip(1 - np.abs(fractal(size, rng, 1.1) - 0.5) * 90, 0, 1)
@@ -480,7 +490,7 @@ def plaster(seed: int, size: int = 512) -> Bytes:
 
 
 def cloth(size: int = 256) -> Bytes:
-    """Woven stripes of red and cream."""
+    """Woven stripes of red and cream; uint8 (size, size, 4)."""
     x, y = _coordinates(size)
     stripe = ((x * 8) % 1 < 0.5).astype(np.float32) * np.ones_like(y)
     weave = 0.85 + 0.15 * (sin(x * 2 * np.pi * 64) * sin(y * 2 * np.pi * 64) > 0)
@@ -521,7 +531,7 @@ def _stamped(size: int, leaves: list[_Leaf], ground: ArrayLike) -> Bytes:
 
 
 def leaves(seed: int, size: int = 512) -> Bytes:
-    """A twig full of leaves, cut out by alpha."""
+    """A twig full of leaves, cut out by alpha; uint8 (size, size, 4)."""
     rng = generator(seed, "leaves")
     stamps = [_Leaf(0.5, 0.62, np.pi / 2, 0.7, 0.03, (0.25, 0.19, 0.12))]
     for _ in range(150):
@@ -532,7 +542,7 @@ def leaves(seed: int, size: int = 512) -> Bytes:
 
 
 def needles(seed: int, size: int = 512) -> Bytes:
-    """A fir branch pointing down in the image, cut out by alpha."""
+    """A fir branch pointing down in the image, cut out by alpha; uint8 (size, size, 4)."""
     rng = generator(seed, "needles")
     stamps = []
     for k in range(130):
@@ -548,7 +558,7 @@ def needles(seed: int, size: int = 512) -> Bytes:
 
 
 def blades(seed: int, size: int = 512) -> Bytes:
-    """A tuft of grass blades growing from the lower edge, cut out by alpha."""
+    """A tuft of grass blades growing from the lower edge, cut out by alpha; uint8 (size, size, 4)."""
     rng = generator(seed, "blades")
     x = (np.arange(size, dtype=np.float32) + 0.5) / size
     colour = np.broadcast_to(np.array((0.30, 0.38, 0.14), np.float32), (size, size, 3)).copy()

@@ -38,7 +38,7 @@ class TextLines:
         return self.text[self.starts[number] : self.ends[number]]
 
     def joined(self, lines: Indices, keyword: int = 0) -> bytes:
-        """The text of some lines (rising numbers), each without the first `keyword` bytes of its first word."""
+        """The text of some lines, int (n), rising, each without the first `keyword` bytes of its first word."""
         if not len(lines):
             return b""
         leads = np.diff(lines, prepend=lines[0] - 2) != 1  # of runs of neighbouring lines
@@ -57,7 +57,8 @@ class TextLines:
 
 
 def numbers(text: bytes, count: int, dtype: type[_Number]) -> NDArray[_Number]:
-    """The `count` numbers of a text of nothing else, (count); raises ValueError, naming the first word that is none."""
+    """The `count` numbers of a text of nothing else, float64 or int64 (count); raises ValueError, naming the first word
+    that is none."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", DeprecationWarning)  # what NumPy before 2.4 says instead of raising

@@ -9,7 +9,7 @@ from shading_atlas_bench.arithmetic.matrices import cofactors, dot
 
 
 def compose(translation: Array, rotation: Array, scale: Array) -> Doubles:
-    """Matrices (N, 4, 4) from translations (N, 3), quaternions (N, 4) x, y, z, w and scales (N, 3)."""
+    """Matrices (N, 4, 4), float64, from translations (N, 3), quaternions (N, 4) x, y, z, w and scales (N, 3)."""
     rotation = rotation.astype(np.float64)
     length = np.linalg.norm(rotation, axis=1, keepdims=True)
     x, y, z, w = (rotation / np.where(length > 0, length, 1)).T

@@ -107,7 +107,8 @@ def _halves(triangles: Floats, edges: Doubles) -> Floats:
 
 
 def carries(scene: Scene, ids: Indices) -> Bools:
-    """Whether triangles (N ids) carry a person: not steep ones, and not leaves and grass, which are alpha-masked."""
+    """Whether triangles carry a person, bool (N) for ids int (N): not steep ones, and not leaves and grass, which are
+    alpha-masked."""
     corners = scene.positions[scene.indices[ids]]
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     level = np.abs(normals[:, 1]) > 0.7 * np.linalg.norm(normals, axis=1)

@@ -85,7 +85,10 @@ def powers(first: int, last: int) -> Magnitudes:
 def grid(
     corner: ArrayLike, along_u: ArrayLike, along_v: ArrayLike, columns: int, rows: int, bump: float = 0.0
 ) -> Doubles:
-    """Corners, float64 (T, 3, 3), of a parallelogram of columns x rows pairs of triangles, bent by up to `bump`."""
+    """Corners, float64 (T, 3, 3), of a parallelogram of columns x rows pairs of triangles, bent by up to `bump`.
+
+    corner, along_u, along_v: (3), the corner at both sides' start, and the sides.
+    """
     v, u = np.meshgrid(np.linspace(0, 1, rows + 1), np.linspace(0, 1, columns + 1), indexing="ij")
     right, up = np.asarray(along_u, np.float64), np.asarray(along_v, np.float64)
     normal = np.cross(right, up) / np.linalg.norm(np.cross(right, up), axis=-1)
@@ -97,7 +100,10 @@ def grid(
 
 
 def room() -> Doubles:
-    """6 x 3 x 6 units around the origin: a floor of two triangles, bumpy walls, loose triangles, a few slivers."""
+    """6 x 3 x 6 units around the origin: a floor of two triangles, bumpy walls, loose triangles, a few slivers.
+
+    Their corners, float64 (T, 3, 3).
+    """
     rng = draws.generator(7)
     x, y, z = np.diag([6.0, 3.0, 6.0])
     low = -(x + y + z) / 2
@@ -108,7 +114,7 @@ def room() -> Doubles:
 
 
 def backdrop(distance: float = 4.0) -> Doubles:
-    """A wall of 32 triangles across the view."""
+    """A wall of triangles across the view: their corners, float64 (32, 3, 3)."""
     reach = distance * 0.9
     return grid((-reach, -reach, -distance), (2 * reach, 0, 0), (0, 2 * reach, 0), 4, 4)
 
@@ -121,7 +127,8 @@ def scene_of(
     materials: Sequence[Material] = (DOUBLE,),
     poison: Callable[[RawScene], None] | None = None,
 ) -> Scene:
-    """A scene as a file with these corners, (T, 3, 3), would give: scaled, moved, then loaded, all in float64.
+    """A scene as a file with these corners, (T, 3, 3), would give: scaled, moved by offset, (3), then loaded, all in
+    float64.
 
     poison: is given the raw scene before it is loaded.
     """
@@ -158,7 +165,7 @@ def as_they_are(corners: Doubles) -> Scene:
 
 
 def walk(scene: Scene, count: int = 2, offset: ArrayLike = (0, 0, 0), scale: float = 1.0) -> tuple[Pose, ...]:
-    """Poses in the room: 3 cm and 2 degrees a step."""
+    """Poses in the room at `offset`, (3), and `scale`, as for `scene_of`: 3 cm and 2 degrees a step."""
     poses = []
     for step in range(count):
         half = np.radians(2 * step) / 2
@@ -173,13 +180,13 @@ def still(scene: Scene, count: int = 2) -> tuple[Pose, ...]:
 
 
 def seen_from_origin(corners: Doubles, atlas: tuple[int, int] = (256, 256)) -> TrialCase:
-    """A case of a scene seen from the file's origin along -z."""
+    """A case of a scene of these corners, (T, 3, 3), seen from the file's origin along -z."""
     scene = scene_of(corners)
     return TrialCase(scene, still(scene), atlas=atlas)
 
 
 def facing(centres: Doubles, radius: Doubles | float) -> Doubles:
-    """Equilateral triangles (n, 3, 3) that face +z, at centres (n, 3), each turned otherwise."""
+    """Equilateral triangles (n, 3, 3) that face +z, at centres (n, 3), each turned otherwise; radius: one, or (n)."""
     turn = np.arange(len(centres))[:, None] * 2.4 + np.arange(3) * 2 * np.pi / 3
     spokes = np.stack([cos(turn), sin(turn), np.zeros_like(turn)], axis=-1)
     corners: Doubles = centres[:, None] + spokes * np.broadcast_to(radius, len(centres))[:, None, None]
@@ -458,7 +465,8 @@ SHARES = (1e-3, 1e-2, 0.1, 0.3, 0.6, 1.0)
 
 
 def poisoned(array: Array, share: float) -> Doubles:
-    """Some rows of an array as float64 with NaN, infinity and minus infinity in turn; one at least."""
+    """The array (n, ..., k), of any numbers, as float64 with NaN, infinity or minus infinity, in turn, at 0 of the last
+    axis of some rows; one row at least."""
     numbers = np.array(array, np.float64)
     rows = draws.generator(5).permutation(len(numbers))[: max(1, round(share * len(numbers)))]
     numbers[rows, ..., 0] = np.resize([np.nan, np.inf, -np.inf], len(rows)).reshape(-1, *[1] * (numbers.ndim - 2))

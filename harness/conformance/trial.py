@@ -74,7 +74,7 @@ class TrialCase:
     """A scene and the frames to pack of it; lengths in scene units, angles in degrees.
 
     poses: the server's, a frame each. ahead: the client's, each inside its frame's cell; beside the server's if empty.
-    near: distance of the near plane. sets: int32 triangle ids of each frame, ascending; all triangles if empty.
+    near: distance of the near plane. sets: int32 (n), triangle ids of each frame, ascending; all if empty.
     exact: whether there is a float64 picture to compare with (not for masked or blended surfaces).
     """
 
@@ -168,7 +168,7 @@ class Stage:
 
     @cached_property
     def reference(self) -> Bytes:
-        """(h, w, 3): what the last frame's client view should show; float64 where there is such a picture."""
+        """uint8 (h, w, 3): what the last frame's client view should show; float64 where there is such a picture."""
         if self.last is not None:
             return self.last.rgb
         shown: Bytes = self.forward.draw(self.views[-1], self.frames[-1].server.eye)[0].rgb.get()[..., :3]
@@ -188,7 +188,7 @@ class Stage:
         return flip
 
     def error(self, rgb: Array) -> float:
-        """Mean FLIP of a device picture against what the last frame should show."""
+        """Mean FLIP of a picture, uint8 (h, w, 4), on the device, against what the last frame should show."""
         self._flip.compare(rgb)
         return self._flip.mean()
 
@@ -213,7 +213,7 @@ def beside(pose: Pose, cell: ViewCell, fov: float) -> Pose:
 
 
 class TrialError(Exception):
-    """A check did not hold: the status, a sentence, and the pictures that show it."""
+    """A check did not hold: the status, a sentence, and the pictures that show it, as in Finding."""
 
     def __init__(self, status: str, sentence: str, pictures: dict[str, Bytes] | None = None) -> None:
         super().__init__(sentence)
@@ -418,7 +418,7 @@ def _ids_and_coverage(image: Image) -> tuple[Ints | None, Bools]:
 
 
 def pictures_of(stage: Stage, index: int, payload: Payload, client: Client) -> dict[str, Bytes]:
-    """What shows a failure: what the client draws, what it should draw, and the atlas."""
+    """What shows a failure, by name, uint8 (h, w, 3): what the client draws, what it should draw, and the atlas."""
     view, eye = stage.views[index], stage.frames[index].server.eye
     pictures = {"reference": stage.forward.draw(view, eye)[0].rgb.get()[..., :3]}
     try:

@@ -86,8 +86,8 @@ def errors_of(results: list[Result]) -> Row:
 
 
 def last_places(values: Doubles) -> Doubles:
-    """Units of the last place of float32, float64 (n): of each value, but of at least 2^-10 of the largest, because
-    what cancels to nothing has no digits of its own."""
+    """Units of the last place of float32, float64 (n): of each of values (n), but of at least 2^-10 of the largest,
+    because what cancels to nothing has no digits of its own."""
     size = np.abs(values)
     largest = size[np.isfinite(size)].max(initial=0.0)
     size = np.clip(size, 2.0**-10 * largest, 2.0**127)

@@ -60,7 +60,7 @@ class Picture:
 
     @cached_property
     def rgb(self) -> Bytes:
-        """Without alpha, contiguous."""
+        """uint8 (H, W, 3), without alpha, contiguous."""
         return np.ascontiguousarray(self.pixels[..., :3])
 
     @cached_property
@@ -81,9 +81,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class EncodedFrame:
-    """One frame's bytes on the wire, what the client sees (uint8 (H, W, 3), None unless asked), and milliseconds of one
-    processor core: coders use one thread each, so that what runs beside them is not counted.
+    """One frame's bytes on the wire, what the client sees, and milliseconds of one processor core: coders use one
+    thread each, so that what runs beside them is not counted.
 
+    decoded: uint8 (H, W, 3), None unless asked.
     clocked_ms: by a clock around all that was done for the frame, preparing the picture and checks included.
     """
 
@@ -95,7 +96,7 @@ class EncodedFrame:
 
     @property
     def shown(self) -> Bytes:
-        """What the client sees. Raises CodecError for a frame of a stream that does not decode."""
+        """What the client sees, uint8 (H, W, 3). Raises CodecError for a frame of a stream that does not decode."""
         if self.decoded is None:
             raise CodecError("A frame is shown that was not decoded: open its stream with decode=True.")
         return self.decoded

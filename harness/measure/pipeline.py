@@ -90,6 +90,7 @@ class Clocked:
 class Filled:
     """A frame's planes on the host, by name: as packed, and for a video codec with unowned texels filled.
 
+    planes, filled: uint8 (H, W, 4) each, as in Payload.
     read_ms: host time of reading the first back; fill_ms: of filling the second and reading them back.
     """
 
@@ -150,7 +151,11 @@ class Sent:
 
 @dataclass
 class Measured:
-    """What one frame of one method gives to the store, to the report's pictures and to `--dump`."""
+    """What one frame of one method gives to the store, to the report's pictures and to `--dump`.
+
+    pictures: uint8 (h, w, 3), by name. lossless: as in Drawn. plane, alpha: uint8 (H, W, 4), the first plane as
+    packed and that of opacities, None where there is none. details: see Packer.details.
+    """
 
     rows: list[dict[str, Any]]
     stages: list[tuple[str, float, int]]
@@ -361,7 +366,8 @@ class Pipeline:
         return {LOSSLESS: self.lossless} | ({self.display_key: self.displayed} if self.displayed else {})
 
     def remember(self, owners: Owners | None, planes: dict[str, Bytes]) -> dict[str, float | None]:
-        """Fill and coherence of the frame's atlas; it is remembered for the next frame."""
+        """Fill and coherence of the frame's atlas, the first of planes uint8 (H, W, 4); it is remembered for the next
+        frame."""
         if owners is None or not planes:
             return {}
         plane = next(iter(planes.values()))

@@ -703,5 +703,5 @@ def _turns(count: int, budget: int | None) -> int:
 
 
 def first_few(values: Whole) -> tuple[int, ...]:
-    """The offenders that a `Violation` names, of all."""
+    """The offenders that a `Violation` names, of all, int (n)."""
     return tuple(int(value) for value in values[:FIRST])

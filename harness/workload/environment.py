@@ -32,7 +32,8 @@ def standpoint(scene: Scene) -> Doubles | None:
 
 
 def cached_environment_map(device: Device, scene: Scene, draw: Callable[[], Floats]) -> Floats:
-    """What `draw` gives for a scene, from the cache where it was drawn before; without a hash it is not cached."""
+    """What `draw` gives for a scene, a map as from `environment_map`, from the cache where it was drawn before; without
+    a hash it is not cached."""
     if not scene.content_hash:
         return draw()
     told = {name: repr(getattr(scene, name)) for name in ("place", "route", "cameras", "sky", "exposure")}

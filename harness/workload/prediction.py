@@ -37,7 +37,7 @@ def _filter(times: Doubles, values: Doubles, acceleration: float, tracking: floa
 
 
 def predict(times_ms: Doubles, poses: list[Pose], ahead_ms: list[float], metres_per_unit: float) -> list[Pose]:
-    """Poses expected `ahead_ms` milliseconds after the last of `poses`, from the last 30 of them.
+    """Poses expected `ahead_ms` milliseconds after the last of `poses`, at times_ms (n), from the last 30 of them.
 
     Rotations are filtered as rotation vectors relative to the last pose, so they stay small.
     """

@@ -19,7 +19,11 @@ ONE_VIEW = 4  # times the client's pixels, which one view of a cell may have, ho
 
 @dataclass(frozen=True)
 class Pose:
-    """Where a camera is: origin-relative position, float64 (3), and camera-to-world quaternion x, y, z, w."""
+    """Where a camera is.
+
+    position: float64 (3), origin-relative, in scene units. orientation: float64 (4), quaternion x, y, z, w, camera to
+    world.
+    """
 
     position: Doubles
     orientation: Doubles
@@ -34,7 +38,7 @@ class ViewCell:
 
 
 def rotation(quaternion: Doubles) -> Doubles:
-    """The rotation matrix, float64 (3, 3), of a quaternion x, y, z, w of any positive length."""
+    """The rotation matrix, float64 (3, 3), of a quaternion (4), x, y, z, w, of any positive length."""
     x, y, z, w = np.asarray(quaternion, np.float64) / np.linalg.norm(quaternion, axis=-1)
     return np.array(
         [
@@ -46,25 +50,25 @@ def rotation(quaternion: Doubles) -> Doubles:
 
 
 def multiply(a: Doubles, b: Doubles) -> Doubles:
-    """The quaternion of rotation b followed by rotation a, both x, y, z, w."""
+    """The quaternion (4) of rotation b followed by rotation a, both (4), x, y, z, w."""
     av, aw, bv, bw = a[:3], a[3], b[:3], b[3]
     return np.append(aw * bv + bw * av + np.cross(av, bv), aw * bw - dot(av, bv))
 
 
 def conjugate(q: Doubles) -> Doubles:
-    """The inverse of a unit quaternion."""
+    """The inverse (4) of a unit quaternion (4), x, y, z, w."""
     return np.append(-q[:3], q[3])
 
 
 def rotation_vector(q: Doubles) -> Doubles:
-    """Axis times angle, radians, of a unit quaternion, the short way round."""
+    """Axis times angle, (3), in radians, of a unit quaternion (4), x, y, z, w, the short way round."""
     q = q if q[3] >= 0 else -q
     sine = np.linalg.norm(q[:3], axis=-1)
     return q[:3] * (2.0 if sine < 1e-12 else 2 * arctan2(sine, q[3]) / sine)
 
 
 def from_rotation_vector(v: Doubles) -> Doubles:
-    """The unit quaternion of axis times angle in radians."""
+    """The unit quaternion (4), x, y, z, w, of axis times angle, (3), in radians."""
     angle = np.linalg.norm(v, axis=-1)
     sine, cosine = sin_cos(angle / 2)
     return np.append(v * (0.5 if angle < 1e-12 else sine / angle), cosine)
@@ -79,7 +83,7 @@ def view_matrix(pose: Pose) -> Doubles:
 
 
 def projection_matrix(tan_x: float, tan_y: float, near: float) -> Doubles:
-    """Perspective with half-angle tangents tan_x and tan_y, reversed depth and an infinite far plane."""
+    """Perspective, float64 (4, 4), with half-angle tangents tan_x and tan_y, reversed depth, infinite far plane."""
     return np.array([[1 / tan_x, 0, 0, 0], [0, 1 / tan_y, 0, 0], [0, 0, 0, near], [0, 0, -1, 0]], np.float64)
 
 

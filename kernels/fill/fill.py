@@ -66,7 +66,8 @@ class Filler:
 
 
 def fill_twin(atlas: Bytes, before: Bytes | None) -> Bytes:
-    """The filled plane, uint8 (h, w, 4); `before` is the last filled plane with its alpha, None for the first frame."""
+    """The filled plane of `atlas`, uint8 (h, w, 4) both; before: the last filled plane with its alpha, (h, w, 4), None
+    for the first frame."""
     pyramid = [np.where(atlas[..., 3:] > 0, atlas, 0).astype(np.int64)]
     pyramid[0][..., 3] = pyramid[0][..., 3] > 0
     while len(pyramid) < 2 or pyramid[-1].shape[:2] != (1, 1):

@@ -34,7 +34,7 @@ def fragments_of(device: Device, kind: str, width: int) -> tuple[Triangles, Frag
 
 
 def host(fragments: Fragments) -> tuple[Ints, Ints, Floats, Ints]:
-    """Offsets, triangle, depth and pixel."""
+    """Offsets (pixels + 1), and triangle, depth and pixel (n) of every fragment, on the host."""
     n, samples = fragments.count, fragments.samples
     return fragments.offsets.get(), samples.triangle.get()[:n], fragments.depth.get()[:n], samples.texel.get()[:n]
 

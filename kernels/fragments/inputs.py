@@ -22,7 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Glass:
-    """A scene's materials and vertices, as Opacity reads them."""
+    """A scene's materials and vertices, as BlendedScene has them.
+
+    uvs: float32 (V, 2). colours: float32 (V, 4), linear. indices: int32 (T, 3). material_ids: int32 (T).
+    """
 
     uvs: Floats
     colours: Floats
@@ -52,7 +55,7 @@ class Glass:
 
 
 def glass_opacity(device: Device, rng: np.random.Generator, triangles: Triangles) -> tuple[Opacity, Ints]:
-    """What covers what in a scene of glass triangles, and the triangles' materials."""
+    """What covers what in a scene of glass triangles, and the triangles' materials, int32 (T)."""
     texels = rng.integers(0, 256, (32, 48, 4)).astype(np.uint8)
     images = [Texture(texels, wrap_s="mirror", wrap_t="clamp")]
     textures, glass = TextureBuffers.upload(device, images), Glass.of(rng, triangles, images)

@@ -51,7 +51,8 @@ class Layers:
     ) -> None:
         """Shade the fragments and blend them over `picture`, uint8 (h, w, 4), which shows the opaque triangles.
 
-        `visible.triangle` becomes the nearest triangle that is not wholly transparent there.
+        `visible.triangle` becomes the nearest triangle that is not wholly transparent there. eye: float64 (3), see
+        Shader.shade.
         """
         if not fragments.count:
             return
@@ -61,7 +62,10 @@ class Layers:
         blend_layers(self.device, fragments, colours, opacity, *seen, f"{stage}/blend")
 
     def mark(self, view: Doubles, projection: Doubles, width: int, height: int, flags: Array, stage: str) -> None:
-        """Set `flags`, uint8 (T), to 1 for every triangle that makes up 1/255 or more of a pixel; others stay."""
+        """Set `flags`, uint8 (T), to 1 for every triangle that makes up 1/255 or more of a pixel; others stay.
+
+        view, projection: float64 (4, 4), and sizes in pixels, as for Rasteriser.draw.
+        """
         visible, fragments = self.rasteriser.draw(view, projection, width, height, stage)
         opacity = self.opacity.of(fragments.samples, f"{stage}/opacity")
         lists = (fragments.pixels, fragments.offsets, fragments.samples.triangle, opacity, visible.triangle, flags)
@@ -72,8 +76,11 @@ class Layers:
 def mark_layers_twin(
     offsets: arrays.Array, triangle: arrays.Array, opacity: arrays.Array, opaque: arrays.Array, flags: Bytes
 ) -> Bytes:
-    """The flags after marking what contributes 1/255 or more: offsets (P + 1) into triangle and opacity (0..255),
-    nearest first; opaque (P), what is behind them, -1 for nothing."""
+    """The flags, uint8 (T), after marking what contributes 1/255 or more.
+
+    offsets: int (P + 1), into triangle, int (n), and opacity, int (n), 0..255, nearest first. opaque: int (P), what is
+    behind them, -1 for nothing.
+    """
     marked = flags.copy()
     for pixel, (first, end) in enumerate(itertools.pairwise(offsets)):
         through = 1.0

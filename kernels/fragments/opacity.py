@@ -103,6 +103,7 @@ def _surface_row(material: BlendedMaterial) -> Floats:
 class Opacity:
     """What a scene's fragments need: per material and per vertex, on the device and on the host.
 
+    indices: int32 (T, 3), vertices. faces: int32 (T, 2), see face_rows.
     surfaces: float32 (M, 4), alpha, texture (0: none), what blends it (0: nothing, 1: light that it lets through,
         2: its alpha), share of light kept from passing through.
     corners: float32 (V, 4), u, v and vertex alpha.

@@ -31,7 +31,8 @@ def rendering(height: int, width: int, seed: int = 0) -> Bytes:
 
 
 def damaged(image: Bytes, kind: str, seed: int = 0) -> Bytes:
-    """The picture with noise, blur, a shift, a wrong brightness, blocks of one colour, or one wrong pixel."""
+    """The picture, uint8 (h, w, 3), with noise, blur, a shift, a wrong brightness, blocks of one colour, or one wrong
+    pixel."""
     rng = np.random.default_rng(seed)
     values: Doubles = image.astype(np.float64)
     if kind == "noise":
@@ -54,7 +55,7 @@ KINDS = ("noise", "blur", "shift", "bright", "blocks", "pixel")
 
 
 def flat(height: int, width: int, colour: tuple[int, int, int]) -> Bytes:
-    """One colour everywhere."""
+    """One colour everywhere: uint8 (height, width, 3)."""
     return np.broadcast_to(np.array(colour, np.uint8), (height, width, 3)).copy()
 
 

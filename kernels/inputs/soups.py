@@ -18,7 +18,7 @@ FAR_EYE = np.array([1000.5, -20.25, 300.125])
 
 
 def look_at(eye: ArrayLike, target: ArrayLike, up: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> Doubles:
-    """A view matrix."""
+    """World to camera, float64 (4, 4), for a camera at `eye` (3) that looks at `target` (3)."""
     eye = np.asarray(eye, np.float64)
     back = eye - np.asarray(target, np.float64)
     back /= np.linalg.norm(back)
@@ -31,7 +31,7 @@ def look_at(eye: ArrayLike, target: ArrayLike, up: tuple[float, float, float] = 
 
 
 def perspective(fov_x: float = 90.0, aspect: float = 1.5, shift: tuple[float, float] = (0.0, 0.0)) -> Doubles:
-    """Reversed depth, infinite far plane, optionally off-centre."""
+    """Projection float64 (4, 4), reversed depth, infinite far plane, optionally off-centre; fov_x is in degrees."""
     projection = np.zeros((4, 4))
     projection[0, 0] = 1 / np.tan(np.radians(fov_x) / 2)
     projection[1, 1] = projection[0, 0] * aspect
@@ -42,14 +42,15 @@ def perspective(fov_x: float = 90.0, aspect: float = 1.5, shift: tuple[float, fl
 
 
 def orthographic(half_width: float, half_height: float, length: float) -> Doubles:
-    """Depth 1 at the camera, 0 at `length`."""
+    """Projection float64 (4, 4): depth 1 at the camera, 0 at `length`."""
     projection = np.diag([1 / half_width, 1 / half_height, 1 / length, 1.0])
     projection[2, 3] = 1
     return projection
 
 
 def pixel_points(pixels: ArrayLike, width: int, height: int, distance: float = 1.0) -> Doubles:
-    """Points that an identity view with perspective(90, width / height) projects to pixel positions (..., 2)."""
+    """Points, float64 (..., 3), that an identity view with perspective(90, width / height) projects to pixel positions
+    (..., 2)."""
     pixels = np.asarray(pixels, np.float64)
     tangent = np.stack([2 * pixels[..., 0] / width - 1, (1 - 2 * pixels[..., 1] / height) * height / width], axis=-1)
     points: Doubles = np.concatenate([tangent, np.full((*pixels.shape[:-1], 1), -1.0)], axis=-1) * distance
@@ -57,7 +58,7 @@ def pixel_points(pixels: ArrayLike, width: int, height: int, distance: float = 1
 
 
 def soup(device: Device, corners: ArrayLike, flags: ArrayLike = 0) -> Triangles:
-    """Triangles (T, 3, 3) that share no corners."""
+    """Triangles (T, 3, 3) that share no corners; flags: one for all, or (T)."""
     corners = np.asarray(corners, np.float32).reshape(-1, 3)
     indices = np.arange(len(corners), dtype=np.int32).reshape(-1, 3)
     return Triangles.upload(device, corners, indices, np.full(len(indices), flags, np.uint8))
@@ -86,7 +87,7 @@ def far_soup(rng: np.random.Generator, count: int = 400) -> Floats:
 
 
 def mixed_soup(rng: np.random.Generator, count: int, offset: float = 0.0) -> Floats:
-    """Triangles (n, 3, 3) of all sizes, ahead, beside and behind; slivers, points and equilateral ones among them."""
+    """Triangles float32 (n, 3, 3) of all sizes, ahead, beside, behind; slivers, points, equilateral ones among them."""
     middle = rng.normal(size=(count, 1, 3)) * [2, 1, 4] - [0, 0, 3]
     corners = middle + rng.normal(size=(count, 3, 3)) * 10.0 ** rng.uniform(-3, 0.7, (count, 1, 1))
     corners[::7, 2] = 0.5 * (corners[::7, 0] + corners[::7, 1]) + 1e-4 * corners[::7, 2]

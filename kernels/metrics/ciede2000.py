@@ -35,11 +35,11 @@ class Ciede2000:
         self.device.launch("metrics/delta_e", kernel, at.items, at.width, at.height, at.stride, *colour, *rest)
 
     def reference(self, image: Array) -> None:
-        """Take the picture that all others are compared with."""
+        """Take the picture that all others are compared with: uint8 (h, w, 4), sRGB."""
         self._launch(self.kernels.lab_planes, image, self.lab)
 
     def compare(self, test: Array) -> None:
-        """Start comparing `test`; `mean` gives what came out."""
+        """Start comparing `test`, uint8 (h, w, 4), sRGB; `mean` gives what came out."""
         self._launch(self.kernels.difference_sums, test, self.lab, self.partial)
 
     def mean(self) -> float:
@@ -60,7 +60,8 @@ def ciede2000(device: Device, a: arrays.Array, b: arrays.Array) -> Floats:
 
 
 def ciede2000_twin(a: Doubles, b: Doubles) -> Doubles:
-    """The difference of CIELAB colours, float64 (..., 3) each; hue angles in degrees as the standard writes them."""
+    """The difference, float64 (...), of CIELAB colours, float64 (..., 3) each; hue angles in degrees as the standard
+    writes them."""
     (l1, a1, b1), (l2, a2, b2) = np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)
 
     def weight(chroma: Doubles) -> Doubles:

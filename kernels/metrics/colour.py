@@ -28,7 +28,7 @@ def linear_values() -> Doubles:
 
 
 def lab_from_relative(xyz: Doubles) -> Doubles:
-    """CIELAB, float64 (..., 3), of XYZ relative to white."""
+    """CIELAB, float64 (..., 3), of XYZ relative to white, (..., 3)."""
     f = np.where(xyz > 216 / 24389, power(np.maximum(xyz, 0), 1 / 3), xyz * 841 / 108 + 4 / 29)
     return np.stack([116 * f[..., 1] - 16, 500 * (f[..., 0] - f[..., 1]), 200 * (f[..., 1] - f[..., 2])], axis=-1)
 
@@ -39,5 +39,5 @@ def lab_from_srgb(image: Bytes) -> Doubles:
 
 
 def luma(image: Bytes) -> Doubles:
-    """BT.601 luma of the sRGB values, float64 (h, w), 0..255, not rounded."""
+    """BT.601 luma, float64 (h, w), 0..255, not rounded, of the sRGB values of an image, uint8 (h, w, 3 or 4)."""
     return dot(image[..., :3], LUMA)

@@ -35,8 +35,10 @@ SENSITIVITY = {
 
 @dataclass(frozen=True)
 class Filters:
-    """The 1D filters of FLIP at a resolution; each array holds the taps from -radius to radius, float64.
+    """The 1D filters of FLIP at a resolution; each array holds the taps from -radius to radius, float64 (2 radius + 1).
 
+    luminance, red_green, yellow_1, yellow_2: of the contrast sensitivity of each channel, blue-yellow as two Gaussians.
+    smooth, edge, point: a Gaussian, and its first and second derivative, which find edges and points.
     yellow_share: of the first Gaussian in the blue-yellow filter. The filters of luminance and red-green are cut where
     they fall below 1e-7 of their centre.
     """
@@ -80,7 +82,7 @@ class Filters:
 
     @property
     def taps(self) -> Floats:
-        """All filters one after the other, float32, each between the zeros that `filtered_down` wants."""
+        """All filters one after the other, float32 (n), each between zeros, as from `padded_taps`."""
         whole = (self.luminance, self.red_green, self.yellow_1, self.yellow_2, self.smooth, self.edge, self.point)
         return np.concatenate([padded_taps(taps) for taps in whole])
 
@@ -144,11 +146,11 @@ class Flip:
         launch(stage, kernels.feature_columns, at.row_items(at.height), *size, *filtered, features)
 
     def reference(self, image: Array) -> None:
-        """Take the picture that all others are compared with."""
+        """Take the picture that all others are compared with: uint8 (h, w, 4), sRGB."""
         self._features(image, self.reference_features)
 
     def compare(self, test: Array) -> None:
-        """Start comparing `test`; `mean` and `error_map` give what came out."""
+        """Start comparing `test`, uint8 (h, w, 4), sRGB; `mean` and `error_map` give what came out."""
         self._features(test, self.test_features)
         at = self.layout
         features = (self.test_features, self.reference_features)

@@ -39,7 +39,8 @@ LEAST_EIGENVALUE = 1e-6  # of the largest; the covariance of flat pictures is si
 def enlarged_positions(count: int, parent: int) -> tuple[Ints, Doubles]:
     """Where the pixels 0..count-1 of a band lie in the coarser band of `parent` pixels, as the authors' program has it.
 
-    It enlarges to 4 parent - 3 pixels and takes every second one. Returns int32 pixels and float64 weights of the next.
+    It enlarges to 4 parent - 3 pixels and takes every second one. Returns pixels, int32 (count), and the weights of the
+    next ones, float64 (count).
     """
     at = (2 * np.arange(count) - 0.5) * parent / (4 * parent - 3) - 0.5
     at = np.clip(at, 0, parent - 1)
@@ -48,7 +49,7 @@ def enlarged_positions(count: int, parent: int) -> tuple[Ints, Doubles]:
 
 
 def decorrelation(covariance: Doubles) -> tuple[Doubles, Doubles]:
-    """Eigenvalues (n) and the matrix (n, n) that makes neighbourhoods of this covariance white, float64.
+    """Eigenvalues (n) and the matrix (n, n) that makes neighbourhoods of this covariance (n, n) white, float64.
 
     Negative eigenvalues become 0 with the trace kept; directions without variance are left out of the whitening.
     """
@@ -140,7 +141,10 @@ class IwSsim:
         return size
 
     def reference(self, image: Array) -> None:
-        """Take the picture that all others are compared with. Waits for the device (a small eigenproblem per scale)."""
+        """Take the picture that all others are compared with: uint8 (h, w, 4), sRGB.
+
+        Waits for the device (a small eigenproblem per scale).
+        """
         self._pyramid(image, [band.plane for band in self.bands])
         self.coarsest_reference, self.levels[-1] = self.levels[-1], self.coarsest_reference
         launch, kernels = self.device.launch, self.kernels
@@ -185,7 +189,7 @@ class IwSsim:
         self.device.launch("metrics/iwssim/neighbours", self.kernels.whitened_energy, items, *arguments)
 
     def compare(self, test: Array) -> None:
-        """Start comparing `test`; `score` gives what came out."""
+        """Start comparing `test`, uint8 (h, w, 4), sRGB; `score` gives what came out."""
         self._pyramid(test, [band.test for band in self.bands])
         for band in self.bands:
             size = self._window_rows(band, band.test, 1.0)
@@ -236,7 +240,8 @@ def _expanded(coarse: Doubles, shape: tuple[int, int]) -> Doubles:
 
 
 def bands_twin(image: Doubles) -> list[Doubles]:
-    """The four Laplacian bands, finest first, and the coarsest low-pass plane."""
+    """The four Laplacian bands of an image, float64 (h, w), finest first, and the coarsest low-pass plane: each half as
+    wide and high as the one before, rounded up."""
     bands = []
     for _ in range(SCALES - 1):
         coarse = _reduced(image)
@@ -258,7 +263,10 @@ def _neighbours_twin(band: Doubles, parent: Doubles | None) -> Doubles:
 
 
 def weights_twin(reference: Doubles, test: Doubles, parent: Doubles | None) -> Doubles:
-    """Information weights of a band, float64 (h - 2, w - 2); `parent` is the coarser band of the reference."""
+    """Information weights, float64 (h - 2, w - 2), of a band of `reference` and `test`, (h, w).
+
+    parent: the coarser band of the reference, None where it does not count.
+    """
     y = _neighbours_twin(reference, parent)
     eigenvalues, whiten = decorrelation(np.einsum("hwi,hwj->ij", y, y) / (y.shape[0] * y.shape[1]))
     energy = np.mean((y @ whiten.T) ** 2, axis=2)
@@ -276,7 +284,7 @@ def weights_twin(reference: Doubles, test: Doubles, parent: Doubles | None) -> D
 
 
 def iwssim_twin(test: Bytes, reference: Bytes) -> float:
-    """IW-SSIM of two uint8 (h, w, 3 or 4) pictures of at least 161 pixels a side."""
+    """IW-SSIM of `test` against `reference`, uint8 (h, w, 3 or 4), sRGB, of at least 161 pixels a side."""
     bands_r, bands_t = bands_twin(luma(reference)), bands_twin(luma(test))
     means = []
     for k in range(SCALES - 1):

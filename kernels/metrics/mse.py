@@ -28,7 +28,7 @@ class SquaredError:
         self.partial = device.empty(self.layout.items, np.int32)
 
     def compare(self, test: Array, reference: Array) -> None:
-        """Start comparing; `mean` gives what came out."""
+        """Start comparing `test` with `reference`, uint8 (h, w, 4), sRGB; `mean` gives what came out."""
         at = self.layout
         self.device.launch("metrics/mse", self.kernel, at.items, at.width, at.height, test, reference, self.partial)
 

@@ -61,10 +61,10 @@ class Layout:
 
 
 def padded_taps(taps: Doubles) -> Floats:
-    """A filter between ROWS - 1 zeros on either side, float32, as `filtered_down` wants it."""
+    """A filter's taps, float64 (n), between ROWS - 1 zeros on either side, float32, as `filtered_down` wants them."""
     return np.pad(taps, ROWS - 1).astype(np.float32)
 
 
 def total(partial: Array) -> float:
-    """The sum of partial sums, in float64 and in their order."""
+    """The sum of partial sums, float32 (n), in float64 and in their order."""
     return float(np.sum(partial.get(), dtype=np.float64))

@@ -31,7 +31,7 @@ ORIGIN = 128.0  # subtracted from luma
 
 
 def window() -> Doubles:
-    """The 11 taps of the Gaussian window, float64, sum 1."""
+    """The taps of the Gaussian window, float64 (11), sum 1."""
     taps = exp(-np.square(np.arange(-RADIUS, RADIUS + 1)) / (2 * SIGMA * SIGMA))
     weights: Doubles = taps / taps.sum()
     return weights
@@ -63,13 +63,13 @@ class Ssim:
         return size
 
     def reference(self, image: Array) -> None:
-        """Take the picture that all others are compared with."""
+        """Take the picture that all others are compared with: uint8 (h, w, 4), sRGB."""
         size = self._rows(image, self.luma_reference, 0.0)
         kernel = self.kernels.reference_moments
         self.device.launch("metrics/ssim/columns", kernel, self.inner, *size, self.rows, self.taps, self.moments)
 
     def compare(self, test: Array) -> None:
-        """Start comparing `test`; `loss` gives what came out."""
+        """Start comparing `test`, uint8 (h, w, 4), sRGB; `loss` gives what came out."""
         size = self._rows(test, self.luma_test, 1.0)
         self.device.launch(
             "metrics/ssim/columns",
@@ -84,7 +84,7 @@ class Ssim:
 
 
 def windowed(image: Doubles) -> Doubles:
-    """The mean under the Gaussian window wherever it lies inside, float64 (h - 10, w - 10)."""
+    """The mean of a plane (h, w) under the Gaussian window wherever it lies inside, float64 (h - 10, w - 10)."""
     for axis in (1, 0):
         image = np.lib.stride_tricks.sliding_window_view(image, SMALLEST_SIDE, axis) @ window()
     return image
@@ -101,6 +101,6 @@ def similarity_twin(reference: Doubles, test: Doubles) -> tuple[Doubles, Doubles
 
 
 def ssim_twin(test: Bytes, reference: Bytes) -> float:
-    """The mean SSIM of two uint8 (h, w, 3 or 4) pictures."""
+    """The mean SSIM of `test` against `reference`, uint8 (h, w, 3 or 4), sRGB."""
     contrast_structure, luminance = similarity_twin(luma(reference), luma(test))
     return float(np.mean(contrast_structure * luminance))

@@ -35,7 +35,10 @@ class Camera:
 
     @classmethod
     def of(cls, view: Doubles, projection: Doubles, width: int, height: int) -> Camera:
-        """Raises ValueError for matrices or sizes that cannot be drawn."""
+        """The camera of a view and a projection, float64 (4, 4), for a picture of this width and height in pixels.
+
+        Raises ValueError for matrices or sizes that cannot be drawn.
+        """
         view, projection = np.asarray(view, np.float64), np.asarray(projection, np.float64)
         if view.shape != (4, 4) or projection.shape != (4, 4) or not np.isfinite([view, projection]).all():
             raise ValueError("View and projection must be finite 4 x 4 matrices.")

@@ -45,7 +45,7 @@ def camera(width: int = WIDTH) -> Camera:
 def records_of(
     device: Device, triangles: Triangles, picture: RenderTarget, scratch: Scratch, clusters: Clusters
 ) -> tuple[Bins, Ints]:
-    """The set-up of all clusters in view: the bins, and the records of all chunks on the host."""
+    """The set-up of all clusters in view: the bins, and the records of all chunks, int32 (n, RECORD), on the host."""
     chosen, _ = clusters.cull_frustum(picture.camera, 0, EVER, "raster/cull")
     bins = set_up(device, clusters, chosen, picture, False, scratch, "raster")
     if not scratch.fits(bins.needed):

@@ -25,7 +25,10 @@ EVER = np.iinfo(np.int32).max  # a max_age that leaves no cluster out
 
 @dataclass(frozen=True)
 class Chosen:
-    """Numbers of clusters, int32 (clusters), ascending: the first counts[c] from where chunk c of them all begins."""
+    """Numbers of clusters, ascending: the first counts[c] from where chunk c of them all begins.
+
+    listed: int32 (clusters). counts: int32 (chunks).
+    """
 
     listed: Array
     counts: Array
@@ -36,7 +39,7 @@ class Chosen:
         return cls(device.recycled(clusters, np.int32), device.recycled(device.chunks, np.int32))
 
     def numbers(self, clusters: int) -> Ints:
-        """Those listed of `clusters`, on the host."""
+        """Those listed of `clusters`, int32 (n), on the host."""
         listed, counts = self.listed.get(), self.counts.get()
         starts = clusters * np.arange(len(counts)) // len(counts)
         return np.concatenate([listed[start : start + count] for start, count in zip(starts, counts, strict=True)])
@@ -134,7 +137,8 @@ def boxes_twin(triangles: Triangles, size: int) -> Doubles:
 
 
 def in_frustum_twin(boxes: Doubles, camera: Camera) -> arrays.Array:
-    """The clusters whose box is not wholly outside one of the frustum's planes; the kernel may keep a few more."""
+    """The clusters, int (n), whose box, of `boxes` as from `boxes_twin`, is not wholly outside one of the frustum's
+    planes; the kernel may keep a few more."""
     choose = np.array([[i >> 2 & 1, i >> 1 & 1, i & 1] for i in range(8)])
     corners = camera.project(boxes[:, choose, np.arange(3)])
     x, y, z, w = np.moveaxis(corners, -1, 0)

@@ -22,7 +22,7 @@ def mark_visible(device: Device, visibility: Visibility, flags: Array, stage: st
 
 
 def mark_visible_twin(triangle: Ints, flags: Bytes) -> Bytes:
-    """The flags after marking the triangles of an image of ids (-1: none)."""
+    """The flags, uint8 (T), after marking the triangles of an image of ids, int32 (h, w), -1 where there is none."""
     marked = flags.copy()
     marked[triangle[triangle >= 0]] = 1
     return marked

@@ -88,7 +88,10 @@ class Rasteriser:
         self._draws = 0
 
     def in_frustum(self, view: Doubles, projection: Doubles) -> Ints:
-        """The clusters of consecutive triangles that may have a part in the frustum, int32, ascending."""
+        """The clusters of consecutive triangles that may have a part in the frustum, int32 (n), ascending.
+
+        view, projection: float64 (4, 4).
+        """
         chosen, _ = self.clusters.cull_frustum(Camera.of(view, projection, 1, 1), self._draws, EVER, "raster/cull")
         return chosen.numbers(self.clusters.count)
 

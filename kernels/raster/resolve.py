@@ -25,7 +25,7 @@ def resolve(
     projection: Doubles,
     stage: str = "raster/resolve",
 ) -> Samples:
-    """One sample per covered pixel, in row order; its texel is the pixel.
+    """One sample per covered pixel, in row order; its texel is the pixel. view, projection: float64 (4, 4).
 
     Barycentrics are perspective-correct at the pixel's centre, kept inside the triangle. The footprint is the longer of
     the steps that the surface point makes per pixel along x and along y. Where a triangle is seen so edge-on that
@@ -76,7 +76,8 @@ def locate_samples_twin(
     width: int,
     height: int,
 ) -> tuple[Doubles, Doubles]:
-    """Barycentrics float64 (n, 2), kept inside, and footprints (n): triangles int (n) at pixels, columns and rows (n).
+    """Barycentrics float64 (n, 2), kept inside, and footprints (n): triangles `ids` int (n) at pixels, columns and rows
+    int (n), of a view and projection, float64 (4, 4).
 
     Meets each triangle's plane with the ray through the pixel's centre, and with those one pixel to the right and
     below for the footprint's differentials.

@@ -34,7 +34,7 @@ CLIPPING_PLANES = np.array([[0, 0, -1, 1], [-1, 0, 0, GUARD], [1, 0, 0, GUARD], 
 class Scratch:
     """Memory that set-up keeps from draw to draw, because fresh memory costs as much as writing to it.
 
-    records, entries: how many each chunk has room for; they grow to what the views need.
+    records, entries: how many each chunk has room for; they grow to what the views need. arrays: int32 (n), by name.
     """
 
     device: Device
@@ -43,14 +43,15 @@ class Scratch:
     arrays: dict[str, Array] = field(default_factory=dict)
 
     def ints(self, name: str, count: int) -> Array:
-        """At least `count` int32 whose contents are left from before."""
+        """int32 (count) or longer, whose contents are left from before."""
         if name not in self.arrays or self.arrays[name].size < count:
             self.arrays.pop(name, None)
             self.arrays[name] = self.device.empty(count + count // 4, np.int32)
         return self.arrays[name]
 
     def fits(self, *needed: Array) -> bool:
-        """Wait for set-ups to say what they `needed`; where there was not room for all, make it, to set up again."""
+        """Wait for set-ups to say what they `needed`, see Bins; where there was not room for all, make it, to set up
+        again."""
         records, entries = np.max([array.get() for array in needed], axis=(0, 1)).tolist()
         fits = bool(records <= self.records and entries <= self.entries)
         if records > self.records:
@@ -64,8 +65,9 @@ class Scratch:
 class Bins:
     """Records (see record.cl) and, for each tile, the numbers of those whose box touches it, in triangle order.
 
-    They are entries[bins[tile, chunk, 0]] to entries[bins[tile, chunk, 1]] of each chunk in turn. needed: int32
-    (chunks, 2), how many records and entries each chunk had; if any is beyond its room in Scratch, bins are missing.
+    They are entries[bins[tile, chunk, 0]] to entries[bins[tile, chunk, 1]] of each chunk in turn.
+    records, entries: int32, each chunk's from where its room in Scratch begins. bins: int32 (tiles, chunks, 2).
+    needed: int32 (chunks, 2), how many records and entries each chunk had; if any is beyond its room, bins are missing.
     """
 
     records: Array

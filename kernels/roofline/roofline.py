@@ -32,7 +32,7 @@ class Roofline:
 
 
 def copy(device: Device, source: Array, target: Array) -> None:
-    """Copy float32 (n), n a multiple of 16, as many work-items as the device likes."""
+    """Copy `source` to `target`, float32 (n), n a multiple of 16, as many work-items as the device likes."""
     count = len(source) // WIDTH
     run, local = (-(-count // device.chunks), 1) if device.is_cpu else (1, None)
     kernel = device.build("roofline/roofline.cl", CHAINS=CHAINS, STEPS=STEPS).copy

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def colours_twin(shader: Shader, samples: Samples) -> Bytes:
-    """The twin's colours of the samples of a shader's own scene, in list order."""
+    """The twin's colours, uint8 (count, 4), of the samples of a shader's own scene, in list order."""
     with np.errstate(invalid="ignore"):
         return encode(radiance_twin(shader, samples, EYE) * shader.tables.environment[9])
 

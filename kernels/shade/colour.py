@@ -8,7 +8,8 @@ from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats
 
 
 def sky_radiance(environment: Floats, height: Doubles) -> Doubles:
-    """Radiance (..., 3) from directions whose unit vectors have this y: a linear gradient, fading to the ground."""
+    """Radiance (..., 3) from directions whose unit vectors have this y, height (...): a linear gradient, fading to the
+    ground. environment: float (10), see tables.environment_row."""
     zenith, horizon, ground = np.asarray(environment[:9], np.float64).reshape(3, 3)
     up = np.clip(height, 0, 1)[..., None]
     down = np.clip(-20 * height, 0, 1)[..., None]
@@ -17,7 +18,10 @@ def sky_radiance(environment: Floats, height: Doubles) -> Doubles:
 
 
 def sky_irradiance(environment: Floats, height: Doubles) -> Doubles:
-    """Irradiance / pi (..., 3) on surfaces whose unit normals have this y; exact at -1, 0 and 1."""
+    """Irradiance / pi (..., 3) on surfaces whose unit normals have this y, height (...); exact at -1, 0 and 1.
+
+    environment: float (10), see tables.environment_row.
+    """
     zenith, horizon, ground = np.asarray(environment[:9], np.float64).reshape(3, 3)
     height = height[..., None]
     level = 2 / (3 * np.pi)
@@ -34,7 +38,8 @@ def shown_as(colour: Doubles, exposure: float) -> Doubles:
 
 
 def encode(radiance: Doubles) -> Bytes:
-    """uint8 (..., 4): ACES tone mapping (Narkowicz 2015), sRGB (IEC 61966-2-1), alpha 255; not-a-number is black."""
+    """uint8 (..., 4) of radiance (..., 3): ACES tone mapping (Narkowicz 2015), sRGB (IEC 61966-2-1), alpha 255;
+    not-a-number is black."""
     x = np.clip(np.nan_to_num(radiance, nan=0.0, posinf=1e4), 0, 1e4)
     x = np.minimum(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 1)
     encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * x ** (1 / 2.4) - 0.055)

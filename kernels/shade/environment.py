@@ -120,12 +120,13 @@ def _bordered(level: Doubles) -> Doubles:
 
 
 def map_share(roughness: Doubles) -> Doubles:
-    """The share (...) of what surfaces reflect that comes from the map: 1 up to FULL, falling to 0 at MATT."""
+    """The share (...), at roughness (...), of what surfaces reflect that comes from the map: 1 up to FULL, falling to 0
+    at MATT."""
     return np.clip((MATT - roughness) / (MATT - FULL), 0, 1)
 
 
 def look_up(texels: Floats, direction: Doubles, roughness: Doubles) -> Doubles:
-    """Radiance (n, 3) of a map from around directions (n, 3) of any length, for roughnesses (n)."""
+    """Radiance (n, 3) of a map, float32 SHAPE, from around directions (n, 3) of any length, for roughnesses (n)."""
     x, y, z = (np.asarray(direction, np.float64) / np.abs(direction).sum(axis=-1, keepdims=True)).T
     u, v = (np.where(y < 0, (1 - np.abs(other)) * np.where(one < 0, -1, 1), one) for one, other in ((x, z), (z, x)))
     column, row = ((place + 1) / 2 * SIDE + 0.5 for place in (u, v))

@@ -30,7 +30,10 @@ def face_rows(device: Device, vertices: Array, indices: Array, material_ids: arr
 
 
 def uv_scale_twin(vertices: arrays.Array, indices: arrays.Array) -> Doubles:
-    """float64 (T): the UV scales. Triangles whose squared area float32 does not hold have none."""
+    """float64 (T): the UV scales, of vertices and indices as for `face_rows`, on the host.
+
+    Triangles whose squared area float32 does not hold have none.
+    """
     corners = np.asarray(vertices, np.float64)[indices]
     sides = corners[:, 1:] - corners[:, :1]
     scales = np.zeros(len(indices))

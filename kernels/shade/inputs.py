@@ -83,7 +83,7 @@ def random_maps(rng: np.random.Generator, device: Device, lights: Sequence[Light
 
 
 def further_uvs(materials: Sequence[Material], count: int) -> Floats | None:
-    """As many further sets of UVs as the materials use, for `count` vertices; None if they use none."""
+    """As many further sets of UVs as the materials use, float32 (S, count, 2); None if they use none."""
     sets = max(max(m.normal_uv, m.emissive_uv, m.surface_uv, m.occlusion_uv) for m in materials)
     return np.random.default_rng(9).uniform(-2, 2, (sets, count, 2)).astype(np.float32) if sets else None
 

@@ -26,10 +26,12 @@ IN_PLANE = DEFINED.number("IN_PLANE")
 
 @dataclass(frozen=True)
 class Points:
-    """Samples with what their triangles say about them, float64: vectors (n, 3), scalars (n).
+    """Samples with what their triangles say about them, float64.
 
-    uvs: (S, n, 2) and footprints: (S, n), in texture space, of the UVs and of each further set. surface: (n, 2),
-    roughness and metalness. open: (n, 1), the share of the light from all around that arrives.
+    position: (n, 3). normal, face: (n, 3), unit vectors, of the vertices and of the triangle. uvs: (S, n, 2) and
+    footprints: (S, n), in texture space, of the UVs and of each further set. extra: (n, 8 or 16) and material: (n, 24),
+    rows of the tables, see Tables. surface: (n, 2), roughness and metalness. open: (n, 1), the share of the light from
+    all around that arrives.
     """
 
     position: Doubles
@@ -71,7 +73,7 @@ def shade8_twin(
     footprint: Array,
     eye: Array,
 ) -> Doubles:
-    """What shade8 returns: radiance (n, 3) of the same samples."""
+    """What shade8 returns: radiance (n, 3) of the samples, given as for `shade_twin`."""
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
         points = _mapped(textures, points)

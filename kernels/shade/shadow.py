@@ -115,7 +115,7 @@ class ShadowMaps:
 
 
 def shadow_camera(light: ShadowLight, casters: Triangles, focus: Doubles, metres_per_unit: float) -> ShadowCamera:
-    """The camera that draws a light's map.
+    """The camera that draws a light's map. focus: float64 (3), see `ShadowMaps.render`.
 
     A spot sees its cone, in perspective. A directional light sees all casters, or, where texels would be coarser than
     COARSEST_TEXEL, a square around `focus` in which they are not; what lies outside is lit.

@@ -19,7 +19,8 @@ def shadow_visibility(
 ) -> Doubles:
     """The share (n) of a light that arrives at points: 3x3 bilinear taps, each with a ramp one texel deep.
 
-    light: a light's record (48); position, normal (unit, on the lit side), to_light: (n, 3). All lit without a map.
+    light: a light's record (48); position, normal (unit, on the lit side), to_light: (n, 3). shadow_maps:
+    float32, all maps one after the other. All lit without a map.
     """
     size = int(light[37])
     if size == 0:

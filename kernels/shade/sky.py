@@ -47,7 +47,10 @@ def pixel_rays(view: Doubles, projection: Doubles, width: int, height: int) -> D
 
 
 def paint_sky_twin(view: Doubles, projection: Doubles, width: int, height: int, environment: Floats) -> Bytes:
-    """uint8 (height, width, 4): the sky as a camera sees it. environment: float (10), see tables.environment_row."""
+    """uint8 (height, width, 4): the sky as a camera sees it.
+
+    view, projection: float64 (4, 4). environment: float (10), see tables.environment_row.
+    """
     origin, right, down = pixel_rays(view, projection, width, height).reshape(3, 3)
     rows, columns = np.mgrid[:height, :width]
     rays = origin + columns[..., None] * right + rows[..., None] * down

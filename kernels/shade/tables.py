@@ -111,7 +111,7 @@ class Tables:
 
 
 def vertex_rows(positions: Floats, surface: Surface) -> Floats:
-    """float32 (V, 8): position, normal, texture coordinates."""
+    """float32 (V, 8): position, of positions (V, 3), normal, texture coordinates."""
     rows = np.empty((len(positions), 8), np.float32)
     columns = [column for part in (positions, surface.normals, surface.uvs) for column in part.T]
     for number, column in enumerate(columns):  # one by one NumPy copies four times as fast as row by row
@@ -201,7 +201,10 @@ def needed(surface: Surface, lighting: Lighting, wraps: bool, shadows: bool) -> 
 def make_tables(
     positions: Floats, indices: Ints, surface: Surface, lighting: Lighting, wraps: bool, shadows: Floats
 ) -> Tables:
-    """All rows of a scene; `shadows` float32 (L, 28) is the shadow part of each light's record."""
+    """All rows of a scene.
+
+    positions: float32 (V, 3). indices: int32 (T, 3). shadows: float32 (L, 28), the shadow part of each light's record.
+    """
     lights = light_rows(lighting.lights, lighting.metres_per_unit)
     lights[:, 20:] = shadows
     return Tables(

@@ -52,7 +52,7 @@ class TextureBuffers:
 
     @cached_property
     def host_texels(self) -> NDArray[np.uint16]:
-        """Fetched when asked for: a second copy of all texels is not kept otherwise."""
+        """uint16 (M, 4), fetched when asked for: a second copy of all texels is not kept otherwise."""
         return self.texels.get()
 
     def finest(self, device: Device) -> TextureBuffers:

@@ -21,7 +21,7 @@ def masked_material(mode: str = "mask", texture: int = 0, cutoff: float = 0.5, a
 
 
 def leaves(rng: np.random.Generator, size: tuple[int, int] = (128, 96)) -> Bytes:
-    """Random opaque rectangles of up to 9 texels on about a third."""
+    """uint8 (H, W, 4) of this size: random opaque rectangles of up to 9 texels a side on about a third."""
     texels = np.zeros((*size, 4), np.uint8)
     for _ in range(size[0] * size[1] // 60):
         y, x, height, width = rng.integers(0, [*size, 9, 9])
@@ -30,8 +30,8 @@ def leaves(rng: np.random.Generator, size: tuple[int, int] = (128, 96)) -> Bytes
 
 
 def masked_soup(device: Device, faded: bool = False) -> tuple[AlphaMask, Ints]:
-    """The masks of 200 triangles with broken coordinates among them, and the triangles' materials; 0 is opaque. faded:
-    half of the vertices have an alpha."""
+    """The masks of 200 triangles with broken coordinates among them, and the triangles' materials, int32 (200); 0 is
+    opaque. faded: half of the vertices have an alpha."""
     rng = np.random.default_rng(5)
     textures = [
         Texture(leaves(rng, size), wrap_s=s, wrap_t=t)

@@ -41,7 +41,7 @@ class MaskedMaterial(Protocol):
 
 @dataclass(frozen=True)
 class HostMask:
-    """The arrays of an `AlphaMask` on the host."""
+    """The arrays of a mask on the host, each as in AlphaMask."""
 
     slots: Ints
     corners: Floats
@@ -91,8 +91,9 @@ class AlphaMask:
         keep: bool = False,
         vertex_alphas: arrays.Array | None = None,
     ) -> AlphaMask | None:
-        """The masks of a scene: indices (T, 3), uvs (V, 2), material_ids (T), vertex_alphas (V), 0..1, None for all 1.
+        """The masks of a scene.
 
+        indices: int (T, 3). uvs: float (V, 2). material_ids: int (T). vertex_alphas: float (V), 0..1, None for all 1.
         Where no triangle is masked: None, or with `keep` masks of no triangle.
         """
         masked = np.array([m.alpha_mode == "mask" for m in materials], bool)
@@ -119,7 +120,7 @@ class AlphaMask:
 
     @property
     def arguments(self) -> tuple[Array, ...]:
-        """What a kernel takes for MASK_PARAMETERS."""
+        """What a kernel takes for MASK_PARAMETERS, arrays as in AlphaMask."""
         always = (self.slots, self.corners, self.chains, self.levels, self.alphas)
         if self.fades is None or self.thresholds is None:
             return always

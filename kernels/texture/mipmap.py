@@ -11,7 +11,7 @@ from shading_atlas_bench.arithmetic.functions import power
 
 
 def srgb_to_linear(encoded: Array) -> Doubles:
-    """Linear values, float64, of sRGB-encoded values in 0..1 (IEC 61966-2-1)."""
+    """Linear values, float64, of sRGB-encoded values in 0..1, of any shape (IEC 61966-2-1)."""
     encoded = np.asarray(encoded, np.float64)
     return np.where(encoded <= 0.04045, encoded / 12.92, power((encoded + 0.055) / 1.055, 2.4))
 

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 def neighbours(u: Doubles, size: Array, mode: Array) -> tuple[Longs, Longs, Doubles]:
     """The two texels that a bilinear lookup at `u` blends along an axis of `size` texels, and the second's weight.
 
+    u: (n). size, mode: int (n). Returns int64 (n) twice, and float64 (n).
     mode: 0 repeat, 1 clamp, 2 mirror. Coordinates beyond 1e6, where float32 has no texels left, count as 0, and so does
     what is not a number.
     """
@@ -29,7 +30,8 @@ def neighbours(u: Doubles, size: Array, mode: Array) -> tuple[Longs, Longs, Doub
 
 
 def bilinear(textures: TextureBuffers, level: Array, u: Doubles, v: Doubles, wrap: Array) -> Doubles:
-    """Linear RGBA (n, 4) of rows `level` (n) of the level table at u, v (n); wrap (n) as in the texture table."""
+    """Linear RGBA (n, 4) of rows `level`, int (n), of the level table at u, v (n); wrap, int (n), as in the texture
+    table."""
     offset, width, height = textures.host_levels[level, :3].T.astype(np.int64)
     x0, x1, fx = neighbours(u, width, wrap & 3)
     y0, y1, fy = neighbours(v, height, wrap >> 2)
@@ -43,7 +45,7 @@ def bilinear(textures: TextureBuffers, level: Array, u: Doubles, v: Doubles, wra
 
 
 def trilinear(textures: TextureBuffers, texture: Array, u: Doubles, v: Doubles, footprint: Doubles) -> Doubles:
-    """Linear RGBA (n, 4) of entries `texture` (n) of the texture table.
+    """Linear RGBA (n, 4) of entries `texture`, int (n), of the texture table at u, v (n).
 
     footprint (n): the sample's side in texture space, 1 = the whole texture; level = log2(footprint * longest side).
     """

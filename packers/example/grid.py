@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def cells(count: int, width: int, height: int) -> tuple[int, Longs, Longs]:
-    """Side of the largest cells of which `count` fit, and the column and row where each begins."""
+    """Side of the largest cells of which `count` fit, and column and row where each begins, int64 (count)."""
     side = max(s for s in range(1, 65) if (width // s) * (height // s) >= min(max(count, 1), width * height))
     return side, np.arange(count) % (width // side) * side, np.arange(count) // (width // side) * side
 

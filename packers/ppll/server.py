@@ -48,7 +48,8 @@ class ListRenderer:
         self.opacity = scene.layers.opacity if scene.layers else None
 
     def render(self, views: Sequence[View], pvs: Array, count: int, normals: bool) -> list[list[NodeLists]]:
-        """The lists of the `count` triangles in `pvs`: for each view, of the rays that belong to it, and each node."""
+        """The lists of the triangles in `pvs`, int32 (count): for each view, of the rays that belong to it, and each
+        node."""
         members = self.builder.members(pvs, count, self.of_triangle, "structs/members")
         lists = []
         for number, view in enumerate(views):
@@ -99,7 +100,9 @@ def blended_into_one(device: Device, lists: Lists) -> Lists:
 
 
 def deal_objects(material_ids: NDArray[np.integer[Any]], nodes: int) -> Bytes:
-    """uint8 (T): the node of each triangle. An object is a run of triangles of one material in file order; objects are
-    dealt in turn."""
+    """uint8 (T): the node of each triangle, for material_ids int (T).
+
+    An object is a run of triangles of one material in file order; objects are dealt in turn.
+    """
     starts = np.diff(material_ids, prepend=material_ids[:1]) != 0
     return (np.cumsum(starts) % nodes).astype(np.uint8)

@@ -61,6 +61,7 @@ class WireError(ValueError):
 class Head:
     """What is said of the lists of one view in one frame.
 
+    view, projection: float64 (4, 4), of the camera that saw them, see View.
     words: uint32 of a fragment without `next`. counts: fragments of each node. merge, threshold: how bilateral
     differences are applied, see packers.ppll.kernels.match.
     """
@@ -94,7 +95,10 @@ class Head:
 
 @dataclass(frozen=True, kw_only=True)
 class Message(Head):
-    """One view's lists as they arrive: per node offsets int64 (P + 1) and rows uint32 (n, words), nearest first."""
+    """One view's lists as they arrive.
+
+    nodes: of each, offsets int64 (P + 1) and rows uint32 (n, words), nearest first.
+    """
 
     nodes: tuple[tuple[Longs, Words], ...]
 

@@ -19,13 +19,13 @@ class Locations:
         self.words: Words = np.zeros(patches, np.uint32)
 
     def encode(self, patches: Ints, words: Words) -> bytes:
-        """The message that gives these patches of the set these words."""
+        """The message that gives these patches of the set, int32 (n), these words, uint32 (n)."""
         message = shuffle(words ^ self.words[patches])
         self.words[patches] = words
         return message
 
     def decode(self, patches: Ints, message: bytes) -> None:
-        """Take the words of these patches of the set, of which there may be new ones."""
+        """Take the words of these patches of the set, int32 (n), of which there may be new ones."""
         if len(patches) and patches.max() >= len(self.words):
             more = int(patches.max() * 1.25) + 1 - len(self.words)
             self.words = np.concatenate([self.words, np.zeros(more, np.uint32)])

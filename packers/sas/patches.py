@@ -204,7 +204,10 @@ def _in_chunks(compute: Callable[..., Doubles], *columns: Longs) -> Doubles:
 
 
 class Shapes:
-    """Lengths and normals of triangles, and what joining some of them would gain."""
+    """Lengths and normals of triangles, and what joining some of them would gain.
+
+    positions: float32 (V, 3). indices: int32 (T, 3). A half-edge is 3 * triangle + the corner that it begins at.
+    """
 
     def __init__(self, positions: Floats, indices: Ints) -> None:
         self.positions = positions
@@ -231,17 +234,24 @@ class Shapes:
         self.rectangle[rows] = lengths[row, (longest + 1) % 3] * lengths[row, (longest + 2) % 3]
 
     def corner(self, half_edge: Longs, step: int) -> Doubles:
-        """Position, float64 (n, 3), of the corner `step` after the half-edge's first."""
+        """Positions, float64 (n, 3), of the corners `step` after the first ones of half-edges, int64 (n)."""
         return self.positions[self.indices[half_edge // 3, (half_edge % 3 + step) % 3]].astype(np.float64)
 
     def pair_gain(self, edge: Longs, twin: Longs) -> Doubles:
-        """Atlas area that joining the triangles at `edge` saves: alone over together, times the fold's cosine."""
+        """Atlas area that joining the triangles at `edge` saves: alone over together, times the fold's cosine.
+
+        edge, twin: int64 (n), half-edges of the one and the other triangle. Returns float64 (n).
+        """
         a, b = edge // 3, twin // 3
         alone = self.rectangle[a] + self.rectangle[b]
         return _ratio(alone, self._pair_area(edge, twin)) * self._fold(a, b)
 
     def fan_gain(self, right: Longs, left: Longs, single: Longs, twin: Longs) -> Doubles:
-        """The same for a single triangle that joins a pair; `right` and `left` are half-edges of the centre."""
+        """The same for a single triangle that joins a pair.
+
+        right, left: int64 (n), half-edges of the centre. single: int64 (n), triangles. twin: int64 (3 T), of each
+        half-edge the one of its neighbour, -1 for none.
+        """
         apex, x, y = self.corner(right, 0), self.corner(right, 1), self.corner(right, 2)
         right_outer, left_outer = self.corner(twin[right], 2), self.corner(twin[left], 2)
         width = np.maximum(_length(x, y), _length(apex, right_outer) + _length(apex, left_outer))

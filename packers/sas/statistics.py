@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def describe(patches: Patches, visible: Ints, allocator: Allocator) -> dict[str, float]:
-    """The visible patches by their triangles, and the superblocks and blocks in use."""
+    """The visible patches, int32 (n), by their triangles, and the superblocks and blocks in use."""
     sizes = np.bincount(patches.sizes(visible), minlength=4)
     in_use, blocks = allocator.superblocks_in_use(), allocator.blocks_by_class()
     by_size: dict[str, float] = {f"patches_of_{k}": int(sizes[k]) for k in (1, 2, 3)}

@@ -74,7 +74,10 @@ class Filling:
 
     def extend(self, frame: Frame, is_new: Array, new: Ints, listed: TriangleList) -> bool:
         """Slots for new items that are measured; without room for all, they wait for the next layout. False if
-        only now there is none."""
+        only now there is none.
+
+        is_new: uint8 (n) on the device, of the set's items. new: int32 (m), the numbers of those that are.
+        """
         if self.left_out.any():
             self.left_out[new] = True
             self.list_items(frame)

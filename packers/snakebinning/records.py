@@ -25,13 +25,13 @@ class Records:
         self.words: Words = np.zeros((triangles, FIELDS), np.uint32)
 
     def encode(self, pvs: Ints, words: Words) -> bytes:
-        """The message that gives the triangles of a set these words (n, 4)."""
+        """The message that gives the triangles of a set, pvs int32 (n), these words, uint32 (n, 4)."""
         message = encode_records(words, self.words[pvs])
         self.words[pvs] = words
         return message
 
     def decode(self, pvs: Ints, message: bytes) -> None:
-        """Take the words of the triangles of a set, ascending, of which there may be new ones."""
+        """Take the words of the triangles of a set, int32 (n), ascending, of which there may be new ones."""
         if len(pvs) and pvs[-1] >= len(self.words):
             more = int(pvs[-1] * 1.25) + 1 - len(self.words)
             self.words = np.concatenate([self.words, np.zeros((more, FIELDS), np.uint32)])
@@ -60,8 +60,11 @@ def decode_records(data: bytes, count: int) -> Words:
 
 @dataclass(frozen=True)
 class PieceRecords:
-    """Pieces of sliced triangles: parents int32 (k), those of one together; barycentrics 1 and 2 of the corners in the
-    parent, float32 (k, 3, 2); records uint32 (k, 4)."""
+    """Pieces of sliced triangles.
+
+    parents: int32 (k), those of one together. bary: float32 (k, 3, 2), barycentrics 1 and 2 of the corners in the
+    parent. words: uint32 (k, 4), records.
+    """
 
     parents: Ints
     bary: Floats
@@ -86,7 +89,7 @@ class SetRecords:
     """What is sent of a frame's set.
 
     words: uint32 (n, 4), zeros for triangles without a place and for sliced ones. pieces: of those of which all have a
-    place. is_sliced: bool (n). missing: int32, the triangles without a place.
+    place. is_sliced: bool (n). missing: int32 (m), the triangles without a place.
     """
 
     words: Words
@@ -96,7 +99,10 @@ class SetRecords:
 
     @classmethod
     def of(cls, pvs: Ints, items: Items, slicing: Slicing, left_out: Bools, listed: Words) -> SetRecords:
-        """Those of a set, int32 (n), of which some are left out (see Filling). listed: records of the items."""
+        """Those of a set, pvs int32 (n), of which some are left out.
+
+        left_out: bool (T + MOST), see Filling. listed: uint32 (m, 4), records of the items.
+        """
         slices = slicing.slices
         parents = slices.parents[items.shown]
         is_sliced = np.isin(pvs, parents)

@@ -53,11 +53,14 @@ class Slicing:
 
     @property
     def pieces(self) -> Ints:
-        """The numbers of all pieces, int32."""
+        """The numbers of all pieces, int32 (k)."""
         return self.first + np.arange(len(self.slices.parents), dtype=np.int32)
 
     def slice(self, frame: Frame, number: int, candidates: Ints, clients: Sequence[View]) -> None:
-        """Choose what to slice, once a frame, among triangles that leave the screen of a camera turned to them."""
+        """Choose what to slice, once a frame, among triangles that leave the screen of a camera turned to them.
+
+        candidates: int32 (n), these triangles.
+        """
         if self.sliced_at == number:
             return
         self.sliced_at = number

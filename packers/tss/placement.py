@@ -52,7 +52,8 @@ def read_placement(mapped: Mapped, places: Array, camera: Floats) -> Placement:
 
 
 def find_lost(placement: Placement, parents: Ints) -> Ints:
-    """Rows of the triangles that have not all of their items placed; takes the places of the others from them."""
+    """Rows, int32 (n), of the triangles that have not all of their items placed; takes the places of the others from
+    them. parents: int32 (m), the primitives' rows."""
     forms, places = placement.forms, placement.places
     halves = forms[:, 0] < 0
     missing = (places[:, 0] < 0) & (~halves | (forms[:, 2] > 0)) | halves & (forms[:, 3] > 0) & (places[:, 1] < 0)

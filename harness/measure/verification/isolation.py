@@ -188,7 +188,7 @@ def check_shared_state(before: dict[str, object], after: dict[str, object]) -> I
 
 
 def fixed(array: Bytes) -> Bytes:
-    """The array, which nobody writes to any more: what clients are given is what is checked."""
+    """The array, of any shape, which nobody writes to any more: what clients are given is what is checked."""
     array.flags.writeable = False
     return array
 

@@ -91,7 +91,7 @@ def check_bytes(payload: Payload, held: tuple[HeldLists, ...], before: int, hold
 
 @dataclass(frozen=True)
 class ListView:
-    """A view's lists: its parts, and which pixels' rays belong to it, bool (pixels)."""
+    """A view's lists: its parts, and which pixels' rays belong to it. owned: bool (pixels)."""
 
     view: View
     parts: tuple[HeldLists, ...]

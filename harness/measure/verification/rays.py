@@ -35,7 +35,7 @@ class Hits(Points):
     certain: Bools
 
     def at(self, chosen: Whole) -> Hits:
-        """Those of these numbers."""
+        """Those of these numbers, int (k)."""
         return Hits(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 

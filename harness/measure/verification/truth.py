@@ -37,7 +37,7 @@ class Points:
     footprint: Doubles
 
     def at(self, chosen: Whole) -> Points:
-        """Those of these numbers."""
+        """Those of these numbers, int (k)."""
         return Points(self.triangle[chosen], self.bary[chosen], self.footprint[chosen])
 
 
@@ -69,7 +69,7 @@ class Truth:
 
     @cached_property
     def blended(self) -> Bools:
-        """(T): whether triangles are blended."""
+        """bool (T): whether triangles are blended."""
         return (self.triangles.host_flags & Triangles.BLENDED) > 0
 
     @cached_property
@@ -83,7 +83,7 @@ class Truth:
         return maps
 
     def shade(self, points: Points, eye: Doubles) -> Bytes:
-        """(n, 3), of surface points seen from eye (3)."""
+        """uint8 (n, 3), sRGB, of surface points seen from eye, float64 (3)."""
         if not len(points.triangle):
             return np.empty((0, 3), np.uint8)
         shader = self.scene.shader
@@ -115,7 +115,7 @@ class Truth:
         return np.stack([np.min(tries, axis=0), np.max(tries, axis=0)], axis=1)
 
     def is_flat(self, triangle: Whole) -> Bools:
-        """(n): whether triangles are lower than THINNEST of their longest edge."""
+        """bool (n): whether triangles, int (n), are lower than THINNEST of their longest edge."""
         corners = self.triangles.host_positions[self.triangles.host_indices[triangle]].astype(np.float64)
         sides = corners - np.roll(corners, 1, axis=1)
         longest = (sides * sides).sum(axis=2).max(axis=1, initial=0)
@@ -123,7 +123,7 @@ class Truth:
         return flat
 
     def off(self, colours: Bytes, points: Points, eye: Doubles) -> Whole:
-        """(n): levels by which colours (n, 3) differ from those of surface points, as for `shade`.
+        """int (n): levels by which colours (n, 3) differ from those of surface points, as for `shade`.
 
         Where rounding decides (at a shadow's edge, between texels, on triangles that reach far beyond the scene), the
         nearest colour close by counts, or what the shading function itself gives the point here; any does on triangles

@@ -26,20 +26,25 @@ HERE = Path(__file__).parent
 
 
 def lens(projection: Doubles, width: int, height: int) -> Doubles:
-    """float64 (4): pixels per tangent along x and y, and the picture's centre in pixels."""
+    """float64 (4), of a projection float64 (4, 4): pixels per tangent along x and y, and the picture's centre in
+    pixels."""
     half = np.array([width / 2, height / 2])
     scale = projection[[0, 1], [0, 1]] * half
     return np.concatenate([scale, (1 + np.array([-1, 1]) * projection[:2, 2]) * half])
 
 
 def turning(old: Doubles, new: Doubles) -> Doubles:
-    """float64 (4, 4): from one view's eye space to another's; the identity exactly where they are the same."""
+    """float64 (4, 4): from one view's eye space to another's; the identity exactly where they are the same.
+
+    old, new: float64 (4, 4), from the scene to each eye space.
+    """
     return np.eye(4) if np.array_equal(old, new) else product(new, inverse(old))
 
 
 def move_lists(device: Device, held: Lists, turn: Doubles, projection: Doubles, stage: str) -> Lists:
-    """Lists in another eye space (turn: float64 (4, 4)), each fragment in the pixel it then falls into.
+    """Lists in another eye space, each fragment in the pixel it then falls into.
 
+    turn: float64 (4, 4), from the one eye space to the other. projection: float64 (4, 4), of the view they move to.
     Fragments that leave the picture are gone.
     """
     kernels, pixels, count = device.build(HERE / "match.cl"), held.pixels, held.count
@@ -109,7 +114,10 @@ def apply_differences(device: Device, moved: Lists, changes: Lists, fresh: Lists
 def move_twin(
     held: Host, turn: Doubles, projection: Doubles, width: int, height: int
 ) -> tuple[Doubles, Doubles, Doubles]:
-    """Columns and rows in pixels and distances, float64 (n) each, of held fragments after moving."""
+    """Columns and rows in pixels and distances, float64 (n) each, of held fragments after moving.
+
+    turn, projection: float64 (4, 4), as for `move_lists`.
+    """
     x, y, z = np.ascontiguousarray(held[1][:, 2:]).view(np.float32).astype(np.float64).T
     eye = np.stack([x, y, -z, np.ones_like(z)], axis=1) @ turn.T
     clip = eye @ projection.T

@@ -33,7 +33,10 @@ def rays(projection: Doubles, width: int, height: int) -> Floats:
 
 
 def colour_rows(device: Device, fragments: Fragments, colours: Array, opacity: Array | None, stage: str) -> Array:
-    """uint32 (n, 2): RGBA bytes and the bits of the depth. colours: uint8 (1, n, 4); opacity: None where all is 255."""
+    """uint32 (n, 2): RGBA bytes and the bits of the depth.
+
+    colours: uint8 (1, n, 4). opacity: int32 (n), 0..255; None where all is 255.
+    """
     blended = () if opacity is None else (opacity,)
     rows = device.recycled((fragments.count, COLOUR_WORDS), np.uint32)
     kernel = device.build(HERE / "rows.cl", BLENDED=len(blended)).colour_rows
@@ -53,7 +56,8 @@ def normal_rows(
 ) -> Array:
     """uint32 (n, 5): RGBA bytes, normal, and the bits of eye-space x, y and distance.
 
-    vertices: float32 (V, 8), normals in 3 to 5 (shade.tables). The normal, in scene space, is two half floats: azimuth
+    colours, opacity: as for `colour_rows`. projection: float64 (4, 4). vertices: float32 (V, 8), normals in 3 to 5
+    (shade.tables). The normal, in scene space, is two half floats: azimuth
     atan2(y, x) and inclination from +z.
     """
     blended = () if opacity is None else (opacity,)
@@ -82,7 +86,10 @@ def rows_twin(
     width: int,
     height: int,
 ) -> tuple[Doubles, Doubles]:
-    """Unit normals and positions (x, y, distance), float64 (n, 3) each, of fragments with depth (n)."""
+    """Unit normals and positions (x, y, distance), float64 (n, 3) each, of fragments with depth (n).
+
+    normals: (V, 3), of the vertices. projection: float64 (4, 4).
+    """
     n = samples.count
     bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1).astype(np.float64)
     weights = np.concatenate([1 - bary.sum(axis=1, keepdims=True), bary], axis=1)

@@ -96,7 +96,7 @@ class FreeSlots:
         return cls(np.zeros(grid.classes, np.int64), np.zeros(grid.classes, np.int64), device.zeros(1, np.int32))
 
     def upload(self, device: Device) -> tuple[Array, Array]:
-        """Counts and starts as kernels read them, int32."""
+        """Counts and starts as kernels read them, int32 (classes)."""
         return device.upload(self.counts.astype(np.int32)), device.upload(self.starts.astype(np.int32))
 
 
@@ -195,14 +195,17 @@ class Allocator:
 
 
 def request_twin(sizes: Ints, bias: int, top: int, words: Words) -> tuple[Longs, Longs]:
-    """Classes of the blocks that patches with these sizes and words want and release, -1 for none."""
+    """Classes, int64 (n), of the blocks that patches want and release, -1 for none.
+
+    sizes: int32 (n), as in Request. words: uint32 (n), locations.
+    """
     w, h = levels_at(sizes & 0xFF, bias, top), levels_at(sizes >> 8, bias, top)
     now, held = h * (top + 1) + w, classes_of(words, top)
     return np.where(held == now, -1, now), np.where(held == now, -1, held)
 
 
 def classes_of(words: Words, top: int) -> Longs:
-    """The class of each location word's block, -1 for a word of 0."""
+    """The class of each location word's block, int64 (n) for words uint32 (n), -1 for a word of 0."""
     _, _, w, h = unpack_location(words)
     return np.where(words > 0, h * (top + 1) + w, -1)
 
@@ -225,7 +228,7 @@ class AllocatorTwin:
         self.shown: NDArray[np.integer[Any]] = np.empty(0, np.int64)
 
     def allocate(self, patches: Ints, sizes: Ints, bias: int) -> None:
-        """Blocks for the visible patches, in their order."""
+        """Blocks for the visible patches, int32 (n), in their order; sizes: int32 (n), as in Request."""
         if not self._try(patches, sizes, bias):
             self._clear()
             self.resets += 1

@@ -62,6 +62,6 @@ def needed_superblocks_twin(histogram: Ints, top: int) -> Longs:
 
 
 def levels_at(steps: NDArray[np.integer[Any]], bias: int, top: int) -> NDArray[np.integer[Any]]:
-    """Level of a side of `steps` eighths at a bias of `bias` eighths."""
+    """Levels of sides of `steps` eighths, int of any shape, at a bias of `bias` eighths."""
     levels: NDArray[np.integer[Any]] = np.clip(-((bias - steps) // STEPS), 0, top)
     return levels

@@ -130,7 +130,11 @@ def count_asked_twin(masks: Bytes, sizes: Ints, bias: int, top: int, soup: Soup)
 
 
 def without_texel_twin(patches: Ints, masks: Bytes, words: Words, members: Ints, triangle: arrays.Array) -> int:
-    """Triangles in the set with a block of which they own no texel, from the triangles of all samples."""
+    """Triangles in the set with a block of which they own no texel, from the triangles of all samples, int (m).
+
+    patches: int32 (n), the visible ones. masks: uint8 (n), see VisiblePatches. words: uint32 (P), locations. members:
+    int32 (P, 3).
+    """
     placed = (masks[:, None] >> np.arange(3) & 1 > 0) & (words[patches] > 0)[:, None]
     return int((~np.isin(members[patches][placed], triangle)).sum())
 
@@ -138,7 +142,10 @@ def without_texel_twin(patches: Ints, masks: Bytes, words: Words, members: Ints,
 def emit_samples_twin(
     patches: Ints, masks: Bytes, words: Words, soup: Soup, atlas_width: int, complete: bool
 ) -> dict[str, arrays.Array]:
-    """The samples by the names of Samples, float64."""
+    """The samples, (m) each, by the names of Samples; floats are float64.
+
+    patches: int32 (n), the visible ones. masks: uint8 (n), see VisiblePatches. words: uint32 (P), locations.
+    """
     blocks: list[dict[str, arrays.Array]] = []
     for patch, mask in zip(patches, masks, strict=True):
         if words[patch]:

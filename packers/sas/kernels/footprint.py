@@ -54,6 +54,8 @@ def measure_sides_twin(
 ) -> Doubles:
     """Unrounded logarithms to base 2 of width and height in pixels, float64 (n, 2); those below one pixel are 0.
 
+    patches: int32 (n), the visible ones. points, positions, eye: as for `measure_sides`.
+
     Where a pair or a fan needs a step for the texels of its triangles, it is exactly one, 1 / STEPS.
     """
     vertex = points[patches]

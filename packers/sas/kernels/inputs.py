@@ -31,7 +31,7 @@ class Soup(Patches):
 
 
 def all_visible(device: Device, masks: Bytes) -> VisiblePatches:
-    """The patches 0, 1, ... of which `masks` says which members are in the set."""
+    """The patches 0, 1, ... of which `masks`, uint8 (n), says which members are in the set."""
     patches = np.arange(len(masks), dtype=np.int32)
     return VisiblePatches(len(masks), device.upload(patches), device.upload(masks))
 
@@ -61,12 +61,12 @@ def random_patches(rng: np.random.Generator, count: int, size: int | None = None
 
 
 def words_in_rows(levels: list[tuple[int, int]]) -> Words:
-    """Location words of blocks of these levels, each alone in a square of 256 texels."""
+    """Location words, uint32 (n), of blocks of these levels, each alone in a square of 256 texels."""
     w, h = np.array(levels).T
     k = np.arange(len(levels))
     return pack_location(k % 16 * 256 + (k * 37 % 256 >> w << w), k // 16 * 256 + (k * 91 % 256 >> h << h), w, h)
 
 
 def random_masks(rng: np.random.Generator, soup: Soup) -> Bytes:
-    """For each patch some of its members, at least one."""
+    """uint8 (P): for each patch some of its members, at least one, as bits."""
     return rng.integers(1, 1 << soup.sizes()).astype(np.uint8)

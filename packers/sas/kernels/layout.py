@@ -42,7 +42,7 @@ ROLE_SLOT = np.array([0, 1, 0, 1, 2])
 
 
 def pack_role(role: NDArray[np.integer[Any]], rotation: NDArray[np.integer[Any]]) -> Bytes:
-    """One byte for a triangle's role and rotation."""
+    """One byte for a triangle's role and rotation, of any shape."""
     codes: Bytes = (3 * role + rotation).astype(np.uint8)
     return codes
 
@@ -55,14 +55,15 @@ def corner_points(codes: NDArray[np.integer[Any]]) -> Longs:
 
 
 def pack_location(x: Array | int, y: Array | int, w: Array | int, h: Array | int) -> Words:
-    """The location word, uint32, of blocks at column x and row y with sides 2^w and 2^h."""
+    """The location words, uint32, of blocks at columns x and rows y with sides 2^w and 2^h, int of any shapes that
+    broadcast."""
     centre_x, centre_y = 2 * np.asarray(x) + (1 << np.asarray(w)), 2 * np.asarray(y) + (1 << np.asarray(h))
     words: Words = (centre_x | centre_y << 16).astype(np.uint32)
     return words
 
 
 def unpack_location(words: Words) -> tuple[Longs, Longs, Longs, Longs]:
-    """x, y, w, h (int64) of location words; meaningless where a word is 0."""
+    """x, y, w, h, int64, of location words of any shape; meaningless where a word is 0."""
     centre_x, centre_y = words.astype(np.int64) & 0xFFFF, words.astype(np.int64) >> 16
     side_x, side_y = np.maximum(centre_x & -centre_x, 1), np.maximum(centre_y & -centre_y, 1)
     w, h = (np.frexp(side)[1].astype(np.int64) - 1 for side in (side_x, side_y))

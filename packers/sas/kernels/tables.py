@@ -46,7 +46,7 @@ class Patches:
         return len(self.members)
 
     def sizes(self, patches: Ints | slice = slice(None)) -> Longs:
-        """Triangles in each of these patches, int64."""
+        """Triangles in each of these patches, int64 (n) for patches int (n) or a slice of them."""
         sizes: Longs = (self.members[patches] >= 0).sum(axis=1)
         return sizes
 

@@ -56,7 +56,7 @@ class VisiblePatches:
 
 
 def visible_patches(device: Device, pvs: Array, count: int, tables: PatchTables, marks: Marks) -> VisiblePatches:
-    """Patches with a triangle among the first `count` of `pvs`, int32, ascending. Marks these with a new number."""
+    """Patches with a triangle among `pvs`, int32 (count), ascending. Marks these with a new number."""
     kernels = device.build(HERE / "visible.cl")
     marks.number += 1
     device.launch(STAGE, kernels.mark_triangles, count, count, pvs, marks.number, marks.triangles)

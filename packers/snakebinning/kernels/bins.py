@@ -63,13 +63,13 @@ class HeightBins:
 
 
 def bin_of(alpha: Array | int, beta: Array | int, height: Array | int) -> Array:
-    """Numbers of bins from their indices in each dimension."""
+    """Numbers of bins from their indices alpha, beta and height, int of any shapes that broadcast."""
     bins: Array = (np.asarray(alpha) * ANGLES + beta) * COLUMN + height
     return bins
 
 
 def indices_of(bins: Array | int) -> tuple[Array, Array, Array]:
-    """Indices (alpha, beta, height) of bins."""
+    """Indices (alpha, beta, height) of bins, int of any shape."""
     column, height = np.divmod(np.asarray(bins), COLUMN)
     alpha, beta = np.divmod(column, ANGLES)
     return alpha, beta, height

@@ -56,7 +56,10 @@ SLOT_FIELDS = [field.name for field in fields(SlotShape)]
 
 @dataclass
 class Scene:
-    """Triangles before two views, measured. Adversarial: of all sizes, those below 2 texels as points."""
+    """Triangles before two views, measured. Adversarial: of all sizes, those below 2 texels as points.
+
+    corners: float32 (n, 3, 3). views: float32 (2, 16), see pack_views.
+    """
 
     device: Device
     corners: Floats
@@ -312,7 +315,7 @@ def emission(device: Device, kind: str, size: int) -> Trial:
 
 
 def samples_twin(packed: Packed) -> dict[str, arrays.Array]:
-    """All samples, triangle by triangle."""
+    """All samples, triangle by triangle, as from `emit_twin`."""
     corners, places = packed.scene.corners, packed.placement.places
     slots = [SlotShape.of(strip) for strip in packed.placement.superblocks.strips.get()]
     placed, drawn, strips = places.places.get(), places.drawn.get(), places.slots.get()[:, 0]

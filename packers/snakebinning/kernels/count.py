@@ -64,7 +64,8 @@ class BinCounts:
 
 
 def count_bins_twin(bins: arrays.Array, lengths: arrays.Array) -> tuple[arrays.Array, arrays.Array, Longs]:
-    """Used bins, their triangles and widest lengths (k, 2), for the bins and lengths (n, 4) of n triangles."""
+    """Used bins, int (k), ascending, their triangles, int (k), and widest lengths, int64 (k, 2), for the bins, int (n),
+    and lengths, int (n, 4), of n triangles."""
     used, which, counts = np.unique(bins, return_inverse=True, return_counts=True)
     widest = np.zeros((len(used), 2), np.int64)
     np.maximum.at(widest, which, lengths[:, :2])

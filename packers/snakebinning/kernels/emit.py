@@ -101,7 +101,7 @@ class PlacedTriangle:
 
 
 def emit_twin(triangle: PlacedTriangle, slot: SlotShape, blowup: Blowup, atlas_width: int) -> dict[str, arrays.Array]:
-    """The samples of one placed triangle, float64, by the names of Samples."""
+    """The samples of one placed triangle, (m) each, by the names of Samples; floats are float64."""
     place, drawn = triangle.place, (int(triangle.drawn[0]), int(triangle.drawn[1]), int(triangle.drawn[2]))
     sign, foot = 1 - 2 * (place >> 29 & 1), 8 * slot.inset + slot.before8
     origin, row = ((place & 0xFFFF) - sign * foot) // 8, place >> 16 & 0x1FFF

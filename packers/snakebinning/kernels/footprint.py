@@ -133,7 +133,11 @@ def measure_triangles(
 
 @dataclass(frozen=True)
 class Measured:
-    """The twin's result: shapes (n, 3) of before, after, height in texels, not rounded; roles, weights (n, 3), bins."""
+    """The twin's result.
+
+    shape: (n, 3), before, after, height in texels, not rounded. roles: (n), as in the words of Footprints. weights:
+    (n, 3), inverse distances as parts of 255. bins, notes: int (n).
+    """
 
     shape: Doubles
     roles: NDArray[np.intp]
@@ -229,7 +233,7 @@ def _shape(screen: Screen, roles: Roles) -> Doubles:
 
 
 def fitted_twin(shape: Doubles, fit: Fit) -> tuple[Doubles, arrays.Array]:
-    """Shapes (n, 3) as strips can hold them, and notes (n)."""
+    """Shapes (n, 3) in texels as strips can hold them, and notes, int (n)."""
     before, after, height = shape.T
     highest, longest = fit.heights.highest, fit.longest
     clipped = height > highest
@@ -247,7 +251,7 @@ def fitted_twin(shape: Doubles, fit: Fit) -> tuple[Doubles, arrays.Array]:
 
 
 def bins_twin(shape: Doubles, fit: Fit) -> arrays.Array:
-    """Bins of fitted shapes (n, 3), of which points are zeros."""
+    """Bins, int (n), of fitted shapes (n, 3), of which points are zeros."""
     edges = edge_table().astype(np.float64)
     before, after, height = shape.T
     alpha = (before[:, None] < edges[: ANGLES - 1] * height[:, None]).sum(axis=1)
@@ -278,7 +282,7 @@ def _weights(w: Doubles, roles: Roles, shape: Doubles) -> Doubles:
 
 
 def near_twin(old: arrays.Array, new: arrays.Array, fit: Fit) -> Bools:
-    """Whether bins `new` are within the hysteresis of bins `old`; no point among them."""
+    """Whether bins `new` are within the hysteresis of bins `old`, int (n); no point among them."""
     if fit.near_height < 0:
         return np.zeros(len(old), bool)
     alpha, beta, height = (np.abs(n - o) for o, n in zip(indices_of(old), indices_of(new), strict=True))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def crowd(rng: np.random.Generator, count: int) -> tuple[arrays.Array, Longs]:
-    """Used bins and their triangles: a cloud in bin space, as of a scene."""
+    """Used bins, int (k), ascending, and their triangles, int64 (k): a cloud in bin space, as of a scene."""
     bins = bin_of(rng.integers(0, 30, count), rng.integers(0, 30, count), rng.integers(0, HEIGHTS, count) ** 2 // 1500)
     used = np.unique(bins)
     return used, np.maximum(1, rng.geometric(0.06, len(used)) - 10)
@@ -30,6 +30,6 @@ def table_of(used: arrays.Array, values: arrays.Array) -> arrays.Array:
 
 
 def upload_bins(device: Device, used: arrays.Array, counts: arrays.Array, widest: arrays.Array) -> UsedBins:
-    """Used bins with their triangles (k) and widest lengths (k, 2)."""
+    """Used bins, int (k), with their triangles, int (k), and widest lengths, int (k, 2)."""
     tables = (device.upload(table_of(used, values)) for values in (counts, widest))
     return UsedBins(device.upload(used.astype(np.int32)), len(used), *tables)

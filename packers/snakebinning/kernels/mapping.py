@@ -90,7 +90,7 @@ def map_bins_twin(
 
 
 def nearest_sink(source: int, sinks: arrays.Array) -> int | None:
-    """The nearest of `sinks`, ascending, in range; of equally near ones the first."""
+    """The nearest of `sinks`, int (k), ascending, in range; of equally near ones the first."""
     alpha, beta, height = indices_of(source)
     a, b, h = (values - own for values, own in zip(indices_of(sinks), (alpha, beta, height), strict=True))
     near = (np.abs(a) <= ANGLE_RANGE) & (np.abs(b) <= ANGLE_RANGE) & (h >= 0) & (h <= HEIGHT_RANGE)
@@ -99,7 +99,10 @@ def nearest_sink(source: int, sinks: arrays.Array) -> int | None:
 
 
 def first_in_hierarchy(source: int, sinks: arrays.Array) -> int | None:
-    """Of the smallest cell around the source whose most central sink is not lower than the source, that sink."""
+    """Of the smallest cell around the source whose most central sink is not lower than the source, that sink.
+
+    sinks: int (k), bins.
+    """
     own = np.array(indices_of(source))
     places = np.stack(indices_of(sinks), axis=1)
     for side in SIDES:

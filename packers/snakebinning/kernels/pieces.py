@@ -23,14 +23,14 @@ OUTSIDE = DEFINED.number("OUTSIDE")  # texels that barycentrics may lie further 
 
 @dataclass(frozen=True)
 class TriangleList:
-    """Triangles of the scene, and pieces: the first `count` of the numbers `ids`, int32 on the device."""
+    """Triangles of the scene, and pieces: the first `count` of the numbers `ids`, int32 (n) on the device."""
 
     ids: Array
     count: int
 
     @classmethod
     def upload(cls, device: Device, ids: Ints) -> TriangleList:
-        """Those of a list on the host."""
+        """Those of a list on the host, int32 (n)."""
         return cls(device.upload(ids), len(ids))
 
 

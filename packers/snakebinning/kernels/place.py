@@ -76,10 +76,10 @@ def find_new(device: Device, listed: TriangleList, made_at: int, placement: Plac
 def place_triangles(
     device: Device, frame: int, listed: TriangleList, is_new: Array, targets: Array, placement: Placement
 ) -> None:
-    """Give those of the triangles listed that are new (uint8) or in strips that have moved slots, in list order.
+    """Give those of the triangles listed that are new or in strips that have moved slots, in list order.
 
-    targets: int32 (BINS). No place where the strip has no slot left. A triangle wider than its strip's slots is drawn
-    as wide as these.
+    is_new: uint8 (n), as from `find_new`. targets: int32 (BINS). No place where the strip has no slot left. A triangle
+    wider than its strip's slots is drawn as wide as these.
     """
     kernels, count = device.build(HERE / "place.cl"), listed.count
     footprints, blocks, places = placement.footprints, placement.superblocks, placement.places
@@ -97,8 +97,8 @@ def place_triangles(
 def place_twin(
     rank: arrays.Array, strip: NDArray[np.void], corner: arrays.Array, lengths: arrays.Array
 ) -> tuple[arrays.Array, arrays.Array]:
-    """Places and drawn lengths (n, 3) of triangles with ranks (n) in their parts of strips (STRIP records, n), whose
-    superblocks begin at `corner` (n, 2); lengths (n, 3) in 1/8 texel."""
+    """Places, int (n), and drawn lengths, int (n, 3), of triangles with ranks, int (n), in their parts of strips, STRIP
+    records (n), whose superblocks begin at `corner`, int (n, 2); lengths, int (n, 3), in 1/8 texel."""
     row, column = np.divmod(rank, np.maximum(strip["per_row"], 1))
     turned = column % 2
     x = corner[:, 0] + column // 2 * strip["period"]
@@ -116,7 +116,7 @@ def place_twin(
 
 
 def parts_twin(strips: NDArray[np.void], number: arrays.Array, rank: arrays.Array) -> tuple[arrays.Array, arrays.Array]:
-    """Parts of the strips `number` (n) that ranks (n) lie in, -1 beyond their slots, and ranks in these."""
+    """Parts, int (n), of the strips `number` that ranks, int (n), lie in, -1 beyond their slots, and ranks in these."""
     number, rank = number.copy(), rank.copy()
     for i in range(len(number)):
         while number[i] >= 0:

@@ -28,8 +28,11 @@ LEAST = 1 / 16  # weight: float32 barycentrics tell the corners of pieces apart 
 
 @dataclass(frozen=True)
 class Slices:
-    """Pieces of sliced triangles: parents int32 (k), corners float64 (k, 3, 3), barycentrics in the parent float64
-    (k, 3, 3), and whether each lies inside the frustum, bool (k). Pieces of one parent follow one another."""
+    """Pieces of sliced triangles; those of one parent follow one another.
+
+    parents: int32 (k). corners: float64 (k, 3, 3). bary: float64 (k, 3, 3), the corners' barycentrics in the parent.
+    inside: bool (k), whether the piece lies inside the frustum.
+    """
 
     parents: Ints = field(default_factory=lambda: np.empty(0, np.int32))
     corners: Doubles = field(default_factory=lambda: np.empty((0, 3, 3)))
@@ -111,7 +114,8 @@ def weight_steps(bary: Doubles) -> Doubles:
 
 def texel_steps(bary: Doubles, lengths: arrays.Array, words: arrays.Array) -> Doubles:
     """By how many texels of the atlas that rounding moves a sample of each of k pieces, in the worse direction and at
-    the worst of its corners: float64 (k). lengths, words: of the pieces, as in Footprints."""
+    the worst of its corners: float64 (k). bary: float64 (k, 3, 3), see Slices. lengths, words: of the pieces, as in
+    Footprints."""
     place = locate_corners_twin(np.ones(len(bary), np.uint32), lengths, words)  # anywhere
     w = place[..., 2]
     at = place[..., :2] / w[..., None]
@@ -156,7 +160,7 @@ def slice_dominating(
     ids: arrays.Array, corners: Doubles, clients: list[Doubles], server: Doubles, margin: float, share: float
 ) -> Slices:
     """Slices of those triangles, ids (n) and corners float64 (n, 3, 3), that cover at least `share` of the picture of
-    one of the client views, given as projection @ view.
+    one of the client views, given as projection @ view, float64 (4, 4), like `server`.
 
     They are cut along the frustum of `server`, WIDER in tangents and `margin` further out, so that views may turn and
     move a little before they see a piece outside.

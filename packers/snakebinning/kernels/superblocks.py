@@ -101,7 +101,7 @@ class Superblocks:
 
         A strip that has room nowhere as a whole lies in several parts. numbers["left"] is how many triangles have none.
 
-        frame: a number that grows. targets: int32 (BINS). tops: int32, height of each bin of heights in 1/8 texel.
+        frame: a number that grows. targets: int32 (BINS). tops: int32 (COLUMN), see HeightBins.tops.
         frozen: the triangles counted join those that strips have, and nothing moves: a strip that they outgrow gets a
         further part.
         """
@@ -124,12 +124,12 @@ class Superblocks:
         self.strips, self.orphans = self.device.upload(larger), self.device.empty(len(larger), np.int32)
 
     def live_strips(self) -> NDArray[np.void]:
-        """The strips that have triangles, and their further parts, as STRIP records."""
+        """The strips that have triangles, and their further parts: (n) of STRIP records."""
         strips = self.strips.get()[: self.numbers["strips"]]
         return strips[strips["bin"] >= 0]
 
     def live_superblocks(self) -> NDArray[np.void]:
-        """The superblocks, as SUPERBLOCK records."""
+        """The superblocks: (n) of SUPERBLOCK records."""
         return self.blocks.get()[: self.numbers["superblocks"]]
 
 
@@ -217,7 +217,11 @@ class SuperblocksTwin:
         tops: Ints,
         frozen: bool = False,
     ) -> bool:
-        """Place the strips of k used bins: their targets, triangles (k) and widest lengths (k, 2)."""
+        """Place the strips of k used bins.
+
+        used, targets, counts: int (k), the bins, their targets and triangles. widest: int (k, 2), their longest
+        lengths, as in UsedBins. tops: int32 (COLUMN), see HeightBins.tops.
+        """
         self.left, self.frozen = 0, frozen
         self._collect(used, targets, counts, widest)
         orphans = self._place_kept(tops)

@@ -32,7 +32,7 @@ PER_DOUBLING = 8
 
 
 def size_classes() -> tuple[Ints, Ints]:
-    """The class of each size 0 to LONGEST, int32, and the largest size of each class."""
+    """The class of each size 0 to LONGEST, int32 (LONGEST + 1), and the largest size of each class, int32 (C)."""
     largest = list(range(1, EXACT + 1))
     while largest[-1] < LONGEST:
         step = (1 << (int(largest[-1]).bit_length() - 1)) // PER_DOUBLING
@@ -84,7 +84,7 @@ class Bins:
 
 @dataclass(frozen=True)
 class BinTables:
-    """Bins on the device; size_classes: how many there are, C."""
+    """Bins on the device, arrays as in Bins; size_classes: how many there are, C."""
 
     width: Array
     height: Array

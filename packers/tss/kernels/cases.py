@@ -39,7 +39,10 @@ SCALE, SLANTED, STAGE = 0.83, 3.0, "tss"
 
 @dataclass
 class Scene:
-    """Triangles before a camera."""
+    """Triangles before a camera.
+
+    corners: float32 (n, 3, 3). camera: float32 (21), see camera_floats. ids: int32 (n), on the device.
+    """
 
     device: Device
     corners: Floats
@@ -71,7 +74,11 @@ class Scene:
 
 @dataclass
 class Packed:
-    """A scene's primitives in places."""
+    """A scene's primitives in places.
+
+    totals: int64 (B), items per bin. ranks: int64 (2 n), of items, as Items has them. regions: int32 (B, 6), see
+    lay_out. used: rows of the atlas.
+    """
 
     primitives: Primitives
     bins: Bins
@@ -229,7 +236,7 @@ def emission(device: Device, kind: str, size: int) -> Trial:
 
 
 def samples_twin(scene: Scene, packed: Packed) -> dict[str, arrays.Array]:
-    """All samples, primitive by primitive."""
+    """All samples, primitive by primitive, as from `emit_primitive_twin`."""
     known, placed = packed.primitives, packed.placed
     parents, starts, pieces, firsts = (a.get() for a in (known.parents, known.starts, known.pieces, known.firsts))
     forms, places, inverse = placed.forms.get(), placed.places.get(), placed.inverse.get()[:, :3].astype(np.float64)

@@ -151,7 +151,7 @@ def emit_samples(
 
 
 def count_samples(device: Device, count: int, forms: Array, table: CellTable) -> int:
-    """The samples that `count` primitives of these forms have once all of their items are placed."""
+    """The samples that primitives of these forms, int32 (count, 4), have once all of their items are placed."""
     places = device.recycled((count, 2), np.int32)
     device.fill(places, 0, BUDGET)
     work = _Runs.cut(device, count, forms, places, table)

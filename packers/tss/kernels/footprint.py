@@ -70,7 +70,10 @@ def measure_triangles(
 
 
 def project_twin(points: arrays.Array, camera: Floats) -> tuple[Doubles, Doubles, Bools]:
-    """Screen positions float64 (..., 2) in pixels, depths (...) and whether they are bounded, of points (..., 3)."""
+    """Screen positions float64 (..., 2) in pixels, depths (...) and whether they are bounded, of points (..., 3).
+
+    camera: float32 (21), see `camera_floats`.
+    """
     c = camera.astype(np.float64)
     from_eye = points.astype(np.float64) - c[:3] - c[3:6]
     x, y, depth = (from_eye @ c[k : k + 3] for k in (6, 9, 12))

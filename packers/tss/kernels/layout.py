@@ -87,7 +87,10 @@ def lay_out_twin(bins: Bins, totals: Longs, width: int) -> tuple[Longs, int]:
 def place_items_twin(
     items: arrays.Array, ranks: Longs, width: Ints, height: Ints, regions: arrays.Array, rows: int
 ) -> Longs:
-    """Places, as from `place_items`, of items (bins, -1 for none) with `ranks`, in their own order."""
+    """Places, as from `place_items`, of items, int (n), bins, -1 for none, with ranks int64 (n), in their own order.
+
+    width, height: int32 (B), as in Bins. regions: int (B, 6), as from `lay_out`.
+    """
     safe = np.maximum(items, 0)
     region, slot, turned = regions[safe].astype(np.int64), ranks // 2, ranks % 2
     w, h = width[safe], height[safe]
@@ -101,12 +104,12 @@ def place_items_twin(
 
 
 def pack_place(column: Longs, row: Longs, turned: Longs) -> Longs:
-    """A place as one number."""
+    """Places as one number each, int64: column, row and turned (0 or 1) of any shape."""
     places: Longs = column | row << 15 | turned << 30
     return places
 
 
 def unpack_place(word: arrays.Array) -> tuple[Longs, Longs, Longs]:
-    """Column, row, and the direction, 1 or -1, of places from 0 on."""
+    """Column, row, and the direction, 1 or -1, of places from 0 on, int of any shape."""
     place = word.astype(np.int64)
     return place & 0x7FFF, place >> 15 & 0x7FFF, 1 - 2 * (place >> 30 & 1)

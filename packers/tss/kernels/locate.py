@@ -73,7 +73,10 @@ def locate_twin(bary: Floats, inverse: Floats, pieces: Ints, starts: Ints, recor
 
 
 def find_piece_twin(screen: Doubles, pieces: arrays.Array) -> tuple[Longs, Doubles]:
-    """Number of the piece that holds each point, int (n), and its weights there (n, 2)."""
+    """Number of the piece that holds each point, int (n), and its weights there (n, 2).
+
+    screen: (n, 2), weights on the screen of corners 1 and 2. pieces: int (n), along an edge.
+    """
     scaled = screen * pieces[:, None]
     row = np.clip(scaled[:, 1].astype(int), 0, pieces - 1)
     column = np.clip(scaled[:, 0].astype(int), 0, pieces - 1 - row)

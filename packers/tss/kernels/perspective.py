@@ -49,7 +49,8 @@ def to_screen(bary: Doubles, inverse: Doubles) -> Doubles:
 
 
 def to_object(screen: Doubles, inverse: Doubles) -> Doubles:
-    """The inverse of `to_screen`."""
+    """Object weights (n, 2) from screen weights (n, 2) of corners 1 and 2, with inverse depths (n, 3): the inverse of
+    `to_screen`."""
     parts = np.column_stack([1 - screen.sum(axis=1), screen]) * inverse
     total = np.maximum(parts.sum(axis=1), inverse.min(axis=1) / 4)  # outside the triangle it could reach the horizon
     bary: Doubles = parts[:, 1:] / total[:, None]

@@ -87,7 +87,7 @@ def measure_primitives_twin(
     """Shapes by name (see `shape_twin`) of pieces of triangles.
 
     corners: (n, 3, 3), each triangle's. pieces, index: int (n), parts along an edge and the piece's number.
-    inverse: (n, 3), as from `invert_depths_twin` at scale 1.
+    inverse: (n, 3), as from `invert_depths_twin` at scale 1. camera: float32 (21).
     """
     at = piece_corners(pieces, index)
     weights = np.stack([to_object(at[:, k], inverse) for k in range(3)], axis=1)
