@@ -213,7 +213,7 @@ def beside(pose: Pose, cell: ViewCell, fov: float) -> Pose:
 
 
 class TrialError(Exception):
-    """A check did not hold: the status, a sentence, and the pictures that show it, as in Finding."""
+    """A check did not hold: the status, a sentence, and the pictures that show it, as in TrialResult."""
 
     def __init__(self, status: str, sentence: str, pictures: dict[str, Bytes] | None = None) -> None:
         super().__init__(sentence)
