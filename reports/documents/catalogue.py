@@ -297,15 +297,16 @@ LIMITED = Source(
             ("server_ratio",),
         )
     },
+    quick=True,
 )
 
 
-def _full_atlas(name: str, scene: str, quick: bool) -> Source:
+def _full_atlas(name: str, scene: str) -> Source:
     pattern = f"bench run {ATLAS_METHODS} --scene {scene} --size 480x270 --atlas {{size}} --frames 2 --codec none"
     commands = tuple(f"{pattern.format(size=f'{side}x{side}')} --metrics flip" for side in (256, 512, 1024, 2048, 4096))
     columns = _numbers(placed="placed: .1%", samples="samples: ,.0f", flip="FLIP: .4f")
     part = Part(("atlas", "method"), (_words("atlas", "{atlas}"), _words("method", "{method}"), *columns))
-    return Source(f"full-atlas-{name}", commands, digests.full_atlas_parts, {ROWS: part}, quick)
+    return Source(f"full-atlas-{name}", commands, digests.full_atlas_parts, {ROWS: part})
 
 
 PUBLISHED_SCENES = {  # scene to its path, atlas, and the samples per pixel that SnakeBinning has in its cells
@@ -542,8 +543,8 @@ SOURCES: dict[str, Source] = {
         SLANTED,
         SPEED,
         LIMITED,
-        _full_atlas("hall", "hall --detail 1000000", quick=True),
-        _full_atlas("viking", VIKING, quick=False),
+        _full_atlas("hall", "hall --detail 1000000"),
+        _full_atlas("viking", VIKING),
         EQUAL,
         PUBLISHED,
         CAUSES,
