@@ -18,8 +18,9 @@ import numpy as np
 from shading_atlas_bench.arithmetic.functions import sin
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialCase, TrialResult, describe, try_method
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
-from shading_atlas_bench.harness.workload.views import Pose, ViewCell, from_rotation_vector, multiply
+from shading_atlas_bench.harness.workload.views import Pose, ViewCell, from_rotation_vector
 from shading_atlas_bench.scenes.model import Light, Material, Scene
+from shading_atlas_bench.scenes.quaternions import multiply
 
 if TYPE_CHECKING:
     from hypothesis.strategies import SearchStrategy

@@ -36,7 +36,6 @@ from shading_atlas_bench.harness.workload.views import (
     ViewCell,
     client_view,
     from_rotation_vector,
-    multiply,
     rotation,
 )
 from shading_atlas_bench.kernels.metrics.flip import Flip
@@ -53,6 +52,7 @@ from shading_atlas_bench.packers.interface import (
     View,
 )
 from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.quaternions import multiply
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -17,10 +17,10 @@ from shading_atlas_bench.harness.workload.views import (
     ViewCell,
     client_view,
     confined,
-    multiply,
     rotation,
 )
 from shading_atlas_bench.packers.interface import Frame, ServerScene, View
+from shading_atlas_bench.scenes.quaternions import multiply
 
 if TYPE_CHECKING:
     from shading_atlas_bench.scenes.head_motion import HeadMotion

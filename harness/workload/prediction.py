@@ -8,11 +8,10 @@ from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.matrices import product
 from shading_atlas_bench.harness.workload.views import (
     Pose,
-    conjugate,
     from_rotation_vector,
-    multiply,
     rotation_vector,
 )
+from shading_atlas_bench.scenes.quaternions import conjugate, multiply
 
 # Spread of a person's acceleration (m/s^2, rad/s^2) and of a tracker's measurements (m, rad).
 ACCELERATION = (3.0, 10.0)

@@ -9,8 +9,9 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, arctan2, cos, sin_cos, tan
-from shading_atlas_bench.arithmetic.matrices import dot, matvec, product
+from shading_atlas_bench.arithmetic.matrices import matvec, product
 from shading_atlas_bench.packers.interface import View
+from shading_atlas_bench.scenes.quaternions import conjugate, multiply
 
 # A frustum wider than this is split: perspective spends most pixels of a wider one near its edges.
 WIDEST_FRUSTUM = 100.0
@@ -47,17 +48,6 @@ def rotation(quaternion: Doubles) -> Doubles:
             [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
         ]
     )
-
-
-def multiply(a: Doubles, b: Doubles) -> Doubles:
-    """The quaternion (4) of rotation b followed by rotation a, both (4), x, y, z, w."""
-    av, aw, bv, bw = a[:3], a[3], b[:3], b[3]
-    return np.append(aw * bv + bw * av + np.cross(av, bv), aw * bw - dot(av, bv))
-
-
-def conjugate(q: Doubles) -> Doubles:
-    """The inverse (4) of a unit quaternion (4), x, y, z, w."""
-    return np.append(-q[:3], q[3])
 
 
 def rotation_vector(q: Doubles) -> Doubles:

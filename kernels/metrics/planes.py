@@ -66,5 +66,5 @@ def padded_taps(taps: Doubles) -> Floats:
 
 
 def total(partial: Array) -> float:
-    """The sum of partial sums, float32 (n), in float64 and in their order."""
+    """The sum of partial sums, float32 (n), in float64."""
     return float(np.sum(partial.get(), dtype=np.float64))

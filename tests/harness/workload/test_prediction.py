@@ -10,11 +10,10 @@ from shading_atlas_bench.harness.workload.prediction import predict
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.views import (
     Pose,
-    conjugate,
     from_rotation_vector,
-    multiply,
     rotation_vector,
 )
+from shading_atlas_bench.scenes.quaternions import conjugate, multiply
 
 TIMES = np.arange(40) * 1000 / 60
 

@@ -17,7 +17,6 @@ from shading_atlas_bench.harness.workload.views import (
     client_view,
     confined,
     from_rotation_vector,
-    multiply,
 )
 from shading_atlas_bench.packers.skips import Skips
 from shading_atlas_bench.scenes.features import content_digest, find_features
@@ -25,6 +24,7 @@ from shading_atlas_bench.scenes.hall import make_hall
 from shading_atlas_bench.scenes.head_motion import HeadMotion
 from shading_atlas_bench.scenes.model import Material, Scene
 from shading_atlas_bench.scenes.paths import make_path
+from shading_atlas_bench.scenes.quaternions import multiply
 
 AHEAD = np.array([0, 0, 0, 1.0])
 

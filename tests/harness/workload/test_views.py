@@ -11,12 +11,11 @@ from shading_atlas_bench.harness.workload.views import (
     ViewCell,
     client_view,
     confined,
-    conjugate,
     from_rotation_vector,
-    multiply,
     rotation,
     rotation_vector,
 )
+from shading_atlas_bench.scenes.quaternions import conjugate, multiply
 
 angles = st.floats(-3, 3)
 vectors = st.tuples(angles, angles, angles).map(np.array)
