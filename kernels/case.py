@@ -151,7 +151,9 @@ def _real(parts: list[Doubles], bound: Bound) -> Distance:
     errors = np.sort(np.concatenate([*parts, np.zeros(1)]))[::-1]
     worst = float(errors[int(bound.spared * (len(errors) - 1))])
     spared = f" for all but {bound.spared:.2%}" if bound.spared else ""
-    return Distance(_ratio(worst, bound.ulp), f"off by {worst:.4g} ulp; the bound is {bound.ulp:g}{spared}")
+    return Distance(
+        _ratio(worst, bound.ulp), f"off by {worst:.4g} ulp of the largest value; the bound is {bound.ulp:g}{spared}"
+    )
 
 
 def _whole(parts: list[Bools], bound: Bound) -> Distance:

@@ -20,27 +20,30 @@ PLUGIN = ROOT / "tests" / "plugin"
 TUTORIAL = ROOT / "docs" / "tutorial.md"
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(path for name in ("docs", "kernels", "packers", "reports")
                                           for path in (ROOT / name).rglob("*.md"))])  # fmt: skip
-FENCE = re.compile(r'^```(\w*)(?: title="([^"]+)")?\n(.*?)^```$', re.MULTILINE | re.DOTALL)
-SHOWN = re.compile(r'--8<-- "(.+)"\n')
+FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
+STEP = re.compile(
+    r"^(?:\*\*`(?P<file>[^`]+)`\*\*\n\n)?```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
 
 
 def script() -> str:
     """What the tutorial lets its reader do: its commands, and the files that it shows, in their order."""
     lines = ["set -euo pipefail"]
-    for language, title, text in FENCE.findall(TUTORIAL.read_text(encoding="utf-8")):
-        if title:
-            lines.append(f"cp {shlex.quote(str(ROOT / SHOWN.fullmatch(text)[1]))} {title}")
-        elif language == "bash":
-            lines.append(text)
+    for step in STEP.finditer(TUTORIAL.read_text(encoding="utf-8")):
+        if step["file"]:
+            lines.append(f"cat > {step['file']} <<'END OF FILE'\n{step['text']}END OF FILE")
+        elif step["language"] == "bash":
+            lines.append(step["text"])
     return "\n".join(lines)
 
 
-def test_the_tutorial_shows_every_file_of_the_plugin():
-    shown = {path for _, title, text in FENCE.findall(TUTORIAL.read_text(encoding="utf-8")) if title
-             for path in SHOWN.findall(text)}  # fmt: skip
-    files = {path.relative_to(ROOT).as_posix() for path in PLUGIN.rglob("*") if path.suffix in (".toml", ".py", ".cl")}
-    assert shown == files - {"tests/plugin/shelves/kernels/__init__.py"}
-    assert (PLUGIN / "shelves" / "kernels" / "__init__.py").read_bytes() == b""
+def test_the_tutorial_shows_every_file_of_the_plugin_as_it_is():
+    steps = STEP.finditer(TUTORIAL.read_text(encoding="utf-8"))
+    shown = {step["file"]: step["text"] for step in steps if step["file"]}
+    files = {path.relative_to(PLUGIN).as_posix(): path.read_text(encoding="utf-8")
+             for path in PLUGIN.rglob("*") if path.suffix in (".toml", ".py", ".cl")}  # fmt: skip
+    assert files.pop("shelves/kernels/__init__.py") == ""
+    assert shown == files
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="the tutorial's commands are for bash")
@@ -60,14 +63,14 @@ def test_the_tutorial_ends_with_a_packer_that_passes_every_check(tmp_path: Path)
     assert "shelves/emit emit_samples" in said
     assert "pass kernels pass" in said
     assert "shelves all checks passed" in said
-    for name in ("kernels/kernels.html", "run/report.html", "run/summary.csv"):
-        assert (tmp_path / "plugin" / name).stat().st_size > 0
+    for name in ("kernels/kernels.html", "shelves/report.html", "shelves/summary.csv"):
+        assert (tmp_path / "plugin" / "runs" / name).stat().st_size > 0
 
 
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.relative_to(ROOT).as_posix())
 def test_printed_commands_have_options_that_there_are(path: Path):
     commands = get_group(app).commands
-    for _, _, text in FENCE.findall(path.read_text(encoding="utf-8")):
+    for _, text in FENCE.findall(path.read_text(encoding="utf-8")):
         for line in re.split(r"\n| && ", text.replace("\\\n", " ")):
             if found := re.match(r"(?:\w+=\S+ )*bench (\w+)(.*)", line):
                 assert found[1] in commands, line

@@ -5,6 +5,8 @@ from __future__ import annotations
 import io
 import sys
 from collections.abc import Callable
+from importlib.metadata import version
+from typing import Annotated
 
 import typer
 
@@ -24,7 +26,6 @@ from shading_atlas_bench.harness.watch.ends import end_with_supervisor
 
 app = typer.Typer(
     name="bench",
-    help="Measure shading-atlas packers on identical scenes, paths, visible sets, shading and encoders.",
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -42,6 +43,23 @@ COMMANDS: dict[str, Callable[..., None]] = {
     "claims": claims,
     "tables": tables,
 }
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        print(version("shading-atlas-bench"))
+        raise typer.Exit
+
+
+@app.callback()
+def _common(
+    told: Annotated[
+        bool, typer.Option("--version", help="Show the version and exit", callback=_tell_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Measure shading-atlas packers on identical scenes, paths, visible sets, shading and encoders."""
+
+
 for name, command in COMMANDS.items():
     app.command(name)(command)
 
@@ -58,7 +76,7 @@ def main() -> None:
             print(f"bench: {argument} is not a name in {encoding}: rename it, or use a UTF-8 locale.", file=sys.stderr)
             sys.exit(UNUSABLE)
     try:
-        app()
+        app(prog_name="bench")
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(130)

@@ -6,6 +6,7 @@ ones on every packer.
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -39,6 +40,7 @@ from shading_atlas_bench.harness.conformance.trial import (
 )
 from shading_atlas_bench.harness.console import make_console, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.measure.machine import load
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
 from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
@@ -327,13 +329,17 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
 def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bool:
     console = make_console()
     console.print(f"[bold]{kit.kind.name}[/]  {len(CHECKS) + 2} checks")
-    failed = 0
+    failed = late = 0
     for name, found in _results(kit, out, thorough, timeout):
         failed += not found.good
+        late += found.status == "timeout"
         mark = "[green]pass[/]" if found.good else "[bold red]FAIL[/]"
         console.print(f"{mark} {escape(name)}" + (f": {escape(found.sentence)}" if found.sentence else ""))
         for path in _write_pictures(out, kit.kind.name, name, found):
             console.print(f"     [dim]{path}[/]", soft_wrap=True)
+    if late:
+        busy = f"In the last minute {load():.1f} processes wanted to run on {os.cpu_count()} cores."
+        console.print(f"[dim]--timeout SECONDS gives a check more than {timeout:g} s. {busy}[/]")
     if failed and out is None:
         console.print("[dim]--out DIR writes pictures of what failed.[/]")
     verdict = "[green]all checks passed[/]" if not failed else f"[bold red]{failed} checks failed[/]"

@@ -241,8 +241,8 @@ def show_kernels(rows: list[Row], roofline: Roofline, page: Path) -> None:
     console.print(table)
     console.print(
         f"[dim]M/s: million items per second. copy, arith: share of {roofline.bandwidth / 1e9:.1f} GB/s copied and of "
-        f"{roofline.arithmetic / 1e9:.0f} GFLOP/s, measured in this run. typical, hard: 99.9-percentile error in ULP, "
-        "or share of misassigned values (%). relaxed: time over the default's.[/]"
+        f"{roofline.arithmetic / 1e9:.0f} GFLOP/s, measured in this run. typical, hard: 99.9-percentile error in each "
+        "value's own ULP, or share of misassigned values (%). relaxed: time over the default's.[/]"
     )
     for found in compare_variants(rows):
         worse, better = len(found["worse"]), len(found["better"])

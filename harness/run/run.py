@@ -67,6 +67,8 @@ def run(
         again = resume or folder
         journal().note(again=["--out", str(again)])
         tell_device(session, progress)
+        if finished := len(store.finished()):
+            progress.say(f"{finished} of {session.frames * len(pipelines)} frames of the methods are finished already.")
         progress.say(f"Results go to {folder}; the same command with --out {again} resumes.")
         rows = None
         with stops_kept(again):

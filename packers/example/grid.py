@@ -39,7 +39,7 @@ class Grid(Packer):
         row, column = np.nonzero(np.add.outer(np.arange(side), np.arange(side)) <= side)  # what lookups touch
         bary1, bary2 = (np.tile(k / max(side - 1, 1), len(pvs)) for k in (column, row))
         corners = frame.scene.host.positions[frame.scene.host.indices[pvs]]
-        edge = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        edge = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
         texel = ((y + row) * width + x + column).reshape(-1)
         owner, footprint = (np.repeat(k, len(row)) for k in (pvs, edge / side))
         samples = Samples.upload(device, owner, bary1, bary2, footprint, texel)

@@ -109,7 +109,7 @@ def published_parts(folders: Sequence[Path]) -> Parts:
 
 def cause_parts(folders: Sequence[Path]) -> Parts:
     """Runs of SnakeBinning as published and at shading rate 1, a cell of a scene each: visible triangles and samples
-    beside the published ones."""
+    beside the published ones, and whether the atlas was full."""
     of = {quantity.name: quantity for quantity in read_published() if quantity.paper == "snakebinning-2021"}
     rows = []
     for place, folder in enumerate(folders):
@@ -121,11 +121,12 @@ def cause_parts(folders: Sequence[Path]) -> Parts:
             ("samples", of["samples"], keys.get(False)),
             ("samples_rate_1", of["samples"], keys.get(True)),
         ):
-            value = results.median(key, quantity.name)
-            row |= {
-                name: value,
-                f"{name}_ratio": _over([value, quantity.published(["snakebinning"], results.scene)[number]]),
-            }
+            value, of_paper = (
+                results.median(key, quantity.name),
+                quantity.published(["snakebinning"], results.scene)[number],
+            )
+            full = ", full" if results.statistic(key, "atlas_full") else ""
+            row |= {name: value, f"{name}_ratio": _over([value, of_paper]), f"{name}_full": full}
         rows.append(row)
     return {ROWS: rows}
 

@@ -105,6 +105,7 @@ def test_causes_set_both_rates_beside_the_published_numbers(tmp_path: Path) -> N
     first, *_ = cause_parts(folders)["rows"]
     assert (first["samples"], first["samples_rate_1"]) == (5.74e6, 11.48e6)
     assert (first["samples_ratio"], first["samples_rate_1_ratio"]) == (0.5, 1.0)  # published: 11.48 million
+    assert (first["samples_full"], first["samples_rate_1_full"]) == ("", "")
     assert first["triangles_ratio"] is None, "these rows have none"
 
 

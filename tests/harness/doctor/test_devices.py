@@ -183,7 +183,7 @@ def test_an_error_of_four_bounds_is_caught(device, name, kind):
 
     finding = examine_case(device, planted(case, off), kind)
     assert finding.over > 2
-    assert "ulp; the bound is" in finding.wrong
+    assert "ulp of the largest value; the bound is" in finding.wrong
 
 
 def test_a_whole_number_too_many_is_caught(device):

@@ -34,7 +34,7 @@ class Shelves(Packer):
             levels = np.maximum(levels - 1, 0)
             cells = place_cells(levels, width)
         placed = cells.inside(height)
-        lengths = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
+        lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2).max(axis=1)
         ids = frame.pvs[placed]
         samples = emit_samples(frame.scene.device, ids, cells.only(placed), lengths[placed], width, "gather/emit")
         return Payload(
