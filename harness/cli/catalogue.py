@@ -50,8 +50,10 @@ def show_catalogue() -> None:
         table = make_table("", "parameter", "default", "sweep", "meaning")
         for key, parameter in packer.parameters.items():
             unit = f" [{parameter.unit}]" if parameter.unit else ""
-            sweep = ", ".join(str(value) for value in parameter.sweep)
-            table.add_row(f"  {key}", str(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\["))
+            sweep = ", ".join(map(value_text, parameter.sweep))
+            table.add_row(
+                f"  {key}", value_text(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\[")
+            )
         console.print(table)
         published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
         console.print(Padding(f"{name}@published: {published or 'as the defaults'}", (0, 0, 0, 2)))

@@ -30,7 +30,9 @@ def tables(
             "commands, a folder for each. What is not finished goes on",
         ),
     ] = None,
-    listed: Annotated[bool, typer.Option("--list", help="Only show the tables, and how long each took")] = False,
+    listed: Annotated[
+        bool, typer.Option("--list", help="Only show the tables: how long each took, and of those named the commands")
+    ] = False,
 ) -> None:
     """Measure the documents' tables anew, and write data, tables and numbers in sentences.
 
@@ -45,7 +47,7 @@ def tables(
         if sum((check, write, listed, folder is not None)) > 1 or (quick and not check):
             raise InputError("Give one of --check, --write, --from and --list; --quick goes with --check.")
         if listed:
-            show_tables()
+            show_tables(names or ())
             return
         if not (names or check or write or folder):
             raise InputError("Name the tables to measure, or give all. bench tables --list shows them.")

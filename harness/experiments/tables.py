@@ -35,7 +35,7 @@ from shading_atlas_bench.reports.documents.kept import (
     read_kept,
     write_kept,
 )
-from shading_atlas_bench.reports.documents.markdown import Book, write_documents, wrong_places
+from shading_atlas_bench.reports.documents.markdown import Book, printed_in, write_documents, wrong_places
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 from shading_atlas_bench.scenes.model import SceneError
@@ -55,18 +55,23 @@ def chosen(sources: Mapping[str, Source], names: Sequence[str], quick: bool) -> 
     return [sources[name] for name in names if sources[name].quick or not quick]
 
 
-def show_tables() -> None:
-    """Print every table: when and how long it was measured, whether it is quick, and by which commands."""
-    table = make_table("tables", "table", "measured", "took", "quick", "commands")
-    for source in SOURCES.values():
+def show_tables(names: Sequence[str] = ()) -> None:
+    """Print tables, all without names: when and how long each was measured, from how many runs, where it is printed;
+    of named ones also the commands. Raises InputError."""
+    console, places = make_console(), printed_in()
+    table = make_table("tables", "table", "measured", "took", "runs", "printed in")
+    for source in chosen(SOURCES, names or [ALL], quick=False):
         kept = read_kept(source.name)
         measured = kept.about["date"] if kept else "not yet"
         took = duration(kept.about["seconds"]) if kept and kept.about["seconds"] else ""
-        more = f" and {len(source.commands) - 1} more" if len(source.commands) > 1 else ""
-        command = source.commands[0] if len(source.commands[0]) < 70 else source.commands[0][:69] + "…"
-        table.add_row(source.name, measured, took, "quick" if source.quick else "", escape(command) + more)
-    table.caption = "quick: also measured by --check --quick. reports/data/TABLE.json has the whole commands."
-    make_console().print(table)
+        name = f"{source.name} (quick)" if source.quick else source.name
+        table.add_row(name, measured, took, str(len(source.commands)), "\n".join(places.get(source.name, [])))
+    if not names:
+        table.caption = "quick: also measured by --check --quick. bench tables NAME --list shows its commands."
+    console.print(table)
+    for source in chosen(SOURCES, names, quick=False):
+        for command in source.commands:
+            console.print(command, soft_wrap=True, markup=False, highlight=False)
 
 
 def write_tables(

@@ -26,6 +26,11 @@ class BinMapping:
         self.mapped_at = self.remappings = 0
 
     @property
+    def is_on(self) -> bool:
+        """Whether any bin is ever mapped."""
+        return self.mapping.search != "off"
+
+    @property
     def targets(self) -> Array:
         """int32 (BINS): the bin in whose strip the triangles of each one lie."""
         return self.mapping.targets

@@ -18,14 +18,14 @@ def statistics_of(filling: Filling, samples: int) -> dict[str, float]:
     slots, superblocks = filling.slots, filling.slots.superblocks
     numbers, strips, blocks = superblocks.numbers, superblocks.live_strips(), superblocks.live_superblocks()
     sinks = int(np.count_nonzero(strips["count"] > slots.mapping.sink))
+    mapped = {"sinks": sinks, "sources": max(0, slots.bins_before_mapping - sinks)} if slots.mapping.is_on else {}
     return {
         **filling.measured.noted,
+        **mapped,
         "shading_rate": filling.rate,
         FULL: int(filling.step > 0),
         "bins_before_mapping": slots.bins_before_mapping,
         "bins_after_mapping": int(np.count_nonzero(strips["count"])),
-        "sinks": sinks,
-        "sources": max(0, slots.bins_before_mapping - sinks),
         "superblocks": len(blocks),
         "rebuilds": filling.freezing.rebuilds,
         "remappings": slots.mapping.remappings + filling.resets,

@@ -213,6 +213,15 @@ def provenance(kept: Kept) -> str:
     return f"<sub>{commands}. {', '.join(filter(None, facts))}.</sub>"
 
 
+def printed_in(root: Path = ROOT) -> dict[str, list[str]]:
+    """The documents that print a table or figure of each source. Raises DocumentError."""
+    places: dict[str, list[str]] = {}
+    for name in DOCUMENTS:
+        for source in dict.fromkeys(match[2] for match in BLOCK.finditer(_read(root / name))):
+            places.setdefault(source, []).append(name)
+    return places
+
+
 def write_documents(book: Book) -> list[str]:
     """Write every figure, and every marked place of every document; the names of those that changed.
 
