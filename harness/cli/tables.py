@@ -31,7 +31,7 @@ def tables(
         ),
     ] = None,
     listed: Annotated[
-        bool, typer.Option("--list", help="Only show the tables: how long each took, and of those named the commands")
+        bool, typer.Option("--list", help="Only show the tables, and of those named the commands")
     ] = False,
 ) -> None:
     """Measure the documents' tables anew, and write data, tables and numbers in sentences.
