@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
-from shading_atlas_bench.harness.workload.shadows import device_key
+from shading_atlas_bench.harness.workload.cache_key import device_key
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
 from shading_atlas_bench.kernels.shade.environment import SHAPE
 from shading_atlas_bench.scenes.walking import EYE_HEIGHT

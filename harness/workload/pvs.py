@@ -14,16 +14,15 @@ import struct
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from itertools import chain, product
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Ints
 from shading_atlas_bench.arithmetic.matrices import matvec
+from shading_atlas_bench.harness.workload.cache_key import drawing_digest
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, rotation
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
-from shading_atlas_bench.kernels.device import kernels_digest
 from shading_atlas_bench.kernels.raster.mark import mark_visible
 from shading_atlas_bench.packers.interface import ServerScene, View
 
@@ -99,7 +98,7 @@ def potentially_visible(
             )
         ).encode()
     )
-    key.update(kernels_digest().encode() + Path(__file__).read_bytes())
+    key.update(drawing_digest().encode())
     file = cache_root() / "pvs" / key.hexdigest()[:32]
     if cached and (content := read_checked(file)) is not None:
         return PotentiallyVisibleSet.from_bytes(content)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench import kernels
+from shading_atlas_bench.harness.workload.cache_key import device_key
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
 from shading_atlas_bench.kernels.shade.shadow import ROW_FLOATS, ShadowMaps
-from shading_atlas_bench.scenes.cache import scene_key
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
@@ -30,15 +28,3 @@ def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMa
     drawn = draw()
     write_checked(file, drawn.rows.tobytes() + device.download(drawn.maps))
     return drawn
-
-
-def device_key(device: Device, scene: Scene, told: dict[str, str]) -> str:
-    """Of everything that is drawn of a scene depends on: what is told of it, its content, the device, and the source of
-    `kernels`, `scenes` and `arithmetic`."""
-    said: dict[str, object] = {
-        "content_hash": scene.content_hash,
-        "device": device.found.key,
-        "variant": device.variant,
-    }
-    folder = Path(kernels.__file__).parent
-    return scene_key(said | told, sorted(file for kind in ("*.cl", "*.py") for file in folder.rglob(kind)))

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from weakref import WeakValueDictionary
@@ -46,11 +47,19 @@ def cached_patches(scene: Scene) -> Patches:
     """The scene's patches, from the cache if they were found before; a scene without a hash is not cached."""
     if not scene.content_hash:
         return find_patches(scene.positions, scene.indices)
-    method = hashlib.sha256(Path(__file__).read_bytes()).hexdigest()[:12]  # other methods find other patches
-    path = cache_root() / "patches" / f"{scene.content_hash}-{method}"
+    path = cache_root() / "patches" / f"{scene.content_hash}-{_sources()}"
     patches = _held.get(path) or _from_cache(path, scene)
     _held[path] = patches
     return patches
+
+
+@cache
+def _sources() -> str:
+    """A hash of this method's sources and the shared arithmetic: other ones find other patches."""
+    here, digest = Path(__file__).parent, hashlib.sha256()
+    for file in sorted([*here.rglob("*.py"), *(here.parents[1] / "arithmetic").rglob("*.py")]):
+        digest.update(f"\n{file.name}\n".encode() + file.read_bytes())
+    return digest.hexdigest()[:12]
 
 
 def _from_cache(path: Path, scene: Scene) -> Patches:
