@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import ast
 import os
 import re
 import shlex
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -24,6 +26,8 @@ FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 STEP = re.compile(
     r"^(?:\*\*`(?P<file>[^`]+)`\*\*\n\n)?```(?P<language>\w*)\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
+QUOTED = re.compile(r"`([^`]+)`(:?)(?=(\s(?:in|of)\s`|\s\(`)?)")  # and whether a file stands behind
+IDENTIFIER = re.compile(r"(?:@|--)?([A-Za-z_][\w.]*)(?:\(\.\.\.\))?")
 
 
 def script() -> str:
@@ -90,6 +94,36 @@ def test_files_that_are_named_are_there(name: str):
     stands_for_any = re.compile(r"(^|[/_])[A-Z]{3,}([/._]|$)")
     lost = [path for path in named if not stands_for_any.search(path) and not (ROOT / path).exists()]
     assert [path for path in lost if path not in ("structs/...", "regressions/")] == []
+
+
+def identifiers(text: str) -> Iterator[tuple[str, str]]:
+    """Python files with what a document says to be in them: `file.py`: `name`, `name`; or `name` in `file.py`."""
+    for item in re.split(r"\n(?:\n|\d\. )", text):
+        quoted, file = list(QUOTED.finditer(item)), ""
+        for k, part in enumerate(quoted):
+            if "/" in part[1]:
+                file = part[1] if part[2] else ""
+            elif name := IDENTIFIER.fullmatch(part[1]):
+                inside = quoted[k + 1][1] if part[3] else file
+                if inside.endswith(".py"):
+                    yield inside, name[1]
+
+
+def defined(path: Path) -> set[str]:
+    """Names that a module binds, other than by an import, and its strings, as those of columns and options."""
+    tree = list(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
+    names = {node.name for node in tree if isinstance(node, (ast.FunctionDef, ast.ClassDef))}
+    names |= {node.id for node in tree if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store)}
+    return names | {node.value for node in tree if isinstance(node, ast.Constant) and isinstance(node.value, str)}
+
+
+def test_identifiers_that_are_named_with_a_file_are_in_it():
+    named = [each for each in identifiers((ROOT / "ARCHITECTURE.md").read_text(encoding="utf-8"))
+             if (ROOT / each[0]).exists()]  # fmt: skip
+    assert {("scenes/load.py", "_make"), ("scenes/raw.py", "RawScene"), ("reports/pages/tables.py", "Shown"),
+            ("harness/conformance/check.py", "check")} <= set(named)  # fmt: skip
+    lost = [(file, name) for file, name in named if not set(name.split(".")) <= defined(ROOT / file)]
+    assert lost == []
 
 
 def test_every_public_name_and_page_is_on_the_site():

@@ -1,10 +1,7 @@
 """SnakeBinning on a small room: valid with every switch, coherent, deterministic, and it looks right."""
 
-import inspect
-import re
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -358,15 +355,6 @@ def test_the_first_step_with_room_is_found_and_each_step_tried_once(first, too_f
     assert found == max(first, too_full + 1)
     assert len(tried) == len(set(tried)) <= 14
     assert found in [*tried, STEPS]
-
-
-def test_every_file_has_its_section():
-    """The README's table names each file, and no other."""
-    folder = Path(inspect.getfile(SnakeBinning)).parent
-    files = {path.relative_to(folder).as_posix() for path in folder.rglob("*.*") if path.suffix in (".py", ".cl")}
-    text = (folder / "README.md").read_text(encoding="utf-8")
-    table = text.partition("## Sections and files")[2].partition("\n## ")[0]
-    assert set(re.findall(r"`([\w/]+\.\w+)`", table)) == {name for name in files if "__init__" not in name}
 
 
 def test_parameters_have_types():
