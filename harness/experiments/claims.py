@@ -8,6 +8,7 @@ import json
 import shlex
 from dataclasses import dataclass, replace
 from datetime import datetime
+from functools import cache
 from itertools import groupby
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from shading_atlas_bench.harness.run.folder import RUNS, locked
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT, duration, expected_pace
 from shading_atlas_bench.harness.run.run import run
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS
-from shading_atlas_bench.harness.workload.session import find_methods
+from shading_atlas_bench.harness.workload.session import find_methods, workload_hashes
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, read_settings, settings_of
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device
@@ -52,6 +53,11 @@ from shading_atlas_bench.scenes.load import list_scenes, real_scenes, scene_path
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
+# The settings that scene, path and head motion follow from.
+WORKLOAD = (
+    "scene", "unit", "detail", "repair", "decimate", "opaque", "path", "frames", "head_motion", "latency", "seed",
+    "cell_radius",
+)  # fmt: skip
 COLOURS = {"confirmed": "green", "not confirmed": "red", "undecided": "yellow"}
 
 
@@ -251,9 +257,9 @@ class ClaimRuns:
         replace_file(self.folder / FILE, json.dumps(self.state, indent=2) + "\n")
 
     def _made(self, named: NamedRun) -> list[str]:
-        """What the results of a run depend on, beside its scene: options, device, kernels, methods."""
+        """What the results of a run depend on: options, scene, path, device, kernels, methods."""
         digests = [method_digest(type(packer)) for packer in find_methods(Settings(methods=named.methods()))]
-        return [named.command, self.device, suite_digest(), VERSION, *digests]
+        return [named.command, *_hashes_of(named), self.device, suite_digest(), VERSION, *digests]
 
     def waits(self, named: NamedRun) -> bool:
         """Whether a run is neither made nor reused yet."""
@@ -292,6 +298,22 @@ class ClaimRuns:
         return found
 
 
+def _hashes_of(named: NamedRun) -> tuple[str, str]:
+    """As `workload_hashes`; empty where the scene cannot be read, and of linked lists, whose scene is their own."""
+    if named.of_linked_lists:
+        return "", ""
+    try:
+        own = named.settings()
+        return _hashes(Settings(**{name: getattr(own, name) for name in WORKLOAD}))
+    except (SceneError, PathError, SettingsError):
+        return "", ""
+
+
+@cache
+def _hashes(workload: Settings) -> tuple[str, str]:
+    return workload_hashes(workload)
+
+
 def _misfit(named: NamedRun, folder: Path) -> str:
     """Why the results in a folder are not those of a run; empty where they are."""
     if named.of_linked_lists or not (folder / RESULTS).is_file() or not (folder / "run.json").is_file():
@@ -313,7 +335,9 @@ def _misfit(named: NamedRun, folder: Path) -> str:
         return "other " + ", ".join(names)
     wanted = {(packer.name, variant_string(packer)): label_of(packer) for packer in find_methods(own)}
     with Store(folder) as store:
-        finished = store.finished()
+        finished, plan = store.finished(), store.plan() or {}
+    if (plan.get("scene_hash"), plan.get("path_hash")) != _hashes_of(named):
+        return "another scene or path of the same name"
     lacking = sorted(label for key, label in wanted.items() if (*key, own.frames - 1) not in finished)
     return f"no finished {', '.join(lacking)}" if lacking else ""
 

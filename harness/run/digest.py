@@ -16,7 +16,7 @@ import shading_atlas_bench
 from shading_atlas_bench.packers.interface import Packer
 
 ROOT = Path(shading_atlas_bench.__file__).resolve().parent
-SHARED = ("arithmetic", "kernels", "scenes", "packers", "harness")
+SHARED = ("arithmetic", "kernels", "scenes", "reports/store", "packers", "harness")
 SOURCES = (".py", ".cl", ".h")
 
 

@@ -17,7 +17,7 @@ from shading_atlas_bench.harness.sweep.cells import Sessions, SweepRun
 from shading_atlas_bench.harness.sweep.grid import SETTINGS, SweepCell, SweepGrid, make_grid
 from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.workers import run_workers
-from shading_atlas_bench.harness.workload.session import Session, open_path, open_scene
+from shading_atlas_bench.harness.workload.session import Session, workload_hashes
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.analysis.sweep import FILE, Point
@@ -77,20 +77,23 @@ def _has_begun(folder: Path, grid: SweepGrid) -> bool:
     return False
 
 
-def check_scenes(grid: SweepGrid) -> dict[str, str]:
-    """The content hash of each scene of the grid; what is wrong with one shows now, not after hours of the others.
+def check_scenes(grid: SweepGrid) -> dict[str, dict[str, str]]:
+    """Of each scene of the grid, as it was given, a hash of its content and of the path and head motion in it; what is
+    wrong with one shows now, not after hours of the others.
 
     Raises SceneError, PathError or SettingsError.
     """
     hashes = {}
     for cells in grid.scenes():
-        scene = open_scene(cells[0].settings)
-        open_path(cells[0].settings, scene)
-        hashes[scene.name] = scene.content_hash
+        settings = cells[0].settings
+        content, motion = workload_hashes(settings)
+        hashes[settings.scene] = {"content": content, "motion": motion}
     return hashes
 
 
-def make_sweep_plan(wanted: SweepRequest, grid: SweepGrid, hashes: dict[str, str], session: Session) -> dict[str, Any]:
+def make_sweep_plan(
+    wanted: SweepRequest, grid: SweepGrid, hashes: dict[str, dict[str, str]], session: Session
+) -> dict[str, Any]:
     """Everything that the cells of one folder must have in common; how precisely they are timed may change."""
     settings = {
         key: value for key, value in wanted.settings.to_json().items() if key not in (*WITHOUT_EFFECT, "crf", "repeat")
@@ -101,7 +104,7 @@ def make_sweep_plan(wanted: SweepRequest, grid: SweepGrid, hashes: dict[str, str
         "vary": list(wanted.vary),
         "cells": len(grid.cells),
         "methods": {name: method_digest(packer) for packer, name in methods.items()},
-        "scene_hash": hashes,
+        "scenes": hashes,
         "device": session.device.name,
         "suite": suite_digest(),
         "version": VERSION,

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import hashlib
+import inspect
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,11 +66,25 @@ class Session:
     @property
     def path_hash(self) -> str:
         """A hash of the path's poses and of the head motion at each of them."""
-        offsets = [self.head.offset(float(time), self.settings.latency) for time in self.path.times_ms]
-        digest = hashlib.sha256(self.path.hash.encode())
-        for shift, turn in offsets:
-            digest.update(np.concatenate([shift, turn]).tobytes())
-        return digest.hexdigest()[:16]
+        return hash_of_motion(self.path, self.head, self.settings.latency)
+
+
+def hash_of_motion(path: CameraPath, head: HeadMotion, latency: float) -> str:
+    """A hash of a path's poses and of the head motion at each of them, `latency` ms later."""
+    digest = hashlib.sha256(path.hash.encode())
+    for shift, turn in [head.offset(float(time), latency) for time in path.times_ms]:
+        digest.update(np.concatenate([shift, turn]).tobytes())
+    return digest.hexdigest()[:16]
+
+
+def workload_hashes(settings: Settings) -> tuple[str, str]:
+    """Hashes of the scene's content, and of the path and the head motion in it: what files decide over.
+
+    Raises SceneError, PathError or SettingsError.
+    """
+    scene = open_scene(settings)
+    motion = hash_of_motion(open_path(settings, scene), open_head_motion(settings), settings.latency)
+    return scene.content_hash, motion
 
 
 def find_methods(settings: Settings) -> list[Packer]:
@@ -76,12 +92,18 @@ def find_methods(settings: Settings) -> list[Packer]:
     from shading_atlas_bench.harness.plugins import load_packer, variant_string
 
     found: dict[tuple[str, str], Packer] = {}
+    places: dict[str, str] = {}
     for spec in settings.methods:
         try:
             packers = load_packer(spec)
         except ValueError as error:
             raise InputError(str(error)) from error
         for packer in packers:
+            place = f"{Path(inspect.getfile(type(packer))).resolve()}:{type(packer).__qualname__}"
+            if places.setdefault(packer.name, place) != place:
+                raise InputError(
+                    f"Two packers are called {packer.name!r}: {places[packer.name]} and {place}. Give one another name."
+                )
             found.setdefault((packer.name, variant_string(packer)), packer)
     return list(found.values())
 

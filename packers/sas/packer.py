@@ -62,7 +62,7 @@ class ShadingAtlasStreaming(Packer):
             "atlas",
             ("atlas", "picture"),
             "what the allocation bias holds the samples down to: what the atlas has room for, or the pixels of the "
-            "server's view as well, which is the picture that they replace",
+            "views that cover the cell as well: the picture that they replace",
             "",
             "picture: SnakeBinning, section 5.2; atlas: ours",
             choices=("atlas", "picture"),

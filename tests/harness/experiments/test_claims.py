@@ -4,6 +4,7 @@ import csv
 import json
 import re
 import shutil
+import sqlite3
 from pathlib import Path
 
 import pytest
@@ -102,6 +103,21 @@ def test_a_claim_is_measured_once_and_its_page_needs_nothing_else(whole: Path, c
     assert "Run 1" not in again.stderr
     assert rows_of(whole) == [["more-samples", "tiny", "confirmed"]]
     assert (whole / "tiny" / "results.sqlite").stat().st_mtime_ns == before
+
+
+@pytest.mark.parametrize("name", ["scene_hash", "path_hash"])
+def test_a_run_of_a_scene_or_path_that_was_edited_since_is_not_reused(
+    name: str, whole: Path, claims: Path, tmp_path: Path
+):
+    shutil.copytree(whole / "tiny", tmp_path / "tiny")
+    with sqlite3.connect(tmp_path / "tiny" / "results.sqlite") as connection:
+        (plan,) = connection.execute("SELECT content FROM plan").fetchone()
+        other = json.dumps(json.loads(plan) | {name: "another"}, sort_keys=True)
+        connection.execute("UPDATE plan SET content = ?", (other,))
+    connection.close()
+    done = bench("claims", "--file", str(claims), "--reuse", str(tmp_path / "tiny"), "--out", str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert "another scene or path of the same name" in " ".join(done.stderr.split())
 
 
 def test_runs_are_reused_and_a_run_that_cannot_be_made_is_a_row_with_its_reason(whole: Path, claims: Path):

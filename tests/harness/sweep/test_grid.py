@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.sweep import timing
 from shading_atlas_bench.harness.sweep.grid import SweepCell, make_grid, shuffled
+from shading_atlas_bench.harness.sweep.run import check_scenes
 from shading_atlas_bench.harness.sweep.timing import StopRule, Timed
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, settings_of
 
@@ -157,3 +161,26 @@ def test_the_budget_counts_preparing_and_packing_by_the_clock(tmp_path, monkeypa
     assert timed.spent == pytest.approx(2 * 0.75)
     assert StopRule(precision=0, repetitions=9, budget=1.4).stop(timed.times, timed.spent) == "budget"
     assert timed.goes_on(StopRule(precision=0, repetitions=9, budget=1.6))
+
+
+def corner(size: float) -> str:
+    return f"v 0 0 0\nv {size} 0 0\nv 0 {size} 0\nv 0 0 {size}\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+def test_edited_scenes_and_paths_are_others_also_where_names_are_the_same(tmp_path: Path):
+    files = [tmp_path / folder / "box.obj" for folder in ("a", "b")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text(corner(1), encoding="utf-8")
+    path = tmp_path / "path.txt"
+    path.write_text("".join(f"{16.7 * i} 0 0 3 0 0 0 1\n" for i in range(3)), encoding="utf-8")
+    settings = replace(ALL, methods=("sas",), path=str(path))
+    grid = make_grid(settings, [f"scene={','.join(map(str, files))}"])
+    found = [check_scenes(grid)]
+    files[0].write_text(corner(2), encoding="utf-8")
+    found.append(check_scenes(grid))
+    path.write_text(path.read_text(encoding="utf-8").replace(" 0 0 3 ", " 0 0 4 "), encoding="utf-8")
+    found.append(check_scenes(grid))
+    a, b = map(str, files)
+    assert [hashes[a]["content"] == found[0][a]["content"] for hashes in found] == [True, False, False]
+    assert [hashes[b] == found[0][b] for hashes in found] == [True, True, False]

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
-from shading_atlas_bench.harness.workload.session import Session, open_session
+from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.workload.session import Session, find_methods, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.device import Device, DeviceError
 from shading_atlas_bench.scenes.model import SceneError
@@ -41,3 +44,15 @@ def test_what_cannot_be_opened_says_so() -> None:
         open_session(Settings(methods=("sas",), scene="hall", detail=40_000, device="nowhere"))
     with pytest.raises(SceneError, match="nowhere"):
         open_session(Settings(methods=("sas",), scene="nowhere"))
+
+
+def test_two_packers_of_one_name_are_refused(tmp_path: Path) -> None:
+    text = "from shading_atlas_bench.packers.example.grid import Grid as Known\n\nclass Grid(Known):\n    pass\n"
+    files = [tmp_path / folder / "mine.py" for folder in ("a", "b")]
+    for file in files:
+        file.parent.mkdir()
+        file.write_text(text, encoding="utf-8")
+    twice = tuple(f"{file}:Grid" for file in files)
+    assert len(find_methods(Settings(methods=(twice[0], twice[0])))) == 1
+    with pytest.raises(InputError, match=r"Two packers are called 'grid': .*a.mine\.py:Grid and .*b.mine\.py:Grid"):
+        find_methods(Settings(methods=twice))
