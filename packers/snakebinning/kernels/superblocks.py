@@ -32,7 +32,7 @@ SUPERBLOCK = np.dtype(
     [(name, np.int32) for name in ("x", "y", "width", "height", "first", "used", "peak", "room", "strips")]
 )
 STATE = ("strips", "superblocks", "cursor_x", "cursor_y", "left", "outgrown", "shrunk", "collapsed", "orphans", "free")
-MOST_BLOCKS = 1 << 14  # superblocks, at least
+MOST_BLOCKS = 1 << 14  # superblocks, at least: those that are empty may lie between others
 PARTS = 1024  # further parts of strips that a frame may make
 DEFINED = constants_of(HERE / "superblocks.cl")
 FITS = {name: DEFINED.whole(name.upper()) for name in ("first", "best", "tight", "next")}
@@ -116,12 +116,18 @@ class Superblocks:
         return not self.numbers["left"]
 
     def _grow(self, count: int) -> None:
-        """Room for `count` strips."""
+        """Room for `count` strips, and at least as many superblocks: each may hold one strip only."""
         if count <= len(self.strips):
             return
-        larger = np.zeros(int(1.5 * count), STRIP)
-        larger[: len(self.strips)] = self.strips.get()
-        self.strips, self.orphans = self.device.upload(larger), self.device.empty(len(larger), np.int32)
+        most = int(1.5 * count)
+        self.strips, self.orphans = self._larger(self.strips, most), self.device.empty(most, np.int32)
+        self.blocks = self._larger(self.blocks, max(most, len(self.blocks)))
+
+    def _larger(self, known: Array, most: int) -> Array:
+        """A copy of records on the device with room for `most`."""
+        larger = np.zeros(most, known.dtype)
+        larger[: len(known)] = known.get()
+        return self.device.upload(larger)
 
     def live_strips(self) -> NDArray[np.void]:
         """The strips that have triangles, and their further parts: (n) of STRIP records."""

@@ -388,6 +388,19 @@ def test_superblocks_match_their_twin_over_frames(device, fit, orphans, seed):
     assert strips.ours.numbers["outgrown"] + strips.ours.numbers["shrunk"] > 0
 
 
+def test_only_a_full_atlas_is_full_however_many_superblocks_it_has(device):
+    """18,000 strips of other heights or sides: none joins another in a superblock, and 40 of 4096 lines are used."""
+    every = np.arange(BINS)
+    heights = indices_of(every)[2]
+    used = every[(heights > 0) & (heights <= 20)]
+    superblocks = Superblocks(device, Atlas(4096, 4096, 1024, 1.0, fit="tight"))
+    bins = upload_bins(device, used, np.ones(len(used), int), np.full((len(used), 2), 8))
+    tops = device.upload(HeightBins(1023.0).tops())
+    assert superblocks.update(1, bins, device.upload(table_of(used, used)), tops, False)
+    assert superblocks.numbers["superblocks"] == len(used) == 18_000
+    assert superblocks.numbers["cursor_y"] < 40
+
+
 @pytest.mark.parametrize("orphans", ["widest", "found"])
 @pytest.mark.parametrize("fit", ["best", "first", "next"])
 def test_an_empty_atlas_is_filled_in_the_order_asked_for(device, fit, orphans):
