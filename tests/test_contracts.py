@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator
 from importlib.util import resolve_name
 
@@ -10,6 +11,25 @@ from tests.test_floors import FLOORS, ROOT, name_of, sources, tree_of
 
 PACKAGE = "shading_atlas_bench"
 EXAMPLE = "packers/example"  # it shows users the public names
+
+# Modules and functions that load other code, or start programs: ways around the floors.
+LOADING = {"asyncio", "imp", "importlib", "multiprocessing", "pkgutil", "pty", "runpy", "subprocess"}
+STARTING = re.compile(r"os\.(exec|spawn|posix_spawn|fork|system|popen|startfile)\w*|concurrent\.futures\.Process\w*")
+RUNNING = {"__import__", "eval", "exec"}
+# Where they stand below the harness, and why: nothing of a higher floor is reached.
+BELOW_HARNESS = {
+    "kernels/case.py": {
+        "importlib": "imports the cases.py of folders of kernels/",
+        "eval": "formulas of costs, of its own text, without built-ins",
+    },
+    "kernels/runtime/builtins_library.py": {
+        "importlib": "only looks where the package pocl_binary_distribution lies",
+        "subprocess": "asks the compiler for the processor's name, in a process that may die",
+    },
+    "reports/pages/html.py": {"importlib": "importlib.resources: the file of Plotly's script"},
+    "reports/pages/style.py": {"importlib": "importlib.resources: the page's own style sheet"},
+    "scenes/repair.py": {"importlib": "pymeshlab, which is optional and may lack a library of the system"},
+}
 
 
 def package_names(tree: ast.Module, inside: str) -> Iterator[str]:
@@ -59,3 +79,47 @@ def function():
         "from shading_atlas_bench import *",
         "from shading_atlas_bench import Settings",
     ]
+
+
+def ways_around(tree: ast.Module) -> set[str]:
+    """Names of LOADING, STARTING and RUNNING that a module uses."""
+    found = set()
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        elif isinstance(node, ast.Attribute):
+            names = [ast.unparse(node)]
+        else:
+            names = [node.id] if isinstance(node, ast.Name) and node.id in RUNNING else []
+        found |= {name.partition(".")[0] for name in names if name.partition(".")[0] in LOADING | RUNNING}
+        found |= {name for name in names if STARTING.fullmatch(name)}
+    return found
+
+
+def test_below_the_harness_no_code_is_loaded_by_name_and_no_program_started():
+    """But where BELOW_HARNESS says why."""
+    found = {name_of(path): names for path in sources(*FLOORS[:-1]) if (names := ways_around(tree_of(path)))}
+    assert found == {path: set(reasons) for path, reasons in BELOW_HARNESS.items()}
+
+
+def test_ways_around_the_floors_are_found():
+    source = """
+import os
+import re
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+re.compile("a")
+os.environ.get("HOME")
+def function():
+    from subprocess import run as start
+    import importlib.util, multiprocessing.pool
+    os.execvp("bench", ["bench"])
+    from os import system
+    __import__("shading_atlas_bench.harness")
+    exec("import shading_atlas_bench")
+"""
+    assert ways_around(ast.parse(source)) == {
+        "concurrent.futures.ProcessPoolExecutor", "subprocess", "importlib", "multiprocessing", "os.execvp",
+        "os.system", "__import__", "exec",
+    }  # fmt: skip
