@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterator
 from importlib.util import resolve_name
 
-from tests.test_floors import FLOORS, ROOT, name_of, sources, tree_of
+from tests.test_floors import FLOORS, LONGEST_FUNCTION, ROOT, kernel_files, name_of, sources, tree_of
 
 PACKAGE = "shading_atlas_bench"
 EXAMPLE = "packers/example"  # it shows users the public names
@@ -123,3 +123,39 @@ def function():
         "concurrent.futures.ProcessPoolExecutor", "subprocess", "importlib", "multiprocessing", "os.execvp",
         "os.system", "__import__", "exec",
     }  # fmt: skip
+
+
+def long_in_opencl(text: str) -> list[str]:
+    """Heads of the functions of an OpenCL file, and of its macros, that are too long; a function's braces stand on
+    lines of their own, as clang-format puts them."""
+    found, head, begun, macro = [], "", 0, 0
+    for number, line in enumerate(text.splitlines(), 1):
+        if line == "{":
+            begun = number
+        elif line == "}" and begun:
+            if number - begun > LONGEST_FUNCTION:  # the closing brace counts, as the last line of Python does
+                found.append(head)
+            begun = 0
+        elif not begun and re.match(r"\w.*\(", line):
+            head = line
+        macro = macro + 1 if line.endswith("\\") else 0
+        if macro == LONGEST_FUNCTION:
+            found.append(f"the macro that ends at line {number}")
+    return found
+
+
+def test_kernels_fit_on_a_screen():
+    long = {name_of(path): found for path in kernel_files() if (found := long_in_opencl(path.read_text("utf-8")))}
+    assert long == {}
+
+
+def test_long_functions_of_opencl_are_found():
+    def function(head: str, lines: int) -> str:
+        return f"{head}\n{{\n" + "    x++;\n" * lines + "}\n"
+
+    fits = function("__kernel void fits(__global int *a,\n                   const int b)", LONGEST_FUNCTION - 1)
+    long = function("INLINE int too_long(const int a)", LONGEST_FUNCTION)
+    macro = "#define MACRO(x) \\\n" + "    x++; \\\n" * LONGEST_FUNCTION + "    x++\n"
+    assert long_in_opencl(fits) == []
+    assert long_in_opencl(fits + long + fits) == ["INLINE int too_long(const int a)"]
+    assert len(long_in_opencl(fits + macro)) == 1
