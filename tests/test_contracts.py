@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import ast
+import io
 import re
+import tokenize
 from collections.abc import Iterator
 from importlib.util import resolve_name
 
@@ -30,6 +32,8 @@ BELOW_HARNESS = {
     "reports/pages/style.py": {"importlib": "importlib.resources: the page's own style sheet"},
     "scenes/repair.py": {"importlib": "pymeshlab, which is optional and may lack a library of the system"},
 }
+
+SILENCING = re.compile(r"#\s*(type:\s*ignore|(?:ruff:\s*)?noqa|mypy:|pyright:)(\[[^\]]*\]|:(\s*[A-Z]+\d+,?)+)?", re.I)
 
 
 def package_names(tree: ast.Module, inside: str) -> Iterator[str]:
@@ -159,3 +163,36 @@ def test_long_functions_of_opencl_are_found():
     assert long_in_opencl(fits) == []
     assert long_in_opencl(fits + long + fits) == ["INLINE int too_long(const int a)"]
     assert len(long_in_opencl(fits + macro)) == 1
+
+
+def silenced_without_reason(text: str) -> list[int]:
+    """Lines with a comment that silences a tool, and names no rule or says no reason behind it."""
+    comments = [each for each in tokenize.generate_tokens(io.StringIO(text).readline) if each.type == tokenize.COMMENT]
+    return [
+        comment.start[0]
+        for comment in comments
+        for match in SILENCING.finditer(comment.string)
+        if not match[2] or len(re.findall(r"[^\W\d_]{2,}", SILENCING.split(comment.string[match.end() :])[0])) < 2
+    ]
+
+
+def test_what_silences_a_tool_has_its_reason_in_the_line():
+    files = [*sources(*FLOORS, "tests", "docs"), *(ROOT / PACKAGE).glob("*.py")]
+    found = {name_of(path): lines for path in files if (lines := silenced_without_reason(path.read_text("utf-8")))}
+    assert found == {}
+
+
+def test_silence_without_reason_is_found():
+    marks = ("type: ignore", "noqa")  # put in here, so that no tool takes them for its own
+    source = """
+a = 1  # {0}[arg-type]  # NumPy's stub has no such argument
+a = 1  # {1}: E501, B006 a picture's data
+a = "# {1}"  # words
+a = 1  # {0}[arg-type]
+a = 1  # {1}: E501
+a = 1  # {1}
+a = 1  # {0}  # every rule at once is too many
+a = 1  # {0}[misc]  # {1}: E501 the stub is long
+# ruff: {1}
+""".format(*marks)
+    assert silenced_without_reason(source) == [5, 6, 7, 8, 9, 10]
