@@ -9,7 +9,7 @@ import tokenize
 from collections.abc import Iterator
 from importlib.util import resolve_name
 
-from tests.test_floors import FLOORS, LONGEST_FUNCTION, ROOT, kernel_files, name_of, sources, tree_of
+from tests.test_floors import FLOORS, LONGEST_FUNCTION, ROOT, kernel_files, name_of, public_functions, sources, tree_of
 
 PACKAGE = "shading_atlas_bench"
 EXAMPLE = "packers/example"  # it shows users the public names
@@ -196,3 +196,38 @@ a = 1  # {0}[misc]  # {1}: E501 the stub is long
 # ruff: {1}
 """.format(*marks)
     assert silenced_without_reason(source) == [5, 6, 7, 8, 9, 10]
+
+
+def bare_any(tree: ast.Module) -> Iterator[str]:
+    """Public functions, and those within them, with a parameter or result that may be anything."""
+    inside = (node for function in public_functions(tree) for node in ast.walk(function))
+    for function in (node for node in inside if isinstance(node, ast.FunctionDef)):
+        given = function.args
+        parameters = [*given.posonlyargs, *given.args, *given.kwonlyargs, given.vararg, given.kwarg]
+        annotations = [each.annotation for each in parameters if each] + [function.returns]
+        if any(annotation and is_any(annotation) for annotation in annotations):
+            yield function.name
+
+
+def is_any(annotation: ast.expr) -> bool:
+    return not {"Any", "typing.Any"}.isdisjoint(ast.unparse(annotation).strip("'").split(" | "))
+
+
+def test_public_signatures_say_what_is_given():
+    """But `array_class`, whose methods hand on what pyopencl's take."""
+    found = {name_of(path): names for path in sources(*FLOORS) if (names := list(bare_any(tree_of(path))))}
+    assert found == {"kernels/runtime/opencl.py": ["get", "set"]}
+
+
+def test_bare_any_is_found():
+    source = """
+def typed(a: dict[str, Any], b: NDArray[Any]) -> tuple[Any, ...]: ...
+def _own(a: Any) -> Any: ...
+def taken(a: int, *rest: Any): ...
+def given() -> Any | None: ...
+class Public:
+    def method(self, *, a: "Any"): ...
+class _Own:
+    def method(self, a: Any): ...
+"""
+    assert list(bare_any(ast.parse(source))) == ["taken", "given", "method"]
