@@ -205,8 +205,11 @@ class Device:
         """The device whose platform and name contain `name` (any case); without one, the default device.
 
         The default is the first of `find_devices` whose compiler has not died of these kernels before; why others were
-        passed over is in `passed_over`. Raises DeviceError, listing what there is, if none matches or none can be used.
+        passed over is in `passed_over`. Raises DeviceError, listing what there is, if none matches or none can be used,
+        and for an empty name.
         """
+        if name == "":
+            raise DeviceError("--device is empty: give part of a device's name, or leave it out.")
         asked, by = (name, "--device") if name else (os.environ.get("BENCH_DEVICE", ""), "BENCH_DEVICE")
         found = find_devices()
         if not found:

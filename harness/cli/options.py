@@ -161,7 +161,7 @@ def with_options(command: str) -> Callable[[Callable[[Given], None]], Callable[.
     signature = inspect.Signature([option.parameter() for option in OPTIONS if command in option.commands])
 
     def wrap(function: Callable[[Given], None]) -> Callable[..., None]:
-        def run(**values: Any) -> None:
+        def run(**values: object) -> None:
             function({name: value for name, value in values.items() if not (value is None or value is False)})
 
         run.__doc__ = function.__doc__

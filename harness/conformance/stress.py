@@ -128,18 +128,20 @@ class Log:
         """The log of a new or an unfinished run. Raises InputError for a folder of anything else."""
         file = folder / "stress.jsonl"
         if file.is_file():
-            first, *lines = file.read_text(encoding="utf-8").splitlines()
-            before = json.loads(first)
+            first, *lines = file.read_text(encoding="utf-8", errors="replace").splitlines() or [""]
+            before = _whole(first)
+            if before is None:
+                raise InputError(f"{file} does not begin with what its trials are of: give another --out.")
             other = [name for name in plan if before.get(name) != plan[name]]
             if other == ["device"] and not lines:  # nothing is done yet, and its compiler may have died
                 file.write_text(json.dumps(plan) + "\n", encoding="utf-8")
                 return cls(folder, [])
             if other:
                 raise InputError(f"{folder} holds a stress test with other {' and '.join(other)}: give another --out.")
-            whole = [line for line in lines if line.endswith("}")]  # a kill may have cut the last one off
-            if len(whole) < len(lines):
-                file.write_text("".join(line + "\n" for line in [first, *whole]), encoding="utf-8")
-            return cls(folder, [json.loads(line) for line in whole])
+            rows = [row for line in lines if (row := _whole(line))]  # a kill may have cut the last one off
+            if len(rows) < len(lines):
+                file.write_text("".join(json.dumps(row) + "\n" for row in [before, *rows]), encoding="utf-8")
+            return cls(folder, rows)
         if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
             raise InputError(f"{folder} holds other things than a stress test: give a new or empty folder for --out.")
         try:
@@ -168,13 +170,22 @@ class Log:
             file.write(json.dumps(values) + "\n")
 
 
+def _whole(line: str) -> dict[str, Any] | None:
+    """What a line of the log holds; None where it was cut off."""
+    try:
+        values = json.loads(line)
+    except json.JSONDecodeError:
+        return None
+    return values if isinstance(values, dict) else None
+
+
 def _folder_for(plan: dict[str, Any]) -> Path:
     """The newest unfinished stress test of this plan below runs/, else a new folder there."""
     for folder in sorted(RUNS.glob("*-stress*/"), reverse=True):
         file = folder / "stress.jsonl"
         if file.is_file() and not (folder / "stress.html").is_file():
-            with open(file, encoding="utf-8") as lines:
-                if json.loads(lines.readline() or "{}") == json.loads(json.dumps(plan)):
+            with open(file, encoding="utf-8", errors="replace") as lines:
+                if _whole(lines.readline()) == json.loads(json.dumps(plan)):
                     return folder
     stem = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-stress"
     return next(folder for n in range(1000) if not (folder := stem if n == 0 else Path(f"{stem}-{n}")).exists())

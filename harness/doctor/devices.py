@@ -80,7 +80,8 @@ class Report:
 def check_devices(asked: str | None) -> bool:
     """Examine all devices, or those whose platform and name contain `asked`, and print what came out of it.
 
-    False if something fails on one, or if none could be examined. Raises InputError if none matches.
+    False if something fails on one, or if none could be examined. Raises InputError if none matches, and for an
+    empty name.
     """
     devices = _choose(asked)
     usable = [device for device in devices if device.refused() is None]
@@ -107,6 +108,8 @@ def check_devices(asked: str | None) -> bool:
 
 
 def _choose(asked: str | None) -> list[FoundDevice]:
+    if asked == "":
+        raise InputError("--device is empty: give part of a device's name, or leave it out.")
     found = find_devices()
     if not found:
         raise InputError("No OpenCL device was found: pip install 'pyopencl[pocl]' brings one for any CPU.")

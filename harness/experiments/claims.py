@@ -44,6 +44,7 @@ from shading_atlas_bench.reports.pages.claims_report import (
     counts_text,
     is_claims,
     measured_text,
+    read_state,
     write_claims,
 )
 from shading_atlas_bench.reports.store.csv_files import replace_file
@@ -222,8 +223,11 @@ class ClaimRuns:
         self.state: dict[str, Any] = {}
 
     def begin(self) -> None:
-        """Take over what an earlier call left, look at the folders to reuse, and write the first state."""
-        before = json.loads((self.folder / FILE).read_text(encoding="utf-8"))["runs"] if is_claims(self.folder) else {}
+        """Take over what an earlier call left, look at the folders to reuse, and write the first state.
+
+        Raises ClaimsError where what it left cannot be read, and InputError for a folder that fits no run.
+        """
+        before = read_state(self.folder)["runs"] if is_claims(self.folder) else {}
         fitting = self._reusable()
         text = (self.wanted.file or DEFAULT_FILE).read_text(encoding="utf-8")
         replace_file(self.folder / COPY, text)

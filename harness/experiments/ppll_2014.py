@@ -20,6 +20,7 @@ from shading_atlas_bench.harness.console import make_console
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.ppll_2014_report import write_report
 from shading_atlas_bench.harness.measure.codecs import pack_lz4
+from shading_atlas_bench.harness.run.folder import make_folder
 from shading_atlas_bench.harness.workload.session import find_methods
 from shading_atlas_bench.harness.workload.settings import Settings, settings_of
 from shading_atlas_bench.harness.workload.upload import upload_scene
@@ -70,8 +71,11 @@ class Experiment:
 
 
 def run_experiment(wanted: Experiment, out: Path) -> None:
-    """Write frames.csv, layers.csv, table_a1.csv, table_a2.csv and report.html into `out`."""
-    out.mkdir(parents=True, exist_ok=True)
+    """Write frames.csv, layers.csv, table_a1.csv, table_a2.csv and report.html into `out`.
+
+    Raises InputError if that cannot be a folder.
+    """
+    make_folder(out)
     device, console = Device.open(wanted.device), make_console(stderr=True)
     note = stand_ins()
     if note:

@@ -35,7 +35,13 @@ from shading_atlas_bench.reports.documents.kept import (
     read_kept,
     write_kept,
 )
-from shading_atlas_bench.reports.documents.markdown import Book, printed_in, write_documents, wrong_places
+from shading_atlas_bench.reports.documents.markdown import (
+    Book,
+    check_documents,
+    printed_in,
+    write_documents,
+    wrong_places,
+)
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 from shading_atlas_bench.scenes.model import SceneError
@@ -91,6 +97,7 @@ def write_tables(
 
     Raises InputError, DocumentError or what the results are refused with.
     """
+    check_documents(root)  # else hours later
     picked = chosen(sources, names, False) if run else []
     if folder and len(picked) != 1:
         raise InputError("--from takes the results of one table: name it.")

@@ -12,10 +12,9 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-import shading_atlas_bench
 from shading_atlas_bench.packers.interface import Packer
 
-ROOT = Path(shading_atlas_bench.__file__).resolve().parent
+ROOT = Path(__file__).parents[2].resolve()  # the package's folder, resolved last: those in it are links
 SHARED = ("arithmetic", "kernels", "scenes", "reports/store", "packers", "harness")
 SOURCES = (".py", ".cl", ".h")
 

@@ -30,6 +30,16 @@ def check_folder(out: Path | None) -> None:
         raise InputError(f"The folder {out} holds other things than results: give a new or empty one for --out.")
 
 
+def make_folder(out: Path) -> None:
+    """Make a results folder where there is none. Raises InputError if it cannot be one."""
+    if out.is_file():
+        raise InputError(f"{out} is a file: give a folder for --out.")
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"{out} cannot be made ({error.strerror}): give another --out.") from error
+
+
 def folder_for(plan: dict[str, Any], name: str) -> Path:
     """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`.
 

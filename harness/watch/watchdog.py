@@ -68,7 +68,7 @@ class _Alarm:
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(self._thread, None)
 
 
-def ended_steps(**facts: Any) -> list[dict[str, Any]]:
+def ended_steps(**facts: object) -> list[dict[str, Any]]:
     """Steps with these facts in which earlier processes of this command ended: with `status` and `reason`."""
     file = os.environ.get(ENDED)
     known = json.loads(Path(file).read_text(encoding="utf-8")) if file else []

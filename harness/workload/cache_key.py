@@ -7,14 +7,13 @@ from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import shading_atlas_bench
 from shading_atlas_bench.scenes.cache import scene_key
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.scenes.model import Scene
 
-ROOT = Path(shading_atlas_bench.__file__).parent
+ROOT = Path(__file__).parents[2]  # the package's folder
 SOURCES = (
     "arithmetic/**/*.py", "kernels/**/*.py", "kernels/**/*.cl", "scenes/**/*.py", "packers/*.py",
     "harness/workload/**/*.py",

@@ -23,6 +23,7 @@ CELLS = {
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
 METRIC_NAMES = (*PICTURE_METRICS, "stretch")
+MOST_FRAMES = 1_000_000
 
 
 class SettingsError(ValueError):
@@ -84,7 +85,7 @@ class Settings:
                 f"--metrics has {', '.join(strange) or 'nothing'}: give some of {', '.join(METRIC_NAMES)}.",
             ),
             (bool(self.methods), "--method is empty: give all or a method's name."),
-            (self.frames >= 1, f"--frames is {self.frames}: give at least 1."),
+            (1 <= self.frames <= MOST_FRAMES, f"--frames is {self.frames}: give 1 to {MOST_FRAMES:,}."),
             (
                 min(self.width, self.height) >= 16 and max(self.width, self.height) <= 8192,
                 f"--size is {self.width}x{self.height}: give a width and height from 16 to 8192 pixels.",

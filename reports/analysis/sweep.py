@@ -56,13 +56,13 @@ class Point:
 
 
 def read_sweep(folder: Path) -> dict[str, Any]:
-    """The content of sweep.json. Raises StoreError if there is none."""
+    """The content of sweep.json. Raises StoreError if there is none, or if it is of something else."""
     try:
         sweep: dict[str, Any] = json.loads((folder / FILE).read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError) as error:
+        for cell in sweep["cells"]:
+            cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not fixed parameters
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError, AttributeError) as error:
         raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote.") from error
-    for cell in sweep["cells"]:
-        cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not their fixed parameters
     return sweep
 
 

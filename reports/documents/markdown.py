@@ -222,6 +222,12 @@ def printed_in(root: Path = ROOT) -> dict[str, list[str]]:
     return places
 
 
+def check_documents(root: Path = ROOT) -> None:
+    """Raise DocumentError where a document is not there, as in an installation without the repository."""
+    for name in DOCUMENTS:
+        _read(root / name)
+
+
 def write_documents(book: Book) -> list[str]:
     """Write every figure, and every marked place of every document; the names of those that changed.
 

@@ -65,16 +65,24 @@ def is_claims(folder: Path) -> bool:
     return (folder / FILE).is_file()
 
 
+def read_state(folder: Path) -> dict[str, Any]:
+    """The content of claims.json. Raises ClaimsError if it is none of `bench claims`."""
+    try:
+        state = json.loads((folder / FILE).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError):
+        state = None
+    if not isinstance(state, dict) or not {"ids", "runs", "variants"} <= state.keys():
+        raise ClaimsError(f"{folder} has no readable {FILE}: give a folder that bench claims wrote.")
+    return state
+
+
 def write_claims(folder: Path) -> tuple[list[Judged], list[Explained]]:
     """Write claims.csv, causes.csv and claims.html into `folder`, from its claims.toml, claims.json and the runs named
     there. Returns the claims and their causes, at every place.
 
     Raises ClaimsError or StoreError for what cannot be read.
     """
-    try:
-        state = json.loads((folder / FILE).read_text(encoding="utf-8"))
-    except (OSError, json.JSONDecodeError) as error:
-        raise ClaimsError(f"{folder} has no readable {FILE}: give a folder that bench claims wrote.") from error
+    state = read_state(folder)
     claims = chosen(read_claims(folder / COPY), state["ids"])
     problems = {name: run["problem"] for name, run in state["runs"].items() if run["problem"]}
     variants = {spec: tuple(key) for spec, key in state["variants"].items()}

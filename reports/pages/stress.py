@@ -134,7 +134,8 @@ def _matrix_cell(reach: Reach | None) -> str:
     if reach.broken is None:
         return f'<td class="whole">{escape(reach.text)}</td>'
     reached = "none" if reach.reached is None else magnitude(reach.reached)
-    return f'<td class="broken" title="{escape(reach.broken["reason"])}">{reached}<small>then {escape(reach.broken["status"])}</small></td>'  # noqa: E501
+    reason, status = escape(reach.broken["reason"]), escape(reach.broken["status"])
+    return f'<td class="broken" title="{reason}">{reached}<small>then {status}</small></td>'
 
 
 def _breaks_section(found: dict[str, dict[str, Reach]], folder: Path) -> str:
@@ -182,7 +183,8 @@ def _charts_section(rows: list[Row], tests: dict[str, str]) -> str:
     return (
         '<section><h2>Error over magnitude</h2><p class="caption">Mean FLIP of the last frame, drawn by the client '
         "from the payload without a lossy codec, against a float64 rendering (for masked and blended surfaces "
-        f'against the forward renderer); from mild to hard.</p><p class="key">{key}</p><div class="plots">{"".join(plots)}</div></section>'  # noqa: E501
+        f'against the forward renderer); from mild to hard.</p><p class="key">{key}</p>'
+        f'<div class="plots">{"".join(plots)}</div></section>'
     )
 
 

@@ -331,7 +331,7 @@ def _number(value: float | None) -> float | None:
     return float(value)
 
 
-def flat(value: Any, prefix: str = "") -> dict[str, Any]:
+def flat(value: object, prefix: str = "") -> dict[str, Any]:
     """Nested dicts as one, keys joined by dots."""
     if not isinstance(value, dict):
         return {prefix: value}

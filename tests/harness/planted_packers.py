@@ -445,7 +445,7 @@ class InADefault(ShadingAtlasStreaming):
         return client
 
 
-def mail(letter=None, box=[None]):  # noqa: B006
+def mail(letter=None, box=[None]):  # noqa: B006  # a list that lives on is what is planted
     box[0] = letter or box[0]
     return box[0]
 

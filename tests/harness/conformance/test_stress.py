@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, facing, room, scattered, scene_of, walk
-from shading_atlas_bench.harness.conformance.stress import Contender, Log, StressRun
+from shading_atlas_bench.harness.conformance.stress import Contender, Log, StressRun, _folder_for
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialCase, TrialResult, try_method, try_rasteriser
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.exact import draw_exact
@@ -139,6 +139,29 @@ def test_a_run_reports_and_resumes(tmp_path):
     assert [row | {"seconds": 0} for row in again] == [row | {"seconds": 0} for row in first]
     refused = run(*arguments, "--test", "fan")
     assert refused.exit_code == 2
+
+
+@pytest.mark.parametrize("begun", ["", '{"tests": ["empty-fr', "[]\n", "\xff\xfe\n"])
+def test_a_log_that_does_not_say_what_it_is_of_is_refused(begun, tmp_path, monkeypatch):
+    """A kill may have cut off its first line. Another command passes such a log over."""
+    monkeypatch.chdir(tmp_path)
+    for folder in (Path("out"), Path("runs/20200101-000000-stress")):
+        folder.mkdir(parents=True)
+        (folder / "stress.jsonl").write_text(begun, encoding="latin-1")
+    arguments = ["--method", f"{FAULTY}:Crashing", "--test", "empty-frames", "--quick"]
+    refused = run(*arguments, "--out", "out")
+    assert (refused.exit_code, type(refused.exception)) == (2, SystemExit), refused.output
+    assert "out/stress.jsonl does not begin" in " ".join(refused.output.split())
+    assert _folder_for({"device": "A"}) != Path("runs/20200101-000000-stress")
+
+
+def test_a_trial_that_was_cut_off_is_no_trial(tmp_path):
+    """Also where the rest ends as a whole one does."""
+    Log.open(tmp_path / "out", {"device": "A"}).add({"step": 0, "facts": {"a": 1}, "more": 2})
+    file = tmp_path / "out" / "stress.jsonl"
+    file.write_text(file.read_text(encoding="utf-8").partition(', "more"')[0], encoding="utf-8")
+    assert Log.open(tmp_path / "out", {"device": "A"}).rows == []
+    assert file.read_text(encoding="utf-8") == '{"device": "A"}\n'
 
 
 def test_crashes_are_trials_that_failed(tmp_path):

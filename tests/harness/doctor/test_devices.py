@@ -136,7 +136,12 @@ def test_every_column_fits_with_long_names(capsys):
 
 
 @pytest.mark.parametrize(
-    ("arguments", "sentence"), [(["--device", "x"], "--devices"), (["--devices", "--device", "no such"], "no such")]
+    ("arguments", "sentence"),
+    [
+        (["--device", "x"], "--devices"),
+        (["--devices", "--device", "no such"], "no such"),
+        (["--devices", "--device", ""], "--device is empty"),
+    ],
 )
 def test_arguments_that_cannot_be_used(arguments, sentence):
     ended = CliRunner().invoke(app, ["doctor", *arguments])

@@ -208,6 +208,19 @@ def test_options_that_the_thesis_experiment_does_not_take_are_refused(tmp_path: 
         needs(ClaimsRequest(("bilateral-grows",), file=file))
 
 
+def test_damaged_states_are_one_sentence(whole: Path, claims: Path):
+    folder = claims.parent / "damaged"
+    folder.mkdir()
+    state = (whole / "claims.json").read_text(encoding="utf-8")
+    for text in (state[: len(state) // 2], "{}"):
+        (folder / "claims.json").write_text(text, encoding="utf-8")
+        for arguments in (["claims", "--file", str(claims), "--out", str(folder)], ["report", str(folder)]):
+            done = bench(*arguments)
+            assert done.returncode == 2, (arguments, done.stdout)
+            assert f"{folder} has no readable claims.json" in done.stderr
+            assert len(done.stderr.splitlines()) == 1
+
+
 def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):
     misspelt = claims.parent / "misspelt.toml"
     misspelt.write_text(TINY.replace('size = "160x90"', 'seize = "160x90"'), encoding="utf-8")

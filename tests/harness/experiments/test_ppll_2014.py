@@ -88,6 +88,7 @@ def test_options_of_the_preset():
     assert experiment_of({"preset": "ppll-2014", "device": "pthread"}) == Experiment(device="pthread")
     for options, says in (
         ({"frames": 0}, "--frames is 0"),
+        ({"frames": 10**20}, "give 1 to 1,000,000"),
         ({"frames": "six"}, "wrong type"),
         ({"size": "8x8"}, "--size is 8x8"),
         ({"size": "640"}, "--size"),
@@ -119,6 +120,15 @@ def test_another_method_or_parameter_is_refused(methods):
     assert "takes one --method ppll[...], without mode, layers, layout, preblend." in refusal(
         *(word for method in methods for word in ("--method", method))
     )
+
+
+def test_a_file_is_no_folder_for_results(tmp_path):
+    out = tmp_path / "file.txt"
+    out.write_text("years of work", encoding="utf-8")
+    small = ("--frames", "1", "--size", "64x64")
+    assert f"{out} is a file" in refusal(*small, "--out", str(out))
+    assert f"{out}/below cannot be made" in refusal(*small, "--out", str(out / "below"))
+    assert out.read_text(encoding="utf-8") == "years of work"
 
 
 def test_a_sweep_refuses_the_preset():

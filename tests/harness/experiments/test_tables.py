@@ -11,7 +11,15 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments import tables
 from shading_atlas_bench.reports.documents.digests import speed_parts, transparency_parts
-from shading_atlas_bench.reports.documents.kept import FOLDER, Column, Part, Source, read_kept, write_kept
+from shading_atlas_bench.reports.documents.kept import (
+    FOLDER,
+    Column,
+    DocumentError,
+    Part,
+    Source,
+    read_kept,
+    write_kept,
+)
 from shading_atlas_bench.reports.documents.markdown import DOCUMENTS
 from tests.harness.commands import bench
 
@@ -147,6 +155,15 @@ def test_the_command_line(arguments: list[str], code: int, said: str):
     done = bench("tables", *arguments)
     assert done.returncode == code, done.stderr
     assert said in done.stdout + done.stderr
+
+
+def test_without_the_documents_nothing_is_measured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.chdir(tmp_path)
+    for measure in (lambda: tables.write_tables(("small",), sources=SOURCES, root=tmp_path),
+                    lambda: tables.check_tables(("small",), False, sources=SOURCES, root=tmp_path)):  # fmt: skip
+        with pytest.raises(DocumentError, match="needs a clone of the repository"):
+            measure()
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_command_that_cannot_run_is_said_and_the_others_are_measured(

@@ -228,6 +228,8 @@ def test_reports_are_rebuilt_and_runs_compared(whole: Path):
         (["--method", "mine.py"], "mine.py:"),
         (["--head-motion", "nowhere.txt", "--dry-run"], "nowhere.txt"),
         (["--device", "abacus", "--dry-run"], "abacus"),
+        (["--device", ""], "--device is empty"),
+        (["--frames", "9" * 20], "--frames"),
     ],
 )
 def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], says: str, tmp_path: Path):

@@ -13,9 +13,12 @@ import time
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.reports.documents.digests import sweep_parts
 from shading_atlas_bench.reports.store.columns import SWEEP_COLUMNS
+from shading_atlas_bench.reports.store.results import Store
 from tests.harness.commands import BAD, ROOT, bench
 
 GRID = [
@@ -185,6 +188,15 @@ def test_another_device_does_not_go_on_with_a_sweep(whole: Path, tmp_path: Path)
     done = bench("sweep", *GRID, *QUICK, "--out", str(folder))
     assert done.returncode == 2
     assert 'device was "another"' in done.stderr
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", '{"cells": [{}]}', '{"cells": "ab"}', '{"cells": [', ""])
+def test_a_damaged_sweep_is_one_sentence(content: str, tmp_path: Path):
+    Store(tmp_path).close()
+    (tmp_path / "sweep.json").write_text(content, encoding="utf-8")
+    shown = CliRunner().invoke(app, ["report", str(tmp_path)])
+    assert (shown.exit_code, type(shown.exception)) == (2, SystemExit), shown.output
+    assert "has no readable sweep.json" in " ".join(shown.output.split())
 
 
 def test_a_dry_run_prints_the_grid_and_runs_nothing(tmp_path: Path):
