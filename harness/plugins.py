@@ -115,6 +115,30 @@ def folder_name(method: str, variant: str) -> str:
     return f"{re.sub(r'[^A-Za-z0-9._]+', '_', method)}-{digest}"
 
 
+def own_classes(packer: type[Packer]) -> list[type]:
+    """The classes that a packer is made of: itself and all that it is derived from, without Packer's and Python's."""
+    return [
+        kind
+        for kind in packer.__mro__
+        if kind not in Packer.__mro__
+        and (issubclass(kind, Packer) or kind.__module__.partition(".")[0] not in sys.stdlib_module_names)
+    ]
+
+
+def source_file(kind: type) -> Path:
+    """The file that a class lies in.
+
+    Raises ValueError where there is none, as in a zip.
+    """
+    try:
+        file = Path(inspect.getfile(kind)).absolute()
+    except (TypeError, OSError):
+        raise ValueError(f"The class {kind.__qualname__} of {kind.__module__} lies in no file.") from None
+    if not file.is_file():
+        raise ValueError(f"The class {kind.__qualname__} lies in {file}, which is no file: install it as a folder.")
+    return file
+
+
 def nearest(word: str, known: list[str]) -> str:
     """The end of an error sentence about an unknown word: the nearest known one, if any, and all of them."""
     close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
@@ -138,8 +162,8 @@ def _import_entry(entry: EntryPoint) -> object:
     try:
         found: object = entry.load()
         return found
-    except (ImportError, AttributeError) as error:
-        raise ValueError(f"The packer {entry.name!r} ({entry.value}) cannot be imported: {error}.") from error
+    except Exception as error:
+        raise ValueError(f"The packer {entry.name!r} ({entry.value}) cannot be imported: {_told(error)}.") from error
 
 
 def _own(target: str) -> type[Packer]:
@@ -158,8 +182,14 @@ def _import_module(name: str) -> ModuleType:
         sys.path.append(os.getcwd())
     try:
         return importlib.import_module(name)
-    except (ImportError, ValueError) as error:
-        raise ValueError(f"The module {name!r} cannot be imported: {error}.") from error
+    except Exception as error:
+        raise ValueError(f"The module {name!r} cannot be imported: {_told(error)}.") from error
+
+
+def _told(error: Exception) -> str:
+    """What stopped an import, which runs anybody's code."""
+    says_all = isinstance(error, (ImportError, AttributeError, ValueError))
+    return str(error) if says_all else f"{type(error).__name__}: {error}"
 
 
 def _import_file(path: Path) -> ModuleType:
@@ -192,6 +222,8 @@ def _checked(found: object, what: str) -> type[Packer]:
         raise ValueError(f"{what} lacks the class attribute {' and '.join(missing)}.")
     if not fits_everywhere(found.name):
         raise ValueError(f"{what} has the name {found.name!r}, which files cannot have: take {ALLOWED}.")
+    for kind in own_classes(found):
+        source_file(kind)  # results name the files that they come from
     for name, common in COMMON.items():
         if type(found.parameters[name].default) is not type(common.default):
             raise ValueError(

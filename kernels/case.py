@@ -55,7 +55,7 @@ class Bound:
     ulp: the largest error of real values, in units of the last place of float32 that the largest value of the twin has
     in the same Result: kernels err by what they add up, whatever is left of it. spared: the share of real values that
     may err more, where rounding decides between values far apart. wrong: the share of whole values that may differ.
-    No bound allows another number of values, or values that are finite on one side only.
+    No bound allows other shapes, or values that are NaN or an infinity on one side only.
     """
 
     ulp: float = 0.0
@@ -64,6 +64,7 @@ class Bound:
 
 
 EXACT = Bound()
+NOTHING = "it compares nothing"
 
 
 @dataclass(frozen=True)
@@ -129,22 +130,48 @@ def case(
 
 
 def distance(results: Iterable[Result], bound: Bound) -> Distance:
-    """How far results are from the twin's, of the real and the whole values whichever is worse."""
+    """How far results are from the twin's, of the real and the whole values whichever is worse; infinitely for none."""
     ulps: list[Doubles] = []
     differs: list[Bools] = []
     for result in results:
-        found, expected = result.found.ravel(), np.asarray(result.expected, np.float64).ravel()
-        if len(found) != len(expected):
-            return Distance(np.inf, f"{len(found)} values, where the twin has {len(expected)}")
-        if found.dtype.kind != "f":
-            differs.append(found != np.rint(expected))
-        elif broken := int((np.isfinite(found) != np.isfinite(expected)).sum()):
-            return Distance(np.inf, f"{broken} of {len(found)} values are finite on one side only")
-        else:
-            finite = np.isfinite(expected)
-            unit = np.spacing(np.abs(expected[finite]).max(initial=0.0).astype(np.float32)).astype(np.float64)
-            ulps.append(np.abs(found[finite].astype(np.float64) - expected[finite]) / unit)
+        if result.found.shape != result.expected.shape:
+            return Distance(np.inf, _other_shape(result))
+        if result.found.dtype.kind != "f":
+            differs.append(whole_differ(result))
+            continue
+        found, expected = (np.asarray(values, np.float64).ravel() for values in (result.found, result.expected))
+        if broken := int(broken_values(found, expected).sum()):
+            return Distance(np.inf, f"{broken} of {len(found)} values are NaN or an infinity on one side only")
+        finite = np.isfinite(expected)
+        unit = np.spacing(np.abs(expected[finite]).max(initial=0.0).astype(np.float32)).astype(np.float64)
+        ulps.append(np.abs(found[finite] - expected[finite]) / unit)
+    if not ulps and not differs:
+        return Distance(np.inf, NOTHING)
     return max((_real(ulps, bound), _whole(differs, bound)), key=lambda one: one.over)
+
+
+def whole_differ(result: Result) -> Bools:
+    """Which whole values of a result, of equal shapes, are not the twin's, bool (n); real ones of it are rounded."""
+    found, expected = result.found.ravel(), result.expected.ravel()
+    if expected.dtype.kind != "f":
+        return np.asarray(found != expected)
+    rounded = np.rint(expected)
+    with np.errstate(invalid="ignore"):  # what does not come back is no value of that type
+        whole = rounded.astype(found.dtype)
+    return np.asarray((found != whole) | (whole.astype(rounded.dtype) != rounded))
+
+
+def broken_values(found: Doubles, expected: Doubles) -> Bools:
+    """Which values (n) are NaN or an infinity on one side, and not the same on the other, bool (n)."""
+    same = (found == expected) | (np.isnan(found) & np.isnan(expected))
+    return np.asarray(~(same | (np.isfinite(found) & np.isfinite(expected))))
+
+
+def _other_shape(result: Result) -> str:
+    found, expected = result.found, result.expected
+    if found.size != expected.size:
+        return f"{found.size} values, where the twin has {expected.size}"
+    return f"values of shape {found.shape}, where the twin has {expected.shape}"
 
 
 def _real(parts: list[Doubles], bound: Bound) -> Distance:

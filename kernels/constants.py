@@ -7,13 +7,19 @@ import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cache
+from itertools import accumulate
 from pathlib import Path
 from typing import TypeAlias
 
+from shading_atlas_bench.kernels.preprocessor import logical_lines
+
 Number: TypeAlias = int | float
 
-DEFINE = re.compile(r"^[ \t]*#[ \t]*define[ \t]+(\w+)[ \t]+(.*?)[ \t]*(?://.*|/\*.*)?$", re.MULTILINE)
-LITERAL = re.compile(r"\b(0[xX][0-9a-fA-F]+|\d+\.?\d*(?:[eE][+-]?\d+)?)[fFuU]?\b")
+DIRECTIVE = re.compile(r"^\s*(?:#|%:)[^\S\n]*(\w+)[^\S\n]*(.*?)[^\S\n]*$", re.MULTILINE)
+DEFINITION = re.compile(r"(\w+)(\()?\s*(.*)")  # with a bracket: of arguments
+LITERAL = re.compile(r"\b(0[xX][0-9a-fA-F]+|\d+\.?\d*(?:[eE][+-]?\d+)?)([fFuU]?)\b")
+INTS = range(-(2**31), 2**31)
+LARGEST_FLOAT = (2.0 - 2.0**-23) * 2.0**127
 
 
 @dataclass(frozen=True)
@@ -51,33 +57,106 @@ class Constants:
 def constants_of(file: Path) -> Constants:
     """What a kernel's file defines itself, as literals or by + - * / << of them and of names further up in it.
 
-    Quotients and other results of floats are float64. Definitions in included files are theirs.
+    Quotients and other results of floats are float64. Definitions in included files are theirs. What another build or
+    another place in the text may see otherwise is unusable: names that are defined more than once, undefined again, or
+    defined below a condition other than an include guard and `#if SWITCH`, an argument of the build without which they
+    are missing; and so is arithmetic that is no int's or float's in C: of unsigned numbers, of larger ones, and of
+    names whose text is arithmetic without parentheses around it.
+
+    Raises OSError for a file that cannot be read.
     """
     numbers: dict[str, Number] = {}
+    operands: dict[str, Number] = {}  # those that mean the same number wherever their text is put
     unusable: dict[str, str] = {}
-    for name, text in DEFINE.findall(file.read_text(encoding="utf-8")):
-        if name in numbers or name in unusable:
-            numbers.pop(name, None)
-            unusable[name] = "is defined more than once"
-            continue
-        try:
-            numbers[name] = _value(ast.parse(LITERAL.sub(r"\1", text), mode="eval").body, numbers)
-        except (SyntaxError, ValueError, ArithmeticError):
-            unusable[name] = f"is no number that Python computes: {text}"
+    for name, definition in _definitions(logical_lines(file.read_text(encoding="utf-8"))).items():
+        text, enclosed = _without_parentheses(definition.text)
+        if definition.fault:
+            unusable[name] = definition.fault
+        elif literal := LITERAL.fullmatch(text):
+            numbers[name] = _literal(literal[1])
+            if not literal[2] or literal[2] in "fF":
+                operands[name] = numbers[name]
+        elif definition.text:
+            try:
+                body = ast.parse(LITERAL.sub(_decimals, text), mode="eval").body
+                numbers[name] = _value(body, operands)
+            except (SyntaxError, ValueError, ArithmeticError):
+                unusable[name] = f"is no number that Python computes: {definition.text}"
+            else:
+                if enclosed or not isinstance(body, ast.BinOp):
+                    operands[name] = numbers[name]
     return Constants(file, numbers, unusable)
 
 
-def _value(expression: ast.expr, numbers: Mapping[str, Number]) -> Number:
+@dataclass(frozen=True)
+class _Definition:
+    """A `#define`: its text, empty for those with arguments; fault: why it has no one value, if so."""
+
+    text: str
+    fault: str = ""
+
+
+def _definitions(lines: str) -> dict[str, _Definition]:
+    """What a text of logical lines defines, by name."""
+    found: dict[str, _Definition] = {}
+    conditions: list[bool] = []  # of each #if that is open: whether what is below it may be another number elsewhere
+    guard = ""
+    for keyword, rest in DIRECTIVE.findall(lines):
+        name, arguments, text = match.groups() if (match := DEFINITION.match(rest)) else ("", None, "")
+        if keyword in ("if", "ifdef", "ifndef"):
+            is_switch = keyword == "if" and rest.isidentifier() and rest not in found
+            conditions.append(not is_switch)
+        elif keyword in ("else", "elif"):
+            conditions[-1:] = [True]
+        elif keyword == "endif":
+            conditions[-1:] = []
+        elif keyword == "define" and name == guard and not text:
+            conditions[-1:] = [False]
+        elif keyword == "define":
+            fault = "is defined more than once" if name in found else "is defined below a condition"
+            found[name] = _Definition("" if arguments else text, fault if name in found or any(conditions) else "")
+        elif keyword == "undef":
+            found[name] = _Definition("", "is undefined again")
+        guard = name if keyword == "ifndef" else ""
+    return found
+
+
+def _without_parentheses(text: str) -> tuple[str, bool]:
+    """The text without those around the whole of it, and whether there were any."""
+    if not (text.startswith("(") and text.endswith(")")):
+        return text, False
+    depths = list(accumulate((letter == "(") - (letter == ")") for letter in text))
+    return (_without_parentheses(text[1:-1].strip())[0], True) if min(depths[:-1]) > 0 else (text, False)
+
+
+def _decimals(literal: re.Match[str]) -> str:
+    if literal[2] in ("u", "U"):
+        raise ValueError("unsigned numbers wrap")
+    return literal[1]
+
+
+def _literal(text: str) -> Number:
+    return int(text, 16) if text[:2] in ("0x", "0X") else int(text) if text.isdigit() else float(text)
+
+
+def _value(expression: ast.expr, operands: Mapping[str, Number]) -> Number:
     match expression:
-        case ast.Constant(value=int() | float() as literal):
-            return literal
-        case ast.Name(id=name) if name in numbers:
-            return numbers[name]
+        case ast.Constant(value=int() | float() as literal) if not isinstance(literal, bool):
+            return _in_range(literal)
+        case ast.Name(id=name) if name in operands:
+            return _in_range(operands[name])
         case ast.UnaryOp(op=ast.USub(), operand=operand):
-            return -_value(operand, numbers)
+            return _in_range(-_value(operand, operands))
         case ast.BinOp(left=left, op=operator, right=right):
-            return _result(_value(left, numbers), operator, _value(right, numbers))
+            return _in_range(_result(_value(left, operands), operator, _value(right, operands)))
     raise ValueError("no arithmetic")
+
+
+def _in_range(number: Number) -> Number:
+    """The number itself, where an int or a float of C holds it."""
+    if number not in INTS if isinstance(number, int) else not abs(number) <= LARGEST_FLOAT:
+        raise ArithmeticError("C has another type or another value for it")
+    return number
 
 
 def _result(left: Number, operator: ast.operator, right: Number) -> Number:

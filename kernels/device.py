@@ -22,6 +22,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.kernels.cache import cache_folder, cache_root, read_checked, write_checked
 from shading_atlas_bench.kernels.journal import journal
+from shading_atlas_bench.kernels.preprocessor import HIDDEN, hidden, logical_lines
 from shading_atlas_bench.kernels.runtime import kernel_cache
 from shading_atlas_bench.kernels.runtime.opencl import (
     SPEAKING,
@@ -46,8 +47,11 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parent
 METHOD_KERNELS = "kernels"  # the folder of a method where its kernels lie
 CONTRACT = "#pragma OPENCL FP_CONTRACT"
-INCLUDE = re.compile(r'^\s*#include\s+"([^"]+)"\s*$', re.MULTILINE)
-KERNEL = re.compile(r"^\s*(?:__)?kernel\s+void\s+(\w+)", re.MULTILINE)
+BLANK = rf"(?:[^\S\n]|{HIDDEN})*"  # also comments
+INCLUDE = re.compile(rf'^\s*{BLANK}#{BLANK}include{BLANK}"([^"\n]+)"{BLANK}\s*$', re.MULTILINE)
+READS_A_FILE = re.compile(r"^\s*(?:#|%:)\s*(?:include|include_next|import|embed)\b.*", re.MULTILINE)
+ATTRIBUTES = r"(?:__attribute__\s*\(\((?:[^()]|\([^()]*\))*\)\)\s*)*"
+KERNEL = re.compile(rf"^\s*{ATTRIBUTES}(?:__)?kernel\s+{ATTRIBUTES}void\s+{ATTRIBUTES}(\w+)", re.MULTILINE)
 DEFAULT_LOCAL_SIZE = 64
 LARGE_GRID = 0xFFFF  # work-items: PoCL compiles a kernel in another form beyond
 INSTALL_ANOTHER = (
@@ -92,8 +96,9 @@ def source_with_includes(file: Path, seen: set[Path] | None = None) -> str:
     """A kernel file's text with every `#include "..."` put in its place, once each: a file beside it, or one of those
     that methods share, by its path below `kernels/`.
 
-    Done here and not by the driver, because drivers that cache by source miss changes in included files. Raises
-    DeviceError for a file that is missing.
+    Done here and not by the driver, because drivers that cache by source miss changes in included files, and look for
+    them in the working folder. Raises DeviceError for a file that is missing, and for a line that the driver would take
+    for another include: of `<...>`, of a macro, or continued within a word.
     """
     seen = set() if seen is None else seen
     if file in seen:
@@ -101,12 +106,18 @@ def source_with_includes(file: Path, seen: set[Path] | None = None) -> str:
     seen.add(file)
     if not file.is_file():
         raise DeviceError(f"The kernel file {file} is missing: reinstall the package that it belongs to.")
-
-    def included(match: re.Match[str]) -> str:
-        beside = file.parent / match.group(1)
-        return source_with_includes(beside if beside.is_file() else ROOT / match.group(1), seen)
-
-    return INCLUDE.sub(included, file.read_text(encoding="utf-8"))
+    text = file.read_text(encoding="utf-8")
+    found = list(INCLUDE.finditer(hidden(text)))
+    starts, ends = [0, *(match.end() for match in found)], [*(match.start() for match in found), len(text)]
+    own = [text[start:end] for start, end in zip(starts, ends, strict=True)]
+    if left := READS_A_FILE.search(logical_lines("\n".join(own))):
+        raise DeviceError(
+            f'{file} has the line {left.group().strip()!r}: write #include "FILE", a file beside it or below kernels/.'
+        )
+    beside = (file.parent / match.group(1) for match in found)
+    taken = (one if one.is_file() else ROOT / match.group(1) for one, match in zip(beside, found, strict=True))
+    included = [source_with_includes(one, seen) for one in taken]
+    return "".join(part for pair in zip(own, [*included, ""], strict=True) for part in pair)
 
 
 def stage_name(file: Path) -> str:

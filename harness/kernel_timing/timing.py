@@ -16,7 +16,7 @@ from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.noise import noise_warnings
-from shading_atlas_bench.kernels.case import INPUTS, Case, Cost, Result, Trial, evaluate
+from shading_atlas_bench.kernels.case import INPUTS, Case, Cost, Result, Trial, broken_values, evaluate, whole_differ
 from shading_atlas_bench.kernels.device import VARIANTS, Device
 from shading_atlas_bench.kernels.roofline.roofline import Roofline, measure
 from shading_atlas_bench.reports.pages.kernels import by_variant, compare_variants, write_kernels
@@ -74,7 +74,7 @@ def errors_of(results: list[Result]) -> Row:
             expected = np.asarray(result.expected, np.float64).ravel()
             real.append((result.found.astype(np.float64).ravel(), expected, last_places(expected)))
         else:
-            whole.append(result.found.ravel() != np.rint(np.asarray(result.expected, np.float64)).ravel())
+            whole.append(whole_differ(result))
     row: Row = dict.fromkeys(("max_error", "mean_error", "p999_error", "max_ulp", "mean_ulp", "p999_ulp", "broken"))
     row |= {"values": 0, "whole_values": None, "misassigned": None}
     if whole:
@@ -97,7 +97,7 @@ def last_places(values: Doubles) -> Doubles:
 
 def _distances(found: Doubles, expected: Doubles, places: Doubles) -> Row:
     finite = np.isfinite(found) & np.isfinite(expected)
-    broken = int((np.isfinite(found) != np.isfinite(expected)).sum())
+    broken = int(broken_values(found, expected).sum())
     if not finite.any():
         return {"broken": broken}
     error = np.abs(found - expected)[finite]

@@ -413,7 +413,7 @@ KERNEL_COLUMNS: tuple[Column, ...] = (
     _kernel_error("max_ulp", "ULP", "largest difference in units of the last place of float32"),
     _kernel_error("mean_ulp", "ULP", "mean difference in such units"),
     _kernel_error("p999_ulp", "ULP", "99.9 percentile in such units"),
-    Column("broken", "", "values that are finite in only one of kernel and twin", "quality", int, "lower"),
+    Column("broken", "", "values that are NaN or an infinity in only one of kernel and twin", "quality", int, "lower"),
     Column("whole_values", "", "whole numbers compared with the twin", "count", int),
     Column("misassigned", "", "of these, how many differ from the twin, rounded", "quality", int, "lower"),
 )  # fmt: skip

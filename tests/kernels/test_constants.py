@@ -98,5 +98,62 @@ def test_anything_else_is_refused(constants: Constants, name: str, reason: str) 
         constants.whole(name)
 
 
+@pytest.mark.parametrize(
+    ("source", "value"),
+    [
+        ("#define A 1 + 2", 3),
+        ("#define A 5 /* x */ + 2", 7),
+        ("#define A (1 + \\\n 2) // 3", 3),
+        ("#define B (1 + 2)\n#define A B * 3", 9),
+        ("#define B -4\n#define A (3 - B)", 7),
+        ("#define B ((7))\n#define A (B * B)", 49),
+        ("#define A (0xFFFFFFFFu)", 4294967295),
+        ("#define A ((1 + 2) * (3 + 4))", 21),
+        ("#define A (-2147483647 - 1)", -2147483648),
+        ("// #define A 1\n/*\n#define A 2\n*/\n#define A 3", 3),
+        ("#ifndef K_CL\n#define K_CL\n#if WIDE\n#define X 1\n#endif\n#define A 3\n#endif", 3),
+        ("#if WIDE\n#define A 3\n#endif", 3),
+        ("#if 0\n#elif 1\n#endif\n#define A 3", 3),
+    ],
+)
+def test_what_is_read_is_what_c_has(tmp_path: Path, source: str, value: int) -> None:
+    assert _read(tmp_path, source).whole("A") == value
+
+
+@pytest.mark.parametrize(
+    ("source", "reason"),
+    [
+        ("#define B 1 + 2\n#define A (B * 3)", "is no number that Python computes"),
+        ("#define B (1) + (2)\n#define A (B * 3)", "is no number that Python computes"),
+        ("#define A (3u - 5u)", "is no number that Python computes"),
+        ("#define B 3u\n#define A (B - 5)", "is no number that Python computes"),
+        ("#define A -3u", "is no number that Python computes"),
+        ("#define A (0xFFFFFFFF + 1)", "is no number that Python computes"),
+        ("#define A (65536 * 65536)", "is no number that Python computes"),
+        ("#define A (1 << 31)", "is no number that Python computes"),
+        ("#define A (1e30f * 1e30f)", "is no number that Python computes"),
+        ("#define A True", "is no number that Python computes"),
+        ("#if 0\n#define A 5\n#endif", "is defined below a condition"),
+        ("#define WIDE 0\n#if WIDE\n#define A 5\n#endif", "is defined below a condition"),
+        ("#if WIDE\n#else\n#define A 5\n#endif", "is defined below a condition"),
+        ("#ifdef WIDE\n#define A 5\n#endif", "is defined below a condition"),
+        ("#ifndef A\n#define A 5\n#endif", "is defined below a condition"),
+        ("#ifndef K_CL\n#define K_CL\n#else\n#define A 5\n#endif", "is defined below a condition"),
+        ("#define A 5\n#undef A", "is undefined again"),
+        ("#define B 5\n#define A (B + 1)\n#undef B", "is no number that Python computes"),
+        ("#define A 5\n#define A(x) 5", "is defined more than once"),
+        ("/*\n#define A 5\n*/", "is not defined"),
+    ],
+)
+def test_what_c_has_otherwise_is_refused(tmp_path: Path, source: str, reason: str) -> None:
+    with pytest.raises(ValueError, match=f"A {reason}"):
+        _read(tmp_path, source).whole("A")
+
+
+def _read(folder: Path, source: str) -> Constants:
+    (folder / "k.cl").write_text(source + "\n", encoding="utf-8")
+    return constants_of(folder / "k.cl")
+
+
 def test_a_file_is_read_once(constants: Constants) -> None:
     assert constants_of(constants.file) is constants

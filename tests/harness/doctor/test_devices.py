@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from shading_atlas_bench.harness.cases import find_cases
+from shading_atlas_bench.harness.cases import against_twin, find_cases
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.doctor import devices as device_check
 from shading_atlas_bench.harness.doctor.devices import Report, check_devices, show_reports
 from shading_atlas_bench.harness.doctor.worker import CaseOutcome, examine_case
+from shading_atlas_bench.harness.kernel_timing.timing import errors_of
 from shading_atlas_bench.kernels.case import EXACT, INPUTS, Bound, Case, Result, Trial, distance
 from shading_atlas_bench.kernels.device import Device, kernel_names
 from shading_atlas_bench.kernels.runtime.opencl import FoundDevice
@@ -232,6 +233,47 @@ def test_distances():
     whole = Result(np.array([1, 2, 3, 4]), np.array([1, 2, 3, 5]))
     assert distance([whole], Bound(1e30, wrong=0.125)).over == 2
     assert distance([whole, off], Bound(1, wrong=0.5)).over == pytest.approx(3, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("found", "expected"),
+    [
+        (np.array([np.inf]), np.array([-np.inf])),
+        (np.array([np.nan]), np.array([np.inf])),
+        (np.array([np.inf]), np.array([np.nan])),
+        (np.zeros((2, 3)), np.zeros((3, 2))),
+        (np.zeros((2, 3), np.int32), np.zeros(6, np.int32)),
+        (np.array([2**60 + 1], np.uint64), np.array([2**60], np.uint64)),
+        (np.array([2**60 + 1], np.uint64), np.array([2.0**60])),
+        (np.array([2**63], np.uint64), np.array([-(2**63)], np.int64)),
+        (np.array([0], np.int32), np.array([np.nan])),
+        (np.array([0], np.int32), np.array([2.0**32])),
+        (np.array([True]), np.array([2.0])),
+    ],
+)
+def test_values_that_are_not_the_same_differ(found, expected):
+    assert distance([Result(found, expected)], EXACT).over == np.inf
+    row = errors_of([Result(found, expected)])
+    assert row["broken"] or row["misassigned"]
+
+
+@pytest.mark.parametrize("values", [[np.inf, -np.inf, np.nan, 1.0], [2**60 + 1, 0], [True, False]])
+def test_the_same_values_are_no_distance_apart(values):
+    assert distance([Result(np.array(values), np.array(values))], EXACT).over == 0
+
+
+def test_whole_values_are_compared_with_rounded_ones():
+    assert distance([Result(np.array([3, -2]), np.array([2.6, -2.4]))], EXACT).over == 0
+
+
+@pytest.mark.parametrize(
+    ("results", "kinds"),
+    [([], INPUTS), ([Result(np.zeros((0, 3)), np.zeros((0, 3))), Result(np.arange(0), np.arange(0))], INPUTS[:1])],
+)
+def test_a_case_that_compares_nothing_fails(device, results, kinds):
+    empty = replace(CASES[SMALL], make=lambda *_: Trial({}, lambda: None, lambda: results))
+    for kind in INPUTS:
+        assert (against_twin(device, empty, kind).what == "it compares nothing") == (kind in kinds)
 
 
 @pytest.mark.parametrize("kind", INPUTS)
