@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.harness.measure.validity import Gaps, Violation, check
+from shading_atlas_bench.harness.measure.validity import SIDES, Gaps, Violation, check
 from shading_atlas_bench.packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
@@ -243,6 +243,14 @@ def test_lines_along_a_cut_may_be_copies_but_one_line_further_they_are_a_second_
         bary=np.concatenate([packed.owners.bary, packed.owners.bary[np.concatenate([line, column])]]),
     )
     assert packed.rules() == rules
+
+
+def test_the_sides_of_a_point_lie_between_the_directions_of_edges():
+    """In a triangle of equal sides, whose edges run at 0, 60, 120 ... degrees, they are at right angles to one each."""
+    across = SIDES @ np.array([[1, 0], [1 / 2, np.sqrt(3) / 2]])
+    angles = np.degrees(np.arctan2(across[:, 1], across[:, 0])) % 360
+    np.testing.assert_allclose(np.sort(angles), [30, 90, 150, 210, 270, 330], atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(across, axis=1), np.linalg.norm(across[0]), rtol=1e-6)
 
 
 def test_samples_and_lookups_outside_the_atlas():
