@@ -11,7 +11,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.harness.measure.validity import SIDES, Gaps, Violation, check
+from shading_atlas_bench.harness.measure.validity import (
+    MARGIN,
+    PART,
+    SIDES,
+    Gaps,
+    Violation,
+    _Atlas,
+    _close_by,
+    _Table,
+    check,
+)
 from shading_atlas_bench.packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
@@ -251,6 +261,81 @@ def test_the_sides_of_a_point_lie_between_the_directions_of_edges():
     angles = np.degrees(np.arctan2(across[:, 1], across[:, 0])) % 360
     np.testing.assert_allclose(np.sort(angles), [30, 90, 150, 210, 270, 330], atol=1e-4)
     np.testing.assert_allclose(np.linalg.norm(across, axis=1), np.linalg.norm(across[0]), rtol=1e-6)
+
+
+STEP = 1 / 32
+
+
+def affine_atlas(side: int = 9) -> _Atlas:
+    """One triangle that owns every texel; its barycentrics are STEP times the position of the texel's centre."""
+    row, column = (axis.ravel() for axis in np.indices((side, side)))
+    bary = STEP * np.stack([column + 0.5, row + 0.5], axis=1).astype(np.float32)
+    return _Atlas(Owners(row * side + column, np.zeros(side * side, np.int32), bary), side, side)
+
+
+def test_points_towards_neighbours_are_where_they_are_said_to_be():
+    atlas, texel = affine_atlas(), np.array([4 * 9 + 4])
+    found = list(atlas.towards_neighbours(np.zeros(1, np.int32), atlas.bary[:, texel].T, texel))
+    for point, at in found:
+        np.testing.assert_allclose(point, STEP * at, atol=1e-6)
+    steps = {tuple(np.rint((at[0] - 4.5) / PART).astype(int).tolist()) for _, at in found}
+    assert steps == {(a, b) for a in (-2, -1, 1, 2) for b in (-2, -1, 1, 2) if abs(a) != abs(b)}
+
+
+@pytest.mark.parametrize(("off", "smooth"), [(0, True), (0.45, True), (0.55, False)])
+def test_a_sample_is_smooth_within_half_a_step_of_its_neighbours_plane(off: float, smooth: bool):
+    atlas, texel = affine_atlas(), np.array([4 * 9 + 4])
+    atlas.bary[0, texel] += off * STEP
+    assert atlas.is_smooth(texel, np.zeros(1, np.int32)).tolist() == [smooth]
+    assert not atlas.is_smooth(texel, np.ones(1, np.int32)).any()  # nothing there is another triangle's
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 999), height=st.integers(1, 12), width=st.integers(1, 12))
+def test_samples_near_by_are_those_of_the_triangle_within_three_texels(seed: int, height: int, width: int):
+    rng = np.random.default_rng(seed)
+    listed = np.flatnonzero(rng.random(height * width) < 0.7)
+    triangle, bary = rng.integers(0, 3, len(listed)).astype(np.int32), rng.uniform(-1.5, 1.5, (len(listed), 2))
+    bary[rng.random(len(listed)) < 0.1] = 1 / 3
+    atlas = _Atlas(Owners(listed, triangle, bary.astype(np.float32)), width, height)
+    asked = rng.integers(0, 3, height * width).astype(np.int32)
+    found = atlas.near_inside(np.arange(height * width), asked).reshape(height, width)
+    inside = (bary >= 0).all(axis=1) & (bary.sum(axis=1) <= 1)
+    for row, column in np.ndindex(height, width):
+        apart = np.maximum(abs(listed // width - row), abs(listed % width - column))
+        own = triangle == asked[row * width + column]
+        assert found[row, column] == (inside & own & (apart <= 1 + MARGIN)).any()
+
+
+def test_a_texel_is_as_large_as_the_map_from_the_atlas_stretches_it():
+    """The largest singular value of the map, but no more than the longest edge."""
+    packed, rng = pack_cells(), np.random.default_rng(0)
+    packed.frame.pvs = np.array([1, 4, 7], np.int32)
+    corners = rng.uniform(0, 30, (3, 3, 2))
+    corners[2] = [(0, 0), (1, 1), (2, 2.01)]  # with hardly any area
+    table = _Table(packed.frame, np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1))
+    for row, triangle in enumerate(packed.frame.pvs):
+        points = packed.frame.scene.host.positions[3 * triangle : 3 * triangle + 3].astype(np.float64)
+        to_surface, to_atlas = ((part[1:] - part[0]).T for part in (points, corners[row]))
+        stretch = np.linalg.svd(to_surface @ np.linalg.inv(to_atlas))[1][0]
+        longest = max(np.linalg.norm(points[i] - points[j]) for i, j in ((0, 1), (1, 2), (2, 0)))
+        assert table.texel_size[row] == pytest.approx(min(stretch, longest), rel=1e-6)
+
+
+class Clamping(CornerClient):
+    """Looks up what lies outside a triangle at its nearest weights inside."""
+
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        weights = np.maximum(np.column_stack([1 - bary.sum(axis=1), bary]), 0)
+        return super().locate(triangles, (weights / weights.sum(axis=1, keepdims=True))[:, 1:])
+
+
+@pytest.mark.parametrize(("off", "close"), [(0.0, True), (2.9, True), (3.1, False)])
+def test_a_sample_far_outside_is_close_by_where_its_nearest_point_inside_is(off: float, close: bool):
+    """Weights 5.5, 0.5 and -5 become 11/12, 1/12 and 0: of 48 texels along the first edge 4."""
+    client = Clamping(np.array([[[0, 0], [48, 0], [0, 48]]]))
+    centre = np.array([[4, off]])
+    assert _close_by(np.zeros(1, np.int32), np.array([[0.5, -5]], np.float32), centre, client).tolist() == [close]
 
 
 def test_samples_and_lookups_outside_the_atlas():
