@@ -19,6 +19,8 @@ from shading_atlas_bench.harness.measure.validity import (
     Violation,
     _Atlas,
     _close_by,
+    _distance,
+    _Lookups,
     _Table,
     check,
 )
@@ -263,6 +265,12 @@ def test_the_sides_of_a_point_lie_between_the_directions_of_edges():
     np.testing.assert_allclose(np.linalg.norm(across, axis=1), np.linalg.norm(across[0]), rtol=1e-6)
 
 
+def test_triangles_without_extent_are_where_their_neighbours_are():
+    packed = pack_fold()
+    packed.frame.scene.host.positions[:] = 0
+    assert packed.check() == []
+
+
 STEP = 1 / 32
 
 
@@ -320,6 +328,52 @@ def test_a_texel_is_as_large_as_the_map_from_the_atlas_stretches_it():
         stretch = np.linalg.svd(to_surface @ np.linalg.inv(to_atlas))[1][0]
         longest = max(np.linalg.norm(points[i] - points[j]) for i, j in ((0, 1), (1, 2), (2, 0)))
         assert table.texel_size[row] == pytest.approx(min(stretch, longest), rel=1e-6)
+
+
+def around(atlas: _Atlas, touched: list[int]) -> tuple[_Lookups, np.ndarray, np.ndarray]:
+    """A lookup between columns 4 and 5 and rows 4 and 5: the samples there, of which those numbers are touched."""
+    samples = np.array([[4 * 9 + 4], [4 * 9 + 5], [5 * 9 + 4], [5 * 9 + 5]])
+    return _Lookups(pack_cells().frame, atlas, None, None), samples, np.isin(np.arange(4), touched)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("touched", "across", "down"),
+    [
+        ([0, 1, 2, 3], (STEP, 0), (0, STEP)),
+        ([0, 1], (STEP, 0), (0, STEP)),  # at right angles
+        ([2, 3], (STEP, 0), (0, STEP)),
+        ([1, 3], (-STEP, 0), (0, STEP)),
+        ([0, 2], (-STEP, 0), (0, STEP)),
+    ],
+)
+def test_steps_from_texel_to_texel_are_those_between_touched_samples(touched, across, down):
+    lookups, *four = around(affine_atlas(), touched)
+    np.testing.assert_allclose(lookups._steps(*four)[0], np.transpose([across, down]), atol=1e-7)
+
+
+@pytest.mark.parametrize(("copy", "of"), [(0, 1), (1, 0), (2, 3), (3, 2), (0, 2), (2, 0), (1, 3), (3, 1)])
+def test_a_sample_that_is_a_copy_of_another_hides_no_step(copy: int, of: int):
+    atlas = affine_atlas()
+    lookups, samples, touched = around(atlas, [0, 1, 2, 3])
+    atlas.bary[:, samples[copy]] = atlas.bary[:, samples[of]]
+    steps = np.abs(lookups._steps(samples, touched)[0])
+    assert (steps.sum(axis=0) >= STEP * (1 - 1e-5)).all()
+
+
+def test_a_distance_is_the_texels_whose_steps_make_it_up():
+    rng = np.random.default_rng(0)
+    steps, texels = rng.normal(size=(50, 2, 2)), rng.normal(size=(50, 2))
+    off = np.einsum("nbt,nt->nb", steps, texels)
+    np.testing.assert_allclose(_distance(off, steps), np.abs(texels).max(axis=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("twist", "torn"), [(0, False), (1.9, False), (2.1, True), (-0.6, False), (-0.7, True)])
+def test_four_samples_are_torn_where_they_twist_by_over_half_of_their_range(twist: float, torn: bool):
+    """Barycentrics of 0, 1, 1 and 2 + twist, whose range is 2 + twist."""
+    atlas = affine_atlas()
+    lookups, samples, _ = around(atlas, [])
+    atlas.bary[:, samples[:, 0]] = np.array([0, 1, 1, 2 + twist], np.float32)
+    assert lookups._torn(samples).tolist() == [torn]
 
 
 class Clamping(CornerClient):
