@@ -265,7 +265,7 @@ def test_coding_takes_what_the_clock_says(doubling_clock):
 
 
 def test_a_conversion_for_all_streams_is_counted_in_each(doubling_clock):
-    """Read at the beginning, around the conversion (4 s), behind it (8 s) and by the stream (16 s for the first time)."""
+    """Read at the beginning, around the conversion (4 s), behind it (8 s), and by the stream (first 16 s)."""
     (frame,) = encode_all([VideoStream("h264", 25, 128, 96)], moving(1)[0])
     assert (frame.encode_ms, frame.decode_ms) == (4000 + 64_000, 128_000)
     assert frame.clocked_ms == 2000 + 4000 + 8000 + 32_000 + 64_000 + 128_000
