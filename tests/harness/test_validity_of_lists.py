@@ -61,6 +61,7 @@ def test_bytes_are_counted_and_bounded():
     assert found(73, 74, lists()) == 2
     assert found(132, 132, replace(lists(), normals=True)) == 0
     assert found(73, 73, lists(), before=1, holds="alike") == 0
+    assert list(check_bytes(Payload({}, {}, b"", 0), (), 0, "every")) == []  # without lists nothing is claimed
 
 
 @pytest.mark.parametrize("position", [(0, 0, 0), (0, 0, 2.5), (1e-17, -3, 1e5), (70, 20, -400)])
