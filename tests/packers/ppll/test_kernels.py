@@ -172,6 +172,22 @@ def test_limits_keep_what_the_twin_keeps(device, layers, threshold):
     assert_sorted(*after)
 
 
+@pytest.mark.parametrize(("threshold", "kept"), [(0.1995, 1), (0.2005, 2), (0.3595, 2), (0.3605, 3)])
+def test_a_threshold_is_reached_by_what_opacities_of_255_cover_together(threshold, kept):
+    """51 of 255 are 0.2, and twice 0.2 covers 1 - 0.8 * 0.8."""
+    opacity, spans = np.array([51, 51, 255]), np.array([[0, 1]])
+    assert limit_twin(np.array([0, 3]), opacity, Depth(threshold=threshold), spans, 1).tolist() == [0, 1, 2][:kept]
+
+
+def test_a_depth_limits_by_layers_or_by_a_threshold_that_can_be_reached():
+    assert [depth.limits for depth in (Depth(), Depth(3), Depth(threshold=1.0), Depth(threshold=1.5))] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+
+
 def test_opaque_fragments_are_limited_to_the_nearest(device):
     fragments = build(
         device, random_soup(device, np.random.default_rng(10), 400), Camera.of(VIEW, perspective(), *SIZE)
