@@ -200,6 +200,10 @@ def test_superblocks_follow_the_atlas(size, superblock, side, total):
     assert (1 << grid.top, grid.total) == (side, total)
 
 
+def test_a_superblock_may_have_any_power_of_two_up_to_256():
+    assert [choose_grid(256, 256, 1 << top).top for top in range(9)] == list(range(9))
+
+
 @pytest.mark.parametrize("superblock", [-1, 3, 100, 512])
 def test_a_superblock_that_is_no_power_of_two_is_refused(superblock):
     with pytest.raises(ValueError, match=f"superblock side {superblock}"):
