@@ -61,6 +61,8 @@ def test_the_commit_is_named_and_whether_sources_were_changed_since(tmp_path: Pa
     assert commit() == f"{name} with changes"
     monkeypatch.setattr(machine, "ROOT", tmp_path / "inside")
     assert commit() == ""  # somebody else's repository
+    monkeypatch.setenv("PATH", str(tmp_path / "inside"))
+    assert commit() == ""  # no git
 
 
 def test_a_folder_in_use_is_refused_until_its_process_ends_however_that_ends(tmp_path: Path):

@@ -244,6 +244,18 @@ def test_changed_lists_are_those_of_the_twin_and_make_the_other_end_equal(device
     np.testing.assert_array_equal(exact.host()[1], fresh.host()[1])
 
 
+def test_a_fragment_has_moved_by_a_share_of_its_new_depth(device):
+    """From 1.6 to 1.0 by 0.6 of it, and from 1.0 to 1.6 by 0.375 of it."""
+    held, fresh = (
+        Lists.upload(device, 2, 1, np.arange(3), np.array([[-1, -1], depths], np.float32).T.copy().view(np.uint32))
+        for depths in ((1.6, 1.0), (1.0, 1.6))
+    )
+    for share, changed in ((0.37, [True, True]), (0.38, [True, False]), (0.59, [True, False]), (0.61, [False, False])):
+        assert changed_twin(fresh.host(), held.host(), 0, share).tolist() == changed
+        found = changed_lists(device, fresh, held, 0, share, "difference")
+        assert (np.diff(found.host()[0]) > 0).tolist() == changed
+
+
 def test_opacity_equals_its_twin(device):
     """Within one level; texels of a level next to it where the footprint lies between two levels."""
     rng = np.random.default_rng(14)
