@@ -635,6 +635,19 @@ def test_steps_of_barycentrics_are_those_of_float32():
     np.testing.assert_allclose(texel_steps(bary, lengths, words), furthest, rtol=0.01)
 
 
+def test_weights_of_a_sample_beside_its_piece_are_kept_inside(device):
+    """In a piece with corners at 0.2, 0.2 and half a unit from it: -0.2 becomes 0, and 1.2 and 0.8 are 0.6 and 0.4."""
+    bary = np.array([[0.1, 0.4], [0.3, 0.3], [0.8, 0.6]], np.float32)
+    maps = piece_maps(np.array([[[0.2, 0.2], [0.7, 0.2], [0.2, 0.7]]]))
+    triangle, pieces, expected = np.zeros(3, np.int32), np.array([[0, 1]], np.int32), [[0, 0.4], [0.2, 0.2], [0.6, 0.4]]
+    numbers, weights = split_samples_twin(triangle, bary, pieces, maps)
+    assert numbers.tolist() == [1, 1, 1]
+    np.testing.assert_allclose(weights, expected, atol=1e-6)
+    samples = Samples.upload(device, triangle, bary[:, 0], bary[:, 1], bary[:, 0], triangle)
+    split = split_samples(device, samples, 1, device.upload(pieces), device.upload(maps.astype(np.float32)), "t")
+    np.testing.assert_allclose(np.stack([split.bary1.get(), split.bary2.get()], axis=1)[:3], expected, atol=1e-6)
+
+
 @pytest.mark.parametrize("screens", [0, 1e5])
 def test_splitting_samples_matches_its_twin(device, screens):
     """Pieces as the twin says, but where two are equally near; barycentrics within 1e-4, and what a step of float32
