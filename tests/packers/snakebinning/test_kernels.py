@@ -273,6 +273,16 @@ def test_mapping_off_maps_nothing(device):
     np.testing.assert_array_equal(mapped(device, "off", used, np.zeros(len(used)))[used], used)
 
 
+def test_bins_look_for_a_sink_where_they_are_new_and_sparse(device):
+    mapping, empty = Mapping(device, "exact", 16), np.zeros((2, 2))
+    crowded, sparse = (
+        upload_bins(device, np.array([3, 700]), np.array(counts), empty) for counts in ((20, 30), (20, 5))
+    )
+    assert [mapping.update(bins) for bins in (crowded, sparse)] == [False, False]  # they are mapped already
+    mapping.reset()
+    assert [mapping.update(bins) for bins in (sparse, sparse, crowded)] == [True, False, False]
+
+
 def test_how_often_and_how_far_the_hierarchy_differs_from_the_nearest():
     """On a crowded bin space: 67% as many sources find a sink; half of them another, on average 1 bin further away.
 
