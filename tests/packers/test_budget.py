@@ -138,13 +138,15 @@ def test_at_an_end_nothing_is_searched_while_the_budget_lies_beyond_it(budget: i
     assert (rate.rate, count.asked) == (end, [end])
 
 
-def test_a_step_across_the_budget_is_looked_for_closely() -> None:
+@pytest.mark.parametrize(("few", "many"), [(500, 2000), (200, 1100), (900, 1800), (100, 1200), (800, 5000)])
+def test_a_step_across_the_budget_is_looked_for_closely(few: int, many: int) -> None:
     """No rate comes near to the budget: there are too few samples below 0.7 and too many from there on."""
-    count, rate = Counted(lambda rate: 500 if rate < 0.7 else 2000), BudgetedRate()
+    count, rate = Counted(lambda rate: few if rate < 0.7 else many), BudgetedRate()
     assert rate.meet(1000, count)
     below, above = (max(r for r in count.asked if r < 0.7), min(r for r in count.asked if r >= 0.7))
     assert above < NARROW * below
-    assert (rate.rate, rate.reached) == (below, 500)
+    nearest = few if 1000 - few < many - 1000 else many
+    assert (count(rate.rate), rate.reached) == (nearest, nearest)
 
 
 METHODS = [ShadingAtlasStreaming, TessellatedShadingStreaming, SnakeBinning]
