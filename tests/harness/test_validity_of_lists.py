@@ -83,6 +83,14 @@ def test_a_claim_may_be_a_fifth_off_where_lists_may_be_old(holds, found, monkeyp
     assert (verified.samples, [violation.rule for violation in verified.found]) == (5, found)
 
 
+def test_every_surface_that_moved_lists_lack_is_counted():
+    """Of eight that rays meet, lists that end before them hold none."""
+    hits = SimpleNamespace(certain=np.ones(8, bool), ray=np.arange(8), depth=np.full(8, 0.5), reach=np.zeros(8))
+    nothing = of_lists.List(np.empty((0, 4), np.uint8), np.empty(0))
+    (found,) = of_lists._check_moved(hits, np.zeros((8, 3), np.uint8), [nothing] * 8)
+    assert (found.rule, found.count) == ("fragments", 8)
+
+
 @pytest.mark.parametrize("position", [(0, 0, 0), (0, 0, 2.5), (1e-17, -3, 1e5), (70, 20, -400)])
 def test_views_turned_in_any_way_are_seen_from_the_same_eye_and_moved_ones_are_not(position):
     """Also in a cell of one point, and with coordinates that are 0 but for rounding."""
