@@ -394,7 +394,7 @@ class Packer(ABC):
         """Set the parameters; unknown names and values that cannot be used raise ValueError, naming those that can."""
         for name in values:
             if name not in self.parameters:
-                known = ", ".join(sorted(self.parameters)) or "none"
+                known = ", ".join(sorted(self.parameters))
                 raise ValueError(f"{self.name} has no parameter {name!r}; it has: {known}.")
         for name, parameter in self.parameters.items():
             value = values.get(name, parameter.default)

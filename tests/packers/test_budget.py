@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.packers.budget import ALL, HIGHEST, LOWEST, TOLERANCE, BudgetedRate
+from shading_atlas_bench.packers.budget import ALL, HIGHEST, LOWEST, NARROW, TOLERANCE, BudgetedRate
 from shading_atlas_bench.packers.interface import Packer, ServerScene
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.snakebinning import SnakeBinning
@@ -118,6 +118,35 @@ def test_what_no_rate_reaches_ends_at_an_end_and_stays_there(budget: int, end: f
     trials = len(count.asked)
     assert rate.meet(budget, count)
     assert (rate.rate, len(count.asked)) == (end, trials + 1)
+
+
+@pytest.mark.parametrize("budget", [500_001, 1_999_999, 3_000_000])
+def test_a_count_that_grows_like_the_square_is_met_at_the_second_trial(budget: int) -> None:
+    count, rate = Counted(lambda rate: int(1e6 * rate * rate)), BudgetedRate()
+    assert rate.meet(budget, count)
+    assert count.asked == [1.0, rate.rate]
+    assert abs(count(rate.rate) - budget) <= 1
+
+
+@pytest.mark.parametrize(("budget", "end", "then"), [(1, LOWEST, 3000), (10**9, HIGHEST, 500)])
+def test_at_an_end_nothing_is_searched_while_the_budget_lies_beyond_it(budget: int, end: float, then: int) -> None:
+    """Also where the samples are not what they were when the end was reached."""
+    rate = BudgetedRate()
+    assert rate.meet(budget, Counted(lambda rate: 1000 + int(100 * rate)))
+    count = Counted(lambda rate: then)
+    assert rate.meet(budget, count)
+    assert (rate.rate, count.asked) == (end, [end])
+
+
+@pytest.mark.parametrize(("few", "many"), [(500, 2000), (200, 1100), (900, 1800), (100, 1200), (800, 5000)])
+def test_a_step_across_the_budget_is_looked_for_closely(few: int, many: int) -> None:
+    """No rate comes near to the budget: there are too few samples below 0.7 and too many from there on."""
+    count, rate = Counted(lambda rate: few if rate < 0.7 else many), BudgetedRate()
+    assert rate.meet(1000, count)
+    below, above = (max(r for r in count.asked if r < 0.7), min(r for r in count.asked if r >= 0.7))
+    assert above < NARROW * below
+    nearest = few if 1000 - few < many - 1000 else many
+    assert (count(rate.rate), rate.reached) == (nearest, nearest)
 
 
 METHODS = [ShadingAtlasStreaming, TessellatedShadingStreaming, SnakeBinning]

@@ -1,5 +1,7 @@
 """Views that cover a cell: every ray of it belongs to exactly one, and that one's picture shows it."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -55,6 +57,17 @@ def test_spans_hold_the_pixels_whose_rays_belong_to_a_view(cell_fov):
         first, end = owned_spans(views, number).T
         np.testing.assert_array_equal(end - first, expected.sum(axis=1))
         assert expected.any()
+
+
+@pytest.mark.parametrize("order", list(itertools.permutations(("ahead", "left", "right"))), ids="-".join)
+def test_a_ray_between_two_views_belongs_to_the_first_of_them(order):
+    """The view ahead has two columns, whose centres lie at 45 degrees to either side: half-way to the others."""
+    right = np.array([[0, 0, 1, 0], [0, 1, 0, 0], [-1, 0, 0, 0], [0, 0, 0, 1.0]])
+    turns = {"ahead": np.eye(4), "left": np.diag([-1, 1, -1, 1]) @ right, "right": right}
+    projection = np.array([[0.5, 0, 0, 0], [0, 0.5, 0, 0], [0, 0, 0, 0.1], [0, 0, -1, 0]])
+    views, number = [View(turns[name], projection, 2, 2) for name in order], order.index("ahead")
+    owned = [number < order.index("left"), number < order.index("right")]
+    assert owned_pixels(views, number).tolist() == [owned, owned]
 
 
 def test_a_cell_is_split_above_100_degrees_only():

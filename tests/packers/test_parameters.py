@@ -5,6 +5,7 @@ import pytest
 from shading_atlas_bench.packers.interface import Packer, Parameter
 from shading_atlas_bench.packers.ppll import PerPixelLinkedLists
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
+from shading_atlas_bench.packers.snakebinning import SnakeBinning
 from shading_atlas_bench.packers.tss import TessellatedShadingStreaming
 
 
@@ -28,3 +29,13 @@ def test_every_parameter_is_declared_with_the_type_of_its_default(kind: type[Pac
     declared = {name: text for base in kind.__mro__ for name, text in vars(base).get("__annotations__", {}).items()}
     defaults = {name: type(parameter.default).__name__ for name, parameter in kind.parameters.items()}
     assert {name: declared.get(name) for name in defaults} == defaults
+
+
+def test_an_unknown_parameter_is_refused_with_those_that_there_are():
+    with pytest.raises(ValueError, match=r"sas has no parameter 'side'; it has: bias, complete, .*, superblock\."):
+        ShadingAtlasStreaming(side=128)
+
+
+def test_only_lists_fill_no_atlas():
+    kinds = (PerPixelLinkedLists, ShadingAtlasStreaming, SnakeBinning, TessellatedShadingStreaming)
+    assert [kind.atlas for kind in kinds] == [False, True, True, True]

@@ -22,6 +22,13 @@ def test_a_triangle_parallel_to_the_picture():
     assert lengths((0, 0, -2), (3, 0, -2), (3, 4, -2)) == pytest.approx([150, 200, 250])
 
 
+def test_a_picture_may_have_half_a_pixel_to_its_middle():
+    """A side of 3 units, 2 away, is 1.5 times 100.5 pixels long; one of 4 upwards 4 times 50.5."""
+    odd = View(np.eye(4), VIEW.projection, 201, 101)
+    found = lengths((0, 0, -2), (3, 0, -2), (3, 4, -2), view=odd)
+    assert found == pytest.approx([150.75, 202, np.hypot(150.75, 202)])
+
+
 def test_perspective_shortens_what_is_far_away():
     """From x = 1 at distance 1, pixel 100, to x = 1 at distance 4, pixel 25, and on to x = 2, pixel 50."""
     assert lengths((1, 0, -1), (1, 0, -4), (2, 0, -4)) == pytest.approx([75, 25, 50])

@@ -1,10 +1,13 @@
 """Codecs: colours survive, bytes are deterministic and real, sizes that codecs dislike, LZ4 there and back."""
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shading_atlas_bench.harness.measure import codecs
 from shading_atlas_bench.harness.measure.codecs import (
     CodecError,
     Picture,
@@ -248,6 +251,32 @@ def test_several_streams_at_once_give_what_each_gives_alone():
                 np.testing.assert_array_equal(got.decoded, expected.decoded)
 
 
+@pytest.fixture
+def doubling_clock(monkeypatch):
+    """The processor's clock, which goes on by 1 s, then 2, 4, 8 ... before each reading."""
+    readings = itertools.accumulate(1 << step for step in itertools.count())
+    monkeypatch.setattr(codecs.time, "thread_time", lambda: float(next(readings)))
+
+
+def test_coding_takes_what_the_clock_says(doubling_clock):
+    """Read at the beginning, before coding, before decoding (4 s later) and behind it (8 s later)."""
+    frame = VideoStream("none", None, 128, 96, decode=True).encode(moving(1)[0])
+    assert (frame.encode_ms, frame.decode_ms, frame.clocked_ms) == (4000, 8000, 2000 + 4000 + 8000)
+
+
+def test_a_conversion_for_all_streams_is_counted_in_each(doubling_clock):
+    """Read at the beginning, around the conversion (4 s), behind it (8 s), and by the stream (first 16 s)."""
+    (frame,) = encode_all([VideoStream("h264", 25, 128, 96)], moving(1)[0])
+    assert (frame.encode_ms, frame.decode_ms) == (4000 + 64_000, 128_000)
+    assert frame.clocked_ms == 2000 + 4000 + 8000 + 32_000 + 64_000 + 128_000
+
+
+def test_what_needs_no_conversion_counts_none(doubling_clock):
+    (frame,) = encode_all([VideoStream("h264", 25, 128, 96, grey=True)], moving(1)[0])
+    assert (frame.encode_ms, frame.decode_ms) == (16_000, 32_000)
+    assert frame.clocked_ms == 2000 + 8000 + 16_000 + 32_000
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -294,8 +323,9 @@ def test_lz4_there_and_back(blobs):
 def test_lz4_compresses_and_names_a_damaged_block():
     packed = pack_lz4({"words": b"atlas " * 1000})
     assert len(packed["words"]) < 200
-    with pytest.raises(CodecError, match="words"):
-        unpack_lz4({"words": packed["words"][:20]})
+    for damaged in (packed["words"][:20], packed["words"][:3], b""):
+        with pytest.raises(CodecError, match="words"):
+            unpack_lz4({"words": damaged})
 
 
 @pytest.mark.parametrize("claim", [1 << 20, (1 << 31) - 1, (1 << 32) - 1])

@@ -83,6 +83,11 @@ def test_samples_outside_the_plane_are_left_out():
     assert bary_plane(owners, 2, 2).sum() == 2
 
 
+def test_without_samples_a_plane_is_empty():
+    none = Owners(np.empty(0, np.int64), np.empty(0, np.int32), np.empty((0, 2), np.float32))
+    assert owner_plane(none, 2, 1).tolist() == [[-1, -1]]
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 300), (300, 1), (37, 53)])
 def test_pictures_survive_exactly(tmp_path: Path, shape: tuple[int, int]):
     rgb = np.random.default_rng(0).integers(0, 256, (*shape, 3), np.uint8)
@@ -97,3 +102,5 @@ def test_pictures_that_cannot_be_written_say_so(tmp_path: Path):
         write_png(tmp_path / "missing" / "picture.png", np.zeros((2, 2, 3), np.uint8))
     with pytest.raises(ValueError, match="float32"):
         write_png(tmp_path / "picture.png", np.zeros((2, 2, 3), np.float32))
+    with pytest.raises(ValueError, match=r"uint8 \(2, 2, 4\)"):
+        write_png(tmp_path / "picture.png", np.zeros((2, 2, 4), np.uint8))

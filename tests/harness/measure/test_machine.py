@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.measure.machine import load, peak_memory
+from shading_atlas_bench.harness.measure import machine
+from shading_atlas_bench.harness.measure.machine import commit, load, peak_memory
 from shading_atlas_bench.harness.run.folder import locked
 from tests.harness.commands import ROOT
 
@@ -40,6 +41,28 @@ def test_the_peak_of_memory_stays_and_is_this_process_own():
 
 def test_the_load_is_a_number_of_processes():
     assert 0 <= load() < 10_000
+
+
+def test_the_commit_is_named_and_whether_sources_were_changed_since(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    def git(*arguments: str) -> str:
+        return subprocess.run(["git", "-C", tmp_path, *arguments], check=True, capture_output=True, text=True).stdout
+
+    monkeypatch.setattr(machine, "ROOT", tmp_path)
+    assert commit() == ""  # no clone
+    (tmp_path / "inside").mkdir()
+    (tmp_path / "source.py").write_text("1", encoding="utf-8")
+    git("init")
+    git("add", ".")
+    git("-c", "user.name=a", "-c", "user.email=a@b", "-c", "commit.gpgsign=false", "commit", "-m", "one")
+    name = git("rev-parse", "HEAD")[:10]
+    (tmp_path / "notes.md").write_text("no source", encoding="utf-8")
+    assert commit() == name
+    (tmp_path / "source.py").write_text("2", encoding="utf-8")
+    assert commit() == f"{name} with changes"
+    monkeypatch.setattr(machine, "ROOT", tmp_path / "inside")
+    assert commit() == ""  # somebody else's repository
+    monkeypatch.setenv("PATH", str(tmp_path / "inside"))
+    assert commit() == ""  # no git
 
 
 def test_a_folder_in_use_is_refused_until_its_process_ends_however_that_ends(tmp_path: Path):

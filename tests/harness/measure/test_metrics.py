@@ -68,6 +68,17 @@ def test_one_reference_serves_many_comparisons_in_any_order(device, metrics):
     assert other.compare(tests[1]) == first[1]
 
 
+def test_flip_alone_is_that_of_all_metrics_where_it_is_wanted(device, metrics):
+    reference = rendering(40, 60)
+    test = on_device(device, damaged(reference, "noise"))
+    for one in (metrics, Metrics(device, ["psnr"]), Metrics(device, ["psnr"], ["flip"])):
+        one.reference(on_device(device, reference))
+        flip, wanted = one.compare(test)["flip"], "flip" in one.wanted
+        assert (flip is None) != wanted
+        assert one.flip(test) == flip
+        assert (one.flip_map() is None) != wanted
+
+
 @pytest.mark.parametrize("local_size", [1, 7, 256])
 def test_no_work_group_size_changes_a_number(device, metrics, local_size):
     reference, before = rendering(163, 201), device.local_size

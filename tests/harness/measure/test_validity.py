@@ -11,7 +11,19 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.harness.measure.validity import Gaps, Violation, check
+from shading_atlas_bench.harness.measure.validity import (
+    MARGIN,
+    PART,
+    SIDES,
+    Gaps,
+    Violation,
+    _Atlas,
+    _close_by,
+    _distance,
+    _Lookups,
+    _Table,
+    check,
+)
 from shading_atlas_bench.packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
@@ -243,6 +255,141 @@ def test_lines_along_a_cut_may_be_copies_but_one_line_further_they_are_a_second_
         bary=np.concatenate([packed.owners.bary, packed.owners.bary[np.concatenate([line, column])]]),
     )
     assert packed.rules() == rules
+
+
+def test_the_sides_of_a_point_lie_between_the_directions_of_edges():
+    """In a triangle of equal sides, whose edges run at 0, 60, 120 ... degrees, they are at right angles to one each."""
+    across = SIDES @ np.array([[1, 0], [1 / 2, np.sqrt(3) / 2]])
+    angles = np.degrees(np.arctan2(across[:, 1], across[:, 0])) % 360
+    np.testing.assert_allclose(np.sort(angles), [30, 90, 150, 210, 270, 330], atol=1e-4)
+    np.testing.assert_allclose(np.linalg.norm(across, axis=1), np.linalg.norm(across[0]), rtol=1e-6)
+
+
+def test_triangles_without_extent_are_where_their_neighbours_are():
+    packed = pack_fold()
+    packed.frame.scene.host.positions[:] = 0
+    assert packed.check() == []
+
+
+STEP = 1 / 32
+
+
+def affine_atlas(side: int = 9) -> _Atlas:
+    """One triangle that owns every texel; its barycentrics are STEP times the position of the texel's centre."""
+    row, column = (axis.ravel() for axis in np.indices((side, side)))
+    bary = STEP * np.stack([column + 0.5, row + 0.5], axis=1).astype(np.float32)
+    return _Atlas(Owners(row * side + column, np.zeros(side * side, np.int32), bary), side, side)
+
+
+def test_points_towards_neighbours_are_where_they_are_said_to_be():
+    atlas, texel = affine_atlas(), np.array([4 * 9 + 4])
+    found = list(atlas.towards_neighbours(np.zeros(1, np.int32), atlas.bary[:, texel].T, texel))
+    for point, at in found:
+        np.testing.assert_allclose(point, STEP * at, atol=1e-6)
+    steps = {tuple(np.rint((at[0] - 4.5) / PART).astype(int).tolist()) for _, at in found}
+    assert steps == {(a, b) for a in (-2, -1, 1, 2) for b in (-2, -1, 1, 2) if abs(a) != abs(b)}
+
+
+@pytest.mark.parametrize(("off", "smooth"), [(0, True), (0.45, True), (0.55, False)])
+def test_a_sample_is_smooth_within_half_a_step_of_its_neighbours_plane(off: float, smooth: bool):
+    atlas, texel = affine_atlas(), np.array([4 * 9 + 4])
+    atlas.bary[0, texel] += off * STEP
+    assert atlas.is_smooth(texel, np.zeros(1, np.int32)).tolist() == [smooth]
+    assert not atlas.is_smooth(texel, np.ones(1, np.int32)).any()  # nothing there is another triangle's
+
+
+@settings(max_examples=20, deadline=None)
+@given(seed=st.integers(0, 999), height=st.integers(1, 12), width=st.integers(1, 12))
+def test_samples_near_by_are_those_of_the_triangle_within_three_texels(seed: int, height: int, width: int):
+    rng = np.random.default_rng(seed)
+    listed = np.flatnonzero(rng.random(height * width) < 0.7)
+    triangle, bary = rng.integers(0, 3, len(listed)).astype(np.int32), rng.uniform(-1.5, 1.5, (len(listed), 2))
+    bary[rng.random(len(listed)) < 0.1] = 1 / 3
+    atlas = _Atlas(Owners(listed, triangle, bary.astype(np.float32)), width, height)
+    asked = rng.integers(0, 3, height * width).astype(np.int32)
+    found = atlas.near_inside(np.arange(height * width), asked).reshape(height, width)
+    inside = (bary >= 0).all(axis=1) & (bary.sum(axis=1) <= 1)
+    for row, column in np.ndindex(height, width):
+        apart = np.maximum(abs(listed // width - row), abs(listed % width - column))
+        own = triangle == asked[row * width + column]
+        assert found[row, column] == (inside & own & (apart <= 1 + MARGIN)).any()
+
+
+def test_a_texel_is_as_large_as_the_map_from_the_atlas_stretches_it():
+    """The largest singular value of the map, but no more than the longest edge."""
+    packed, rng = pack_cells(), np.random.default_rng(0)
+    packed.frame.pvs = np.array([1, 4, 7], np.int32)
+    corners = rng.uniform(0, 30, (3, 3, 2))
+    corners[2] = [(0, 0), (1, 1), (2, 2.01)]  # with hardly any area
+    table = _Table(packed.frame, np.concatenate([corners, corners.mean(axis=1, keepdims=True)], axis=1))
+    for row, triangle in enumerate(packed.frame.pvs):
+        points = packed.frame.scene.host.positions[3 * triangle : 3 * triangle + 3].astype(np.float64)
+        to_surface, to_atlas = ((part[1:] - part[0]).T for part in (points, corners[row]))
+        stretch = np.linalg.svd(to_surface @ np.linalg.inv(to_atlas))[1][0]
+        longest = max(np.linalg.norm(points[i] - points[j]) for i, j in ((0, 1), (1, 2), (2, 0)))
+        assert table.texel_size[row] == pytest.approx(min(stretch, longest), rel=1e-6)
+
+
+def around(atlas: _Atlas, touched: list[int]) -> tuple[_Lookups, np.ndarray, np.ndarray]:
+    """A lookup between columns 4 and 5 and rows 4 and 5: the samples there, of which those numbers are touched."""
+    samples = np.array([[4 * 9 + 4], [4 * 9 + 5], [5 * 9 + 4], [5 * 9 + 5]])
+    return _Lookups(pack_cells().frame, atlas, None, None), samples, np.isin(np.arange(4), touched)[:, None]
+
+
+@pytest.mark.parametrize(
+    ("touched", "across", "down"),
+    [
+        ([0, 1, 2, 3], (STEP, 0), (0, STEP)),
+        ([0, 1], (STEP, 0), (0, STEP)),  # at right angles
+        ([2, 3], (STEP, 0), (0, STEP)),
+        ([1, 3], (-STEP, 0), (0, STEP)),
+        ([0, 2], (-STEP, 0), (0, STEP)),
+    ],
+)
+def test_steps_from_texel_to_texel_are_those_between_touched_samples(touched, across, down):
+    lookups, *four = around(affine_atlas(), touched)
+    np.testing.assert_allclose(lookups._steps(*four)[0], np.transpose([across, down]), atol=1e-7)
+
+
+@pytest.mark.parametrize(("copy", "of"), [(0, 1), (1, 0), (2, 3), (3, 2), (0, 2), (2, 0), (1, 3), (3, 1)])
+def test_a_sample_that_is_a_copy_of_another_hides_no_step(copy: int, of: int):
+    atlas = affine_atlas()
+    lookups, samples, touched = around(atlas, [0, 1, 2, 3])
+    atlas.bary[:, samples[copy]] = atlas.bary[:, samples[of]]
+    steps = np.abs(lookups._steps(samples, touched)[0])
+    assert (steps.sum(axis=0) >= STEP * (1 - 1e-5)).all()
+
+
+def test_a_distance_is_the_texels_whose_steps_make_it_up():
+    rng = np.random.default_rng(0)
+    steps, texels = rng.normal(size=(50, 2, 2)), rng.normal(size=(50, 2))
+    off = np.einsum("nbt,nt->nb", steps, texels)
+    np.testing.assert_allclose(_distance(off, steps), np.abs(texels).max(axis=1), rtol=1e-9)
+
+
+@pytest.mark.parametrize(("twist", "torn"), [(0, False), (1.9, False), (2.1, True), (-0.6, False), (-0.7, True)])
+def test_four_samples_are_torn_where_they_twist_by_over_half_of_their_range(twist: float, torn: bool):
+    """Barycentrics of 0, 1, 1 and 2 + twist, whose range is 2 + twist."""
+    atlas = affine_atlas()
+    lookups, samples, _ = around(atlas, [])
+    atlas.bary[:, samples[:, 0]] = np.array([0, 1, 1, 2 + twist], np.float32)
+    assert lookups._torn(samples).tolist() == [torn]
+
+
+class Clamping(CornerClient):
+    """Looks up what lies outside a triangle at its nearest weights inside."""
+
+    def locate(self, triangles: np.ndarray, bary: np.ndarray) -> np.ndarray:
+        weights = np.maximum(np.column_stack([1 - bary.sum(axis=1), bary]), 0)
+        return super().locate(triangles, (weights / weights.sum(axis=1, keepdims=True))[:, 1:])
+
+
+@pytest.mark.parametrize(("off", "close"), [(0.0, True), (2.9, True), (3.1, False)])
+def test_a_sample_far_outside_is_close_by_where_its_nearest_point_inside_is(off: float, close: bool):
+    """Weights 5.5, 0.5 and -5 become 11/12, 1/12 and 0: of 48 texels along the first edge 4."""
+    client = Clamping(np.array([[[0, 0], [48, 0], [0, 48]]]))
+    centre = np.array([[4, off]])
+    assert _close_by(np.zeros(1, np.int32), np.array([[0.5, -5]], np.float32), centre, client).tolist() == [close]
 
 
 def test_samples_and_lookups_outside_the_atlas():

@@ -1,10 +1,13 @@
 """The validity of fragment lists: each fragment once, each pixel's nearest first; planted errors are found."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from shading_atlas_bench.harness.measure.verification import lists as of_lists
+from shading_atlas_bench.harness.measure.verification.frame import Verifier
 from shading_atlas_bench.harness.measure.verification.lists import (
     check_bytes,
     check_structure,
@@ -61,6 +64,31 @@ def test_bytes_are_counted_and_bounded():
     assert found(73, 74, lists()) == 2
     assert found(132, 132, replace(lists(), normals=True)) == 0
     assert found(73, 73, lists(), before=1, holds="alike") == 0
+    assert list(check_bytes(Payload({}, {}, b"", 0), (), 0, "every")) == []  # without lists nothing is claimed
+
+
+@pytest.mark.parametrize(
+    ("holds", "found"),
+    [("every", ["samples"]), ("nearest", ["samples"]), ("alike", []), ("moved", []), ("blended", ["samples"])],
+)
+def test_a_claim_may_be_a_fifth_off_where_lists_may_be_old(holds, found, monkeypatch):
+    """Of 5 fragments, 4 are claimed."""
+    monkeypatch.setattr(of_lists, "check_fragments", lambda *_: iter(()))
+    payload = Payload({}, {}, b"", 4, lists={"lists": bytes(72)}, raw_bytes=72)
+    verifier, client = (
+        Verifier(None, SimpleNamespace(name="lists", holds=holds)),
+        SimpleNamespace(fragments=lambda: (lists(),)),
+    )
+    verified = verifier._of_lists(None, payload, client, "")
+    assert (verified.samples, [violation.rule for violation in verified.found]) == (5, found)
+
+
+def test_every_surface_that_moved_lists_lack_is_counted():
+    """Of eight that rays meet, lists that end before them hold none."""
+    hits = SimpleNamespace(certain=np.ones(8, bool), ray=np.arange(8), depth=np.full(8, 0.5), reach=np.zeros(8))
+    nothing = of_lists.List(np.empty((0, 4), np.uint8), np.empty(0))
+    (found,) = of_lists._check_moved(hits, np.zeros((8, 3), np.uint8), [nothing] * 8)
+    assert (found.rule, found.count) == ("fragments", 8)
 
 
 @pytest.mark.parametrize("position", [(0, 0, 0), (0, 0, 2.5), (1e-17, -3, 1e5), (70, 20, -400)])

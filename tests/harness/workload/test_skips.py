@@ -163,6 +163,13 @@ def test_metrics_that_are_not_asked_for_have_no_value_even_where_they_are_comput
     assert launched[1]
 
 
+def test_what_was_left_out_is_told_once():
+    skips = Skips(["forced"])
+    left = [skips.leaves_out(name, unneeded) for name, unneeded in (("a", True), ("forced", True), ("b", False))]
+    assert left == [True, False, False]
+    assert [skips.take(), skips.take()] == [{"a"}, set()]
+
+
 def test_unknown_names_list_the_known_ones():
     with pytest.raises(InputError, match=r"'textures'.*oversampling"):
         check_names(["texture"], find_methods(SMALL))

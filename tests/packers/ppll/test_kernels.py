@@ -172,6 +172,22 @@ def test_limits_keep_what_the_twin_keeps(device, layers, threshold):
     assert_sorted(*after)
 
 
+@pytest.mark.parametrize(("threshold", "kept"), [(0.1995, 1), (0.2005, 2), (0.3595, 2), (0.3605, 3)])
+def test_a_threshold_is_reached_by_what_opacities_of_255_cover_together(threshold, kept):
+    """51 of 255 are 0.2, and twice 0.2 covers 1 - 0.8 * 0.8."""
+    opacity, spans = np.array([51, 51, 255]), np.array([[0, 1]])
+    assert limit_twin(np.array([0, 3]), opacity, Depth(threshold=threshold), spans, 1).tolist() == [0, 1, 2][:kept]
+
+
+def test_a_depth_limits_by_layers_or_by_a_threshold_that_can_be_reached():
+    assert [depth.limits for depth in (Depth(), Depth(3), Depth(threshold=1.0), Depth(threshold=1.5))] == [
+        False,
+        True,
+        True,
+        False,
+    ]
+
+
 def test_opaque_fragments_are_limited_to_the_nearest(device):
     fragments = build(
         device, random_soup(device, np.random.default_rng(10), 400), Camera.of(VIEW, perspective(), *SIZE)
@@ -226,6 +242,18 @@ def test_changed_lists_are_those_of_the_twin_and_make_the_other_end_equal(device
     assert 0.05 < expected.mean() < 0.6
     exact = splice_lists(device, held, changed_lists(device, fresh, held, 0, 0.0, "difference"), "hold")
     np.testing.assert_array_equal(exact.host()[1], fresh.host()[1])
+
+
+def test_a_fragment_has_moved_by_a_share_of_its_new_depth(device):
+    """From 1.6 to 1.0 by 0.6 of it, and from 1.0 to 1.6 by 0.375 of it."""
+    held, fresh = (
+        Lists.upload(device, 2, 1, np.arange(3), np.array([[-1, -1], depths], np.float32).T.copy().view(np.uint32))
+        for depths in ((1.6, 1.0), (1.0, 1.6))
+    )
+    for share, changed in ((0.37, [True, True]), (0.38, [True, False]), (0.59, [True, False]), (0.61, [False, False])):
+        assert changed_twin(fresh.host(), held.host(), 0, share).tolist() == changed
+        found = changed_lists(device, fresh, held, 0, share, "difference")
+        assert (np.diff(found.host()[0]) > 0).tolist() == changed
 
 
 def test_opacity_equals_its_twin(device):

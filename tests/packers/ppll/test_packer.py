@@ -1,6 +1,7 @@
 """Per-pixel linked lists end to end: exact where nothing moved, honest about bytes, failing where the thesis does."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.kernels.triangles import Triangles
 from shading_atlas_bench.packers.interface import Decoded, Frame, Payload, ServerScene
 from shading_atlas_bench.packers.ppll import PerPixelLinkedLists
+from shading_atlas_bench.packers.ppll.statistics import describe
 from shading_atlas_bench.packers.ppll.views import list_views
 from shading_atlas_bench.packers.ppll.wire import decode
 from shading_atlas_bench.scenes.features import find_features
@@ -125,6 +127,29 @@ def test_payload_counts_what_the_thesis_counts(glass):
     depth = rows[:, 1].copy().view(np.float32)
     pixel = np.repeat(np.arange(pixels), np.diff(offsets))
     assert (np.diff(depth)[np.diff(pixel) == 0] <= 0).all()
+
+
+def test_statistics_are_sums_over_views_and_nodes():
+    """Two nodes with lists of up to 18 fragments, and the heads of two views."""
+    layers = np.zeros(19, np.int64)
+    layers[[0, 2, 18]] = 15, 4, 1
+    nodes = [
+        SimpleNamespace(built=26, pixels_by_layers=layers, lists=SimpleNamespace(count=20)),
+        SimpleNamespace(built=14, pixels_by_layers=np.array([12, 2, 6]), lists=SimpleNamespace(count=9)),
+    ]
+    heads = [
+        SimpleNamespace(counts=(5, 2), header_bytes=120, raw_bytes=204, padded_bytes=232),
+        SimpleNamespace(counts=(3, 0), header_bytes=120, raw_bytes=156, padded_bytes=168),
+    ]
+    found = describe(nodes, heads, 4)
+    counted = {name: value for name, value in found.items() if name.startswith("pixels_of") and value}
+    assert counted == {"pixels_of_0_layers": 27, "pixels_of_1_layers": 2, "pixels_of_2_layers": 10,
+                       "pixels_of_more_layers": 1}  # fmt: skip
+    assert found["most_layers"] == 18
+    names = ("built", "kept", "sent", "deleted")
+    assert [found[f"fragments_{name}"] for name in names] == [40, 29, 10, 4]
+    assert found["share_saved"] == 0.75
+    assert [found[f"{name}_bytes"] for name in ("header", "list", "padded")] == [240, 120, 400]
 
 
 def test_limits_bound_bytes_and_layers(glass):

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from shading_atlas_bench.packers.interface import Payload
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
 from shading_atlas_bench.packers.sas.picture import draw_allocation
+from shading_atlas_bench.packers.sas.statistics import describe
 from shading_atlas_bench.packers.sas.superblocks import choose_grid
 from shading_atlas_bench.scenes.model import Scene
 from tests.packers import streams
@@ -44,6 +46,12 @@ def test_the_client_sees_what_the_reference_shows(scene):
     assert error.mean() < 2.5
     empty = reference.triangle.get() < 0
     assert (error[empty & (image.triangle.get() < 0)] == 0).all()
+
+
+def test_a_client_without_triangles_says_that_it_shows_none(scene):
+    stream = Stream(scene)
+    stream.send(frame_of(scene, 64, 64, 0, np.zeros(0, np.int32)))
+    assert (stream.client.draw(novel_view()).triangle.get() == -1).all()
 
 
 def test_more_samples_bring_the_client_closer_to_the_reference(scene):
@@ -198,6 +206,25 @@ def test_triangles_below_a_pixel_own_a_texel_each(device):
 def test_superblocks_follow_the_atlas(size, superblock, side, total):
     grid = choose_grid(*size, superblock)
     assert (1 << grid.top, grid.total) == (side, total)
+
+
+def test_statistics_count_patches_by_triangles_and_the_sizes_of_blocks_in_use():
+    """Five superblocks of 8 x 8 texels; of three sizes of blocks two are in use."""
+    patches = SimpleNamespace(sizes=lambda visible: np.array([3, 1, 3, 2])[visible])
+    allocator = SimpleNamespace(
+        superblocks_in_use=lambda: 5,
+        blocks_by_class=lambda: np.array([3, 0, 2]),
+        resets=1,
+        grid=SimpleNamespace(top=3),
+    )
+    assert describe(patches, np.array([0, 1, 2]), allocator) == {
+        "patches_of_1": 1, "patches_of_2": 0, "patches_of_3": 2,
+        "resets": 1, "superblocks": 5, "blocks": 5, "size_classes": 2, "reserved_texels": 320,
+    }  # fmt: skip
+
+
+def test_a_superblock_may_have_any_power_of_two_up_to_256():
+    assert [choose_grid(256, 256, 1 << top).top for top in range(9)] == list(range(9))
 
 
 @pytest.mark.parametrize("superblock", [-1, 3, 100, 512])

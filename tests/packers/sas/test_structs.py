@@ -83,6 +83,32 @@ def test_sides_match_their_twin_within_a_step(device, offset, eye_offset):
     np.testing.assert_array_equal(histogram.get(), counted)
 
 
+@pytest.mark.parametrize(
+    ("triangles", "width", "height", "steps"),
+    [
+        (1, 0.5, 0.5, (0, 0)),
+        (1, 3.9, 1.9, (16, 8)),
+        (2, 0.5, 0.5, (1, 0)),  # side by side, as neither has two texels of height
+        (2, 0.5, 3.9, (0, 16)),
+        (2, 3.9, 0.5, (16, 0)),
+        (3, 0.5, 0.5, (1, 1)),  # two by two for three of them
+        (3, 0.5, 3.9, (1, 16)),
+        (3, 1.9, 0.5, (8, 1)),
+        (3, 3.9, 0.5, (16, 0)),  # four in a row
+    ],
+)
+def test_patches_below_a_pixel_have_a_texel_for_each_triangle(device, triangles, width, height, steps):
+    """Rectangles 1000 units away, of a pixel per unit; sides are logarithms to base 2 in steps of 1/8, rounded up."""
+    positions = (np.column_stack([POINTS * [width, height], np.full(5, -1000)])).astype(np.float32)
+    present = {1: (0, 1, 3), 2: (0, 1, 2, 3), 3: (0, 1, 2, 3, 4)}[triangles]
+    points = np.where(np.isin(np.arange(5), present), np.arange(5), -1).astype(np.int32)[None]
+    uploaded = [device.upload(array) for array in (points, positions)]
+    sizes, _ = measure_sides(device, all_visible(device, np.ones(1, np.uint8)), *uploaded, np.zeros(3), 1000.0)
+    assert (sizes.get()[0] & 0xFF, sizes.get()[0] >> 8) == steps
+    exact = measure_sides_twin(np.zeros(1, np.int32), points, positions, np.zeros(3), 1000.0)
+    assert tuple(np.ceil(STEPS * exact[0])) == steps
+
+
 def test_an_eye_on_a_vertex_gives_finite_sizes(device):
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     points = np.array([[0, 1, -1, 2, -1]], np.int32)

@@ -273,6 +273,16 @@ def test_mapping_off_maps_nothing(device):
     np.testing.assert_array_equal(mapped(device, "off", used, np.zeros(len(used)))[used], used)
 
 
+def test_bins_look_for_a_sink_where_they_are_new_and_sparse(device):
+    mapping, empty = Mapping(device, "exact", 16), np.zeros((2, 2))
+    crowded, sparse = (
+        upload_bins(device, np.array([3, 700]), np.array(counts), empty) for counts in ((20, 30), (20, 5))
+    )
+    assert [mapping.update(bins) for bins in (crowded, sparse)] == [False, False]  # they are mapped already
+    mapping.reset()
+    assert [mapping.update(bins) for bins in (sparse, sparse, crowded)] == [True, False, False]
+
+
 def test_how_often_and_how_far_the_hierarchy_differs_from_the_nearest():
     """On a crowded bin space: 67% as many sources find a sink; half of them another, on average 1 bin further away.
 
@@ -370,8 +380,8 @@ class Strips:
 @pytest.mark.parametrize("fit", ["best", "first", "next", "tight"])
 @pytest.mark.parametrize("seed", range(3))
 def test_superblocks_match_their_twin_over_frames(device, fit, orphans, seed):
-    """Exactly: placing, growing, shrinking, collapsing, freezing, in parts, running full."""
-    rng = np.random.default_rng(seed)
+    """Exactly: placing, growing, widening, shrinking, collapsing, freezing, in parts, running full."""
+    rng, widening = np.random.default_rng(seed), np.random.default_rng(seed + 10)
     strips = Strips(device, Atlas(*[(2048, 1024), (768, 1024), (512, 512)][seed], 256, fit=fit, orphans=orphans))
     used, counts = crowd(rng, 150)
     widest = rng.integers(8, 400, (len(used), 2))
@@ -381,6 +391,7 @@ def test_superblocks_match_their_twin_over_frames(device, fit, orphans, seed):
         counts = np.maximum(1, (counts * rng.choice([0.3, 1, 1, 1.3], len(used))).astype(int))
         targets = used.copy()
         targets[counts < 4] = used[-1]
+        widest = np.clip((widest * widening.choice([0.5, 1, 1, 2], widest.shape)).astype(int), 8, 400)
         results.append(strips.update(used[part], counts[part], widest[part], targets[part], frozen=step in (2, 3)))
     assert any(results) or (seed == 2 and fit != "tight")
     assert not all(results) or seed < 2 or fit == "tight"
@@ -645,6 +656,19 @@ def test_steps_of_barycentrics_are_those_of_float32():
             start = at if signs == [0, 0] else start
             furthest = np.maximum(furthest, 1e3 * np.abs(at - start).max(axis=1))
     np.testing.assert_allclose(texel_steps(bary, lengths, words), furthest, rtol=0.01)
+
+
+def test_weights_of_a_sample_beside_its_piece_are_kept_inside(device):
+    """In a piece with corners at 0.2, 0.2 and half a unit from it: -0.2 becomes 0, and 1.2 and 0.8 are 0.6 and 0.4."""
+    bary = np.array([[0.1, 0.4], [0.3, 0.3], [0.8, 0.6]], np.float32)
+    maps = piece_maps(np.array([[[0.2, 0.2], [0.7, 0.2], [0.2, 0.7]]]))
+    triangle, pieces, expected = np.zeros(3, np.int32), np.array([[0, 1]], np.int32), [[0, 0.4], [0.2, 0.2], [0.6, 0.4]]
+    numbers, weights = split_samples_twin(triangle, bary, pieces, maps)
+    assert numbers.tolist() == [1, 1, 1]
+    np.testing.assert_allclose(weights, expected, atol=1e-6)
+    samples = Samples.upload(device, triangle, bary[:, 0], bary[:, 1], bary[:, 0], triangle)
+    split = split_samples(device, samples, 1, device.upload(pieces), device.upload(maps.astype(np.float32)), "t")
+    np.testing.assert_allclose(np.stack([split.bary1.get(), split.bary2.get()], axis=1)[:3], expected, atol=1e-6)
 
 
 @pytest.mark.parametrize("screens", [0, 1e5])

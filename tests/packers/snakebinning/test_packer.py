@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -20,13 +21,16 @@ from shading_atlas_bench.packers.interface import Frame, Payload, ServerScene, V
 from shading_atlas_bench.packers.snakebinning import SnakeBinning
 from shading_atlas_bench.packers.snakebinning.filling import STEPS, Filling, first_with_room
 from shading_atlas_bench.packers.snakebinning.footprint import reference_views
+from shading_atlas_bench.packers.snakebinning.freezing import Freezing
 from shading_atlas_bench.packers.snakebinning.kernels.bins import HeightBins
 from shading_atlas_bench.packers.snakebinning.kernels.footprint import Fit, Footprints, measure_triangles, pack_views
 from shading_atlas_bench.packers.snakebinning.kernels.pieces import SlicedScene, TriangleList
 from shading_atlas_bench.packers.snakebinning.kernels.slices import Slices
-from shading_atlas_bench.packers.snakebinning.kernels.superblocks import superblock_height
+from shading_atlas_bench.packers.snakebinning.kernels.superblocks import STRIP, SUPERBLOCK, superblock_height
+from shading_atlas_bench.packers.snakebinning.mapping import BinMapping
 from shading_atlas_bench.packers.snakebinning.parameters import PARAMETERS, Parameters
 from shading_atlas_bench.packers.snakebinning.records import decode_records, encode_records
+from shading_atlas_bench.packers.snakebinning.statistics import _wasted
 from shading_atlas_bench.scenes.model import Scene
 from tests.packers import streams
 from tests.packers.rooms import CELL, FOV, NEAR, SIZE, changing_sets, frame_of, novel_view, room, server_of, wall
@@ -120,6 +124,40 @@ def test_what_does_not_change_stays(scene):
     assert not any(second.blobs["places"])
     assert second.statistics["frozen_frames"] == 1
     assert second.statistics["triangles_moved"] == 0
+
+
+def test_a_layout_stays_for_so_many_frames_and_while_less_than_its_share_is_new():
+    freezing = Freezing(0.05, 8)
+    over = []
+    for freezing.frozen_frames in (0, 7, 8):
+        over.append(freezing.is_over)
+    assert over == [False, False, True]
+    assert Freezing(0.0, 8).is_over
+    for _ in range(2):
+        freezing.restart(1000.0)
+        assert not freezing.is_exceeded_by(49.0)
+    assert freezing.is_exceeded_by(1.0)  # together 5 % of it
+    freezing.restart(1000.0)
+    assert not freezing.is_over
+
+
+def test_bins_are_due_for_a_new_mapping_after_the_interval():
+    due = [BinMapping.is_due(SimpleNamespace(interval=60, mapped_at=3), frame) for frame in (3, 62, 63, 64)]
+    assert due == [False, False, True, True]
+    assert not BinMapping.is_due(SimpleNamespace(interval=0, mapped_at=3), 1000)
+
+
+def test_what_is_wasted_is_what_samples_slots_rows_and_superblocks_leave_over():
+    """A superblock of 100 x 20 texels holds two rows of six slots of 50 texels, 4 lines high, with 550 samples."""
+    strips, blocks = np.zeros(2, STRIP), np.zeros(1, SUPERBLOCK)
+    strips[["superblock", "rows", "lines", "per_row", "texels"]] = [(0, 2, 4, 6, 50), (-1, 9, 9, 9, 9)]
+    blocks[["width", "height"]] = [(100, 20)]
+    assert _wasted(strips, blocks, 2500, 550) == {
+        "wasted_in_slots": 2 * 6 * 50 - 550,
+        "wasted_row_ends": 2 * 4 * 100 - 2 * 6 * 50,
+        "wasted_in_superblocks": 100 * 20 - 2 * 4 * 100,
+        "unallocated": 2500 - 100 * 20,
+    }
 
 
 @pytest.mark.parametrize("width", [512, 1024])

@@ -109,6 +109,13 @@ def test_pieces_tile_their_triangle():
         np.testing.assert_allclose(local, 1 / 3, atol=1e-9)
 
 
+def test_a_point_beside_its_triangle_is_beside_an_outer_piece():
+    """Beyond the side opposite to corner 0, where no piece is turned."""
+    number, local = find_piece_twin(np.array([[0.6, 0.5], [0.8, 0.3]]), np.array([1, 2]))
+    assert number.tolist() == [0, 2]
+    np.testing.assert_allclose(local, [[0.6, 0.5], [0.6, 0.6]])
+
+
 def test_primitives(known):
     primitives = known.primitives
     parents, starts, pieces = primitives.parents.get(), primitives.starts.get(), primitives.pieces.get()
@@ -203,7 +210,7 @@ def test_locations(device, known):
         np.stack([-1 - firsts, places[:, 0], places[:, 1], size], axis=1),
         np.stack([forms[:, 0], places[:, 0], 0 * size, 0 * size], axis=1),
     ).astype(np.int32)
-    records[::50] = UNPLACED
+    records[::50, 0] = UNPLACED
     triangle = RNG.integers(0, len(known.ids), n).astype(np.int32)
     bary = RNG.dirichlet([1, 1, 1], n)[:, 1:].astype(np.float32)
     samples = Samples.upload(device, triangle, *bary.T, np.zeros(n, np.float32), np.arange(n, dtype=np.int32))

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import partial
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,8 @@ from hypothesis import strategies as st
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.packers.interface import Payload
 from shading_atlas_bench.packers.tss import TessellatedShadingStreaming
+from shading_atlas_bench.packers.tss.kernels.forms import OVERSAMPLED
+from shading_atlas_bench.packers.tss.placement import find_lost
 from tests.packers import streams
 from tests.packers.rooms import frame_of, novel_view
 
@@ -105,6 +108,21 @@ def test_statistics_add_up(scene):
     assert found["oversampling_bytes"] == 16 * found["oversampling_primitives"]
     assert 0.15 < found["oversampling_outside_share"] < 0.45
     assert found["split_triangles"] < found["pieces"]
+
+
+def test_a_triangle_is_there_as_a_whole_or_not_at_all():
+    """Rows: form, height, texels before and behind the foot; places of the parts; whose primitive it is."""
+    placed_l, lost_l = ((9, 0, 0, 0), (5, -1), 0), ((9, 0, 0, 0), (-1, -1), 1)
+    both, first, second = (((OVERSAMPLED, 3, 4, 4), (3, 4), 2), ((OVERSAMPLED, 3, 4, 0), (7, -1), 3),
+                           ((OVERSAMPLED, 3, 0, 4), (-1, 8), 4))  # fmt: skip
+    lacking = [((OVERSAMPLED, 3, 4, 4), (7, -1), 5), ((OVERSAMPLED, 3, 4, 4), (-1, 7), 6)]
+    sibling = ((9, 0, 0, 0), (6, -1), 5)
+    rows = [placed_l, lost_l, both, first, second, *lacking, sibling]
+    forms, places, parents = (np.array(part, np.int32) for part in zip(*rows, strict=True))
+    kept = places.copy()
+    assert find_lost(SimpleNamespace(forms=forms, places=places), parents).tolist() == [1, 5, 6]
+    kept[[1, 5, 6, 7]] = -1
+    np.testing.assert_array_equal(places, kept)
 
 
 def as_bytes(payload: Payload) -> tuple:

@@ -55,6 +55,11 @@ def test_counts_are_those_of_the_enumeration(level):
     assert listed == vertices
 
 
+def test_two_single_texels_share_a_slot_of_two():
+    bins = Bins.make()
+    assert (bins.width[bins.of_level[0]], bins.height[bins.of_level[0]]) == (2, 1)
+
+
 def test_published_counts():
     assert (vertex_count(64), cell_count(64)) == (3169, 3201)
     assert published(17, 6) == 86 == half_samples(17, 6)[0]
