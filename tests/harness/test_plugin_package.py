@@ -117,7 +117,7 @@ def test_bench_check_finds_a_wrong_twin(site: Path, monkeypatch: pytest.MonkeyPa
     file = site / "shelves" / "kernels" / "emit.py"
     content, right = file.read_bytes(), b"<= side"
     assert content.count(right) == 1
-    monkeypatch.setattr(check, "_findings", lambda kit, *_: [("kernels", CHECKS["kernels"].run(kit))])
+    monkeypatch.setattr(check, "_results", lambda kit, *_: [("kernels", CHECKS["kernels"].run(kit))])
     file.write_bytes(content.replace(right, b"< side"))
     try:
         forget()
