@@ -149,7 +149,9 @@ def long_in_opencl(text: str) -> list[str]:
 
 
 def test_kernels_fit_on_a_screen():
-    long = {name_of(path): found for path in kernel_files() if (found := long_in_opencl(path.read_text("utf-8")))}
+    long = {
+        name_of(path): found for path in kernel_files() if (found := long_in_opencl(path.read_text(encoding="utf-8")))
+    }
     assert long == {}
 
 
@@ -180,7 +182,9 @@ def silenced_without_reason(text: str) -> list[int]:
 
 def test_what_silences_a_tool_has_its_reason_in_the_line():
     files = [*sources(*FLOORS, "tests", "docs"), *(ROOT / PACKAGE).glob("*.py")]
-    found = {name_of(path): lines for path in files if (lines := silenced_without_reason(path.read_text("utf-8")))}
+    found = {
+        name_of(path): lines for path in files if (lines := silenced_without_reason(path.read_text(encoding="utf-8")))
+    }
     assert found == {}
 
 
