@@ -53,9 +53,9 @@ STYLE = """
 """
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><title>Published claims, shading-atlas benchmark</title>
+<meta name="color-scheme" content="light dark"><title>Published claims, Shading Atlas Bench</title>
 <link rel="icon" href="data:,"><style>{style}</style></head>
-<body><header><p class="eyebrow">Shading-atlas benchmark</p><h1>Published claims, <span>measured here</span></h1>
+<body><header><p class="eyebrow">Shading Atlas Bench</p><h1>Published claims, <span>measured here</span></h1>
 {facts}</header><main>{body}</main></body></html>
 """
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from datetime import datetime
 from html import escape
 from importlib.resources import files
 from itertools import groupby
@@ -124,7 +125,7 @@ def _header(rows: list[Row], notes: dict[str, dict[str, str]]) -> str:
         "Device": notes["device"].get("name") or row["device"] or "",
         "Driver": notes["device"].get("version", ""),
         "Machine": notes["environment"].get("machine", ""),
-        "Date": notes["environment"].get("date", ""),
+        "Date": moment(notes["environment"].get("date", "")),
     }
     return f"<h1>{escape(row['scene'])} <span>along</span> {escape(row['path'] or 'a path')}</h1>{facts_list(facts)}"
 
@@ -147,6 +148,14 @@ def facts_list(facts: dict[str, str]) -> str:
         f"<div><dt>{escape(name)}</dt><dd>{escape(text)}</dd></div>" for name, text in facts.items() if text
     )
     return f'<dl class="facts">{items}</dl>'
+
+
+def moment(date: str) -> str:
+    """An ISO date with its time to the minute, as `2026-11-30 16:50 UTC`; what is none stays as it is."""
+    try:
+        return datetime.fromisoformat(date).strftime("%Y-%m-%d %H:%M %Z").strip()
+    except ValueError:
+        return date
 
 
 def _joined(row: Row, text: str) -> str:

@@ -81,9 +81,9 @@ def write_stress(folder: Path, rows: list[Row], tests: dict[str, str], facts: di
 
 PAGE = """<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
-<meta name="color-scheme" content="light dark"><title>Stress test, shading-atlas benchmark</title>
+<meta name="color-scheme" content="light dark"><title>Stress test, Shading Atlas Bench</title>
 <link rel="icon" href="data:,"><style>{style}</style></head>
-<body><header><p class="eyebrow">Shading-atlas benchmark</p><h1>Stress test</h1>{facts}</header>
+<body><header><p class="eyebrow">Shading Atlas Bench</p><h1>Stress test</h1>{facts}</header>
 <main>{body}</main></body></html>
 """
 STYLE = """

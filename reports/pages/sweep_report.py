@@ -23,7 +23,7 @@ from shading_atlas_bench.reports.analysis.sweep import (
     write_sweep_csv,
 )
 from shading_atlas_bench.reports.charts.figures import COLOURS, Figure, arrow
-from shading_atlas_bench.reports.pages.html import caption, facts_list, fill_page, section
+from shading_atlas_bench.reports.pages.html import caption, facts_list, fill_page, moment, section
 from shading_atlas_bench.reports.pages.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
 from shading_atlas_bench.reports.pages.tables import NONE, folded_lists, number, prose, table
 from shading_atlas_bench.reports.store.columns import BY_NAME
@@ -231,7 +231,7 @@ def _header(sweep: dict[str, Any], points: Sequence[Point], notes: dict[str, dic
         "Device": notes["device"].get("name", ""),
         "Driver": notes["device"].get("version", ""),
         "Machine": notes["environment"].get("machine", ""),
-        "Date": notes["environment"].get("date", ""),
+        "Date": moment(notes["environment"].get("date", "")),
     }
     title = f"{escape(', '.join(scenes))} <span>swept along</span> {escape(settings['path'])}"
     return f"<h1>{title}</h1>{facts_list(facts)}"

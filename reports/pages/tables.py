@@ -45,8 +45,6 @@ WORK = (
     Shown("serialise_ms", "host", "ms", part=True),
     Shown("wall_ms", "packing", "ms"),
     Shown("client_ms", "client", "ms"),
-    Shown("encode_ms", "encode", "ms"),
-    Shown("decode_ms", "decode", "ms"),
     Shown("fill", "atlas fill", "%", 100),
     Shown("coherence", "coherence", "%", 100),
 )

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.charts.pictures import Pictures, embed, find_pictures
-from shading_atlas_bench.reports.pages.html import chosen_frames, write_report
+from shading_atlas_bench.reports.pages.html import chosen_frames, moment, write_report
 from shading_atlas_bench.reports.pages.tables import number, prose, ranges
 from shading_atlas_bench.reports.store.csv_files import write_all
 from shading_atlas_bench.reports.store.results import Store, StoreError
@@ -251,3 +251,9 @@ def test_keys_flip_zoom_and_expose(page: str, tmp_path: Path) -> None:
     assert result["slope"] == "1"
     assert len({transform.split("scale")[0] for transform in result["transforms"][:3]}) == 1
     assert int(re.search(r'data-charts="(\d+)"', out)[1]) >= 4
+
+
+def test_a_date_is_told_to_the_minute_in_its_zone() -> None:
+    assert moment("2026-11-30T16:50:34+00:00") == "2026-11-30 16:50 UTC"
+    assert moment("2026-11-30T16:50:34+05:45") == "2026-11-30 16:50 UTC+05:45"
+    assert [moment(text) for text in ("", "some day")] == ["", "some day"]
