@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import sys
 
+SWITCHES = {"isolated": "-I", "ignore_environment": "-E", "no_user_site": "-s", "dont_write_bytecode": "-B"}
+
 
 def python(*arguments: str) -> list[str]:
     """The command that runs this Python on `arguments`, with this process' flags.
@@ -12,4 +14,6 @@ def python(*arguments: str) -> list[str]:
     """
     flags = [f"-W{option}" for option in sys.warnoptions]
     flags += [f"-X{name}" if value is True else f"-X{name}={value}" for name, value in sys._xoptions.items()]
-    return [sys.executable, "-P", *["-O"] * sys.flags.optimize, *flags, *arguments]
+    switches = [letter for name, letter in SWITCHES.items() if getattr(sys.flags, name)]
+    switches += ["-O"] * sys.flags.optimize + ["-b"] * sys.flags.bytes_warning
+    return [sys.executable, "-P", *switches, *flags, *arguments]
