@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 import os
 import sys
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 from shading_atlas_bench.harness.plugins import own_classes, source_file
 from shading_atlas_bench.kernels.device import METHOD_KERNELS
+from shading_atlas_bench.kernels.source_digest import source_digest
 from shading_atlas_bench.packers.interface import Packer
 
 SUITE = __name__.partition(".")[0]
@@ -28,7 +29,7 @@ def suite_digest() -> str:
     """A hash of the files that all methods share: stages, scenes, measuring. An edit of one method is not in it."""
     files = [file for name in SHARED for file in _below(ROOT / name)]
     shared = (file for file in files if not any(file.is_relative_to(own) for own in _methods()))
-    return _digest([(ROOT, shared)])
+    return source_digest(ROOT, shared)
 
 
 def method_digest(packer: type[Packer]) -> str:
@@ -41,7 +42,8 @@ def method_digest(packer: type[Packer]) -> str:
 
     Raises ValueError for a class that does not lie in a file.
     """
-    return _digest(dict.fromkeys(part for kind in own_classes(packer) for part in _parts(kind)))
+    parts = dict.fromkeys(part for kind in own_classes(packer) for part in _parts(kind))
+    return hashlib.sha256(" ".join(source_digest(*part) for part in parts).encode()).hexdigest()[:16]
 
 
 def _parts(kind: type) -> Iterator[tuple[Path, tuple[Path, ...]]]:
@@ -91,14 +93,3 @@ def _below(folder: Path) -> Iterator[Path]:
 
 def _counts(name: str) -> bool:
     return not (name.startswith(".") or name == "__pycache__" or name.endswith(".md"))
-
-
-def _digest(parts: Iterable[tuple[Path, Iterable[Path]]]) -> str:
-    digest = hashlib.sha256()
-    for root, files in parts:
-        digest.update(b"/\n")
-        for file in sorted(files):
-            with open(file, "rb") as content:
-                own = hashlib.file_digest(content, "sha256").hexdigest()
-            digest.update(os.fsencode(file.relative_to(root).as_posix()) + f" {own}\n".encode())
-    return digest.hexdigest()[:16]

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import hashlib
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from shading_atlas_bench.kernels.source_digest import source_digest
 from shading_atlas_bench.scenes.cache import scene_key
 
 if TYPE_CHECKING:
@@ -23,11 +23,7 @@ SOURCES = (
 @cache
 def drawing_digest() -> str:
     """A hash of all sources that visible sets, shadow and environment maps go through."""
-    digest = hashlib.blake2b(digest_size=16)
-    for file in sorted(file for pattern in SOURCES for file in ROOT.glob(pattern)):
-        content = file.read_bytes()
-        digest.update(f"\n{file.relative_to(ROOT).as_posix()} {len(content)}\n".encode() + content)
-    return digest.hexdigest()
+    return source_digest(ROOT, (file for pattern in SOURCES for file in ROOT.glob(pattern)))
 
 
 def device_key(device: Device, scene: Scene, told: dict[str, str]) -> str:

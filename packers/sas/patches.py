@@ -10,7 +10,6 @@ sides of different length need the longer one). Patches form where it is above 1
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -21,6 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
+from shading_atlas_bench.kernels.source_digest import source_digest
 from shading_atlas_bench.packers.sas.kernels.layout import (
     CENTRE,
     LEFT,
@@ -56,10 +56,9 @@ def cached_patches(scene: Scene) -> Patches:
 @cache
 def _sources() -> str:
     """A hash of this method's sources and the shared arithmetic: other ones find other patches."""
-    here, digest = Path(__file__).parent, hashlib.sha256()
-    for file in sorted([*here.rglob("*.py"), *(here.parents[1] / "arithmetic").rglob("*.py")]):
-        digest.update(f"\n{file.name}\n".encode() + file.read_bytes())
-    return digest.hexdigest()[:12]
+    here = Path(__file__).parent
+    root = here.parents[1]
+    return source_digest(root, [*here.rglob("*.py"), *(root / "arithmetic").rglob("*.py")])
 
 
 def _from_cache(path: Path, scene: Scene) -> Patches:

@@ -14,7 +14,6 @@ from shading_atlas_bench.packers.budget import TOLERANCE
 from shading_atlas_bench.packers.interface import Payload
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.sas.kernels.layout import unpack_location
-from shading_atlas_bench.packers.sas.picture import draw_allocation
 from shading_atlas_bench.packers.sas.statistics import describe
 from shading_atlas_bench.packers.sas.superblocks import choose_grid
 from shading_atlas_bench.scenes.model import Scene
@@ -236,17 +235,6 @@ def test_a_superblock_that_is_no_power_of_two_is_refused(superblock):
 def test_a_superblock_larger_than_the_atlas_is_refused():
     with pytest.raises(ValueError, match="does not fit"):
         choose_grid(100, 2048, 128)
-
-
-def test_a_picture_shows_every_block(scene):
-    stream = Stream(scene)
-    stream.send(frame_of(scene, 512, 512))
-    allocator = stream.packer.allocator
-    words = allocator.words.get()
-    _, _, w, h = unpack_location(words[words > 0])
-    picture = draw_allocation(allocator.grid, words)
-    assert picture.shape == (512, 512, 3)
-    assert picture.any(axis=2).sum() == (1 << w + h).sum()
 
 
 def test_a_bias_can_hold_the_samples_to_the_pixels_of_the_servers_view(scene):

@@ -506,6 +506,41 @@ def test_slices_in_a_tiny_atlas(scene):
         assert payload.statistics["sliced"] > 0
 
 
+def test_slices_that_an_atlas_has_no_room_for_are_left_out(scene):
+    """A triangle of which a piece is left out is there as a whole, or not at all."""
+    stream = Stream(scene)
+    frame, _ = low_frame(scene, 0, 4)
+    payload = stream.send(frame)
+    assert stream.violations(frame, payload) == []
+    slicing, left_out = stream.packer.filling.footprints.slicing, stream.packer.filling.left_out
+    pieces = slicing.first + np.arange(len(slicing.slices.parents))
+    parents = slicing.slices.parents[left_out[pieces]]
+    assert len(parents)
+    assert set(parents) <= set(payload.unplaced)
+
+
+def test_steps_of_a_full_atlas_spare_a_tenth_then_nothing(scene):
+    stream, frame, seen = Stream(scene, capacity=0.5), frame_of(scene, 2048, 2048), []
+    stream.send(frame)
+    filling = stream.packer.filling
+    filling.slots.empty = lambda atlas, empty=filling.slots.empty: (seen.append(atlas.capacity), empty(atlas))
+    assert all(filling.fill(frame, step) for step in (0, 1, STEPS - 2, STEPS - 1))
+    assert seen == [1.5, 1.1, 1.1, 1.0]
+
+
+def test_a_budget_is_met_by_the_rate_not_by_a_lowered_layout(scene):
+    """Also where what a full atlas holds at a lowered step happens to be the budget."""
+    side = 48
+    full = Stream(scene, shading_rate=4.0)
+    count = full.send(frame_of(scene, side, side)).sample_count
+    assert full.packer.filling.step > 1
+    stream = Stream(scene, shading_rate=4.0)
+    frame = replace(frame_of(scene, side, side), sample_budget=count)
+    payload = stream.send(frame)
+    assert stream.packer.filling.step <= 1
+    assert payload.statistics["shading_rate"] == pytest.approx(stream.packer.filling.budgeted.rate)
+
+
 def test_the_picture_of_the_packing_shows_every_texel_once(scene):
     stream = Stream(scene)
     payload = stream.send(frame_of(scene, 512, 256))
