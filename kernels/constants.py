@@ -11,6 +11,8 @@ from itertools import accumulate
 from pathlib import Path
 from typing import TypeAlias
 
+import numpy as np
+
 from shading_atlas_bench.kernels.preprocessor import logical_lines
 
 Number: TypeAlias = int | float
@@ -38,6 +40,8 @@ class Constants:
         number = self._number(name)
         if number != int(number):
             raise ValueError(f"{self.file}: {name} is {number}, which is no whole number.")
+        if isinstance(number, float) and float(np.float32(number)) != number:
+            raise ValueError(f"{self.file}: {name} is {number:.0f}, which the kernel's float32 rounds.")
         return int(number)
 
     def number(self, name: str) -> float:

@@ -114,6 +114,7 @@ def test_anything_else_is_refused(constants: Constants, name: str, reason: str) 
         ("#ifndef K_CL\n#define K_CL\n#if WIDE\n#define X 1\n#endif\n#define A 3\n#endif", 3),
         ("#if WIDE\n#define A 3\n#endif", 3),
         ("#if 0\n#elif 1\n#endif\n#define A 3", 3),
+        ("#define A 16777218.0f", 16777218),
     ],
 )
 def test_what_is_read_is_what_c_has(tmp_path: Path, source: str, value: int) -> None:
@@ -143,6 +144,7 @@ def test_what_is_read_is_what_c_has(tmp_path: Path, source: str, value: int) -> 
         ("#define B 5\n#define A (B + 1)\n#undef B", "is no number that Python computes"),
         ("#define A 5\n#define A(x) 5", "is defined more than once"),
         ("/*\n#define A 5\n*/", "is not defined"),
+        ("#define A 16777217.0f", "is 16777217, which the kernel's float32 rounds"),
     ],
 )
 def test_what_c_has_otherwise_is_refused(tmp_path: Path, source: str, reason: str) -> None:

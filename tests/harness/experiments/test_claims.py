@@ -5,14 +5,18 @@ import json
 import re
 import shutil
 import sqlite3
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, needs, variants_of
+from shading_atlas_bench.harness.experiments.claims import WORKLOAD, ClaimsRequest, needs, variants_of
+from shading_atlas_bench.harness.workload.session import workload_hashes
+from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, FEWEST
 from tests.harness.commands import bench
+from tests.scenes.test_load_files import box
 
 TINY = """
 [papers]
@@ -235,3 +239,20 @@ def test_what_cannot_be_used_is_one_sentence(whole: Path, claims: Path):
         assert done.returncode == 2, (arguments, done.stdout)
         assert done.stderr.startswith("bench: ")
         assert len(done.stderr.splitlines()) == 1
+
+
+def test_runs_of_one_workload_are_told_by_all_settings_that_its_hashes_read(tmp_path: Path) -> None:
+    """Two claims' runs that differ in a setting left out of WORKLOAD would be taken for runs of one scene and path."""
+    read: set[str] = set()
+
+    class Noting(Settings):
+        def __getattribute__(self, name: str) -> object:
+            read.add(name)
+            return super().__getattribute__(name)
+
+    (tmp_path / "mine.obj").write_text(box(6, inwards=False), encoding="utf-8")
+    made = [Noting(scene=scene, frames=2) for scene in ("hall", str(tmp_path / "mine.obj"))]
+    read.clear()  # of what making them read
+    for settings in made:
+        workload_hashes(settings)
+    assert read & {field.name for field in fields(Settings)} == set(WORKLOAD)
