@@ -7,6 +7,7 @@ the packer interface, `edge_pixels`, `load_scene`, and `run` with its `Settings`
 from __future__ import annotations
 
 from importlib import import_module
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -43,6 +44,12 @@ MODULES = {
     "run": "harness.run.run",
 }
 __all__ = list(MODULES)
+
+if Path(__file__).with_name("kernels").is_file():  # what Git makes of a link where it may make none
+    raise ImportError(
+        f"The folders in {Path(__file__).parent} are no links but text files: clone the repository again with "
+        "git clone -c core.symlinks=true (on Windows, switch on its developer mode first)."
+    )
 
 
 def __getattr__(name: str) -> Any:

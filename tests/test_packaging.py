@@ -114,3 +114,18 @@ def test_the_readme_states_the_commands_that_ci_runs():
     done = subprocess.run([ROOT / ".ci" / "run", "--show"], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert 'pip install -e ".[test]" && pytest' in done.stdout.splitlines()
+
+
+def test_a_clone_without_links_says_how_to_clone(tmp_path: Path):
+    """As Git makes it on Windows, where links need a permission: text files in their place."""
+    (tmp_path / NAME).mkdir()
+    shutil.copy(ROOT / NAME / "__init__.py", tmp_path / NAME)
+    for name in PACKAGES:
+        (tmp_path / NAME / name).write_text(f"../{name}", encoding="utf-8")
+    code = f"""
+try:
+    import {NAME}
+except ImportError as error:
+    print(error)
+"""
+    assert "git clone -c core.symlinks=true" in run_python(code, tmp_path).splitlines()[0]
