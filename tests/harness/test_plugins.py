@@ -167,16 +167,16 @@ def test_what_is_published_is_a_value_that_can_be_set_and_stands_in_the_methods_
     ],
 )
 def test_labels_name_what_differs_from_the_nearer_of_defaults_and_published(spec: str, label: str):
-    assert label_of(*load_packer(spec)) == label
+    assert label_of(load_packer(spec)[0]) == label
 
 
 def test_equally_near_are_called_after_the_defaults(file: Path):
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace('"texels"', '"texels", published=16'), encoding="utf-8")
-    assert label_of(*load_packer(f"{file}:Grid[cell=2]")) == "grid[cell=2]"
-    assert label_of(*load_packer(f"{file}:Grid[cell=16,scale=0.5]")) == "grid@published[scale=0.5]"
-    assert label_of(*load_packer(f"{file}:Grid[cell=16,scale=0.5]"), ["cell"]) == "grid[scale=0.5]"
-    assert label_of(*load_packer(f"{file}:Grid[cell=16]"), ["cell"]) == "grid"
+    assert label_of(load_packer(f"{file}:Grid[cell=2]")[0]) == "grid[cell=2]"
+    assert label_of(load_packer(f"{file}:Grid[cell=16,scale=0.5]")[0]) == "grid@published[scale=0.5]"
+    assert label_of(load_packer(f"{file}:Grid[cell=16,scale=0.5]")[0], ["cell"]) == "grid[scale=0.5]"
+    assert label_of(load_packer(f"{file}:Grid[cell=16]")[0], ["cell"]) == "grid"
 
 
 @st.composite

@@ -38,7 +38,8 @@ def scene(device):
 
 def packed(spec: str, scene):
     """What a pipeline of this method packs."""
-    pipeline = Pipeline(*load_packer(spec), scene, Settings())
+    (packer,) = load_packer(spec)
+    pipeline = Pipeline(packer, scene, Settings())
     pipeline.prepare()
     return pipeline.pack(frame_of(scene, 256, 256)).payload
 

@@ -42,7 +42,7 @@ def glazed(textured: bool):
         uvs = np.stack([np.hypot(corner[:, 0], corner[:, 2]), corner[:, 1]], axis=1) / [2.4, 1.8]
         scene.uvs = np.concatenate([scene.uvs, uvs]).astype(np.float32)
         scene.colours = np.concatenate([scene.colours, np.ones((len(positions), 4), np.float32)])
-        scene.normals = np.concatenate([scene.normals, np.tile(np.float32([0, 0, 1]), (len(positions), 1))])
+        scene.normals = np.concatenate([scene.normals, np.tile(np.array([0, 0, 1], np.float32), (len(positions), 1))])
     texels = np.full((16, 64, 4), 200, np.uint8)
     texels[..., 3] = np.linspace(0, 255, 64)
     scene.textures = [Texture("ramp", texels, wrap_s="clamp", wrap_t="clamp")]

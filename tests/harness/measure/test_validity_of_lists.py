@@ -22,7 +22,7 @@ def lists() -> HeldLists:
     """Three pixels with 2, 0 and 3 fragments."""
     view = View(np.eye(4), np.eye(4), 3, 1)
     far = np.array([1, 2, 1, 2, 3], np.float32)
-    return HeldLists(view, np.array([0, 2, 2, 5]), np.full((5, 4), 255, np.uint8), 1 / far)
+    return HeldLists(view, np.array([0, 2, 2, 5]), np.full((5, 4), 255, np.uint8), np.reciprocal(far))
 
 
 def rules(*held: HeldLists) -> list[str]:

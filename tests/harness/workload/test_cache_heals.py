@@ -78,7 +78,8 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[
 @pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk", "shadows", "environment map"])
 def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device) -> Kind:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    file, made, root = str(grid_file(tmp_path)), [], plan.cache_root()
+    made: list[str] = []
+    file, root = str(grid_file(tmp_path)), plan.cache_root()
     if request.param == "scene":
         counted(monkeypatch, load, "_load_file", made)
         return Kind(root / "scenes", lambda: flat(load.load_scene(file, cache=plan.cache_root() / "scenes")), made)
@@ -111,7 +112,7 @@ def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: 
         server, pose = upload.upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
         frustum = CellFrustum.around(ViewCell(0.1, 50), 40, 96, 54)
         return Kind(root / "pvs", lambda: pvs.potentially_visible(server, pose, 0.1, frustum, 0.01, 2.0).ids, made)
-    session = SimpleNamespace(settings=Settings(), scene=SimpleNamespace(host=scene))
+    session: Any = SimpleNamespace(settings=Settings(), scene=SimpleNamespace(host=scene))
     guess = plan.expected_pace(session.settings, scene.content_hash)
 
     def pace() -> float:
@@ -138,8 +139,8 @@ def flipped_anywhere(seed: int) -> Callable[[Path], None]:
     return flipped(lambda size: int(rng.integers(size)), int(rng.integers(8)))
 
 
-def rewritten(change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
-    return lambda file: file.write_bytes(change(file.read_bytes())) and None
+def rewritten(change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
+    return lambda file: file.write_bytes(change(file.read_bytes()))
 
 
 def replaced(make: Callable[[Path], Any]) -> Callable[[Path], None]:

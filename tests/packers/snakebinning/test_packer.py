@@ -480,7 +480,7 @@ def surface_of(positions: np.ndarray, indices: np.ndarray) -> dict[str, np.ndarr
     return {
         "positions": positions,
         "indices": indices,
-        "normals": np.tile(np.float32([0, 1, 0]), (count, 1)),
+        "normals": np.tile(np.array([0, 1, 0], np.float32), (count, 1)),
         "uvs": np.zeros((count, 2), np.float32),
         "colours": np.ones((count, 4), np.float32),
         "material_ids": np.zeros(len(indices), np.int32),
