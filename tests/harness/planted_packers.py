@@ -629,14 +629,15 @@ class OtherRays(PerPixelLinkedLists):
     name = "other-rays"
 
     def pack(self, frame):
-        spans = server.owned_spans
-        server.owned_spans = lambda views, number: np.tile(
+        module: Any = server
+        spans = module.owned_spans
+        module.owned_spans = lambda views, number: np.tile(
             np.array([0, views[number].width], np.int32), (views[number].height, 1)
         )
         try:
             return super().pack(frame)
         finally:
-            server.owned_spans = spans
+            module.owned_spans = spans
 
 
 class ViewLess(PerPixelLinkedLists):

@@ -127,7 +127,7 @@ def test_a_count_that_grows_like_the_square_is_met_at_the_second_trial(budget: i
     count, rate = Counted(lambda rate: int(1e6 * rate * rate)), BudgetedRate()
     assert rate.meet(budget, count)
     assert count.asked == [1.0, rate.rate]
-    assert abs(count(rate.rate) - budget) <= 1
+    assert abs(count.count(rate.rate) - budget) <= 1
 
 
 @pytest.mark.parametrize(("budget", "end", "then"), [(1, LOWEST, 3000), (10**9, HIGHEST, 500)])

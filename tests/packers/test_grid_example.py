@@ -49,6 +49,8 @@ def test_grid_is_valid_and_looks_like_the_reference(device, size, error):
     assert check(frame, payload, payload.owners(), client) == []
     image = client.draw(novel_view())
     reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame.server.eye)
+    assert image.triangle is not None
+    assert reference.triangle is not None
     assert (image.triangle.get() == reference.triangle.get()).mean() > 0.99
     assert np.abs(image.rgb.get().astype(int) - reference.rgb.get())[..., :3].mean() < error
 

@@ -1,13 +1,13 @@
 """Codecs: colours survive, bytes are deterministic and real, sizes that codecs dislike, LZ4 there and back."""
 
 import itertools
+import time
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.harness.measure import codecs
 from shading_atlas_bench.harness.measure.codecs import (
     CodecError,
     Picture,
@@ -259,7 +259,7 @@ def test_several_streams_at_once_give_what_each_gives_alone():
 def doubling_clock(monkeypatch):
     """The processor's clock, which goes on by 1 s, then 2, 4, 8 ... before each reading."""
     readings = itertools.accumulate(1 << step for step in itertools.count())
-    monkeypatch.setattr(codecs.time, "thread_time", lambda: float(next(readings)))
+    monkeypatch.setattr(time, "thread_time", lambda: float(next(readings)))
 
 
 def test_coding_takes_what_the_clock_says(doubling_clock):

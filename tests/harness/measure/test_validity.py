@@ -334,7 +334,8 @@ def test_a_texel_is_as_large_as_the_map_from_the_atlas_stretches_it():
 def around(atlas: _Atlas, touched: list[int]) -> tuple[_Lookups, np.ndarray, np.ndarray]:
     """A lookup between columns 4 and 5 and rows 4 and 5: the samples there, of which those numbers are touched."""
     samples = np.array([[4 * 9 + 4], [4 * 9 + 5], [5 * 9 + 4], [5 * 9 + 5]])
-    return _Lookups(pack_cells().frame, atlas, None, None), samples, np.isin(np.arange(4), touched)[:, None]
+    unused: Any = None
+    return _Lookups(pack_cells().frame, atlas, unused, None), samples, np.isin(np.arange(4), touched)[:, None]
 
 
 @pytest.mark.parametrize(

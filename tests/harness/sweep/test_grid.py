@@ -156,7 +156,7 @@ def test_more_passes_narrow_the_interval_until_it_is_precise():
 def test_the_budget_counts_preparing_and_packing_by_the_clock(tmp_path, monkeypatch):
     passed = [(0, "wall/prepare", 400.0), (0, "pack", 30.0), (0, "wall/pack", 100.0), (1, "wall/pack", 250.0)]
     monkeypatch.setattr(timing, "_one_pass", lambda *_: passed)
-    session: Any = None  # which that replacement needs not
+    session: Any = None  # what replaces a pass needs none
     (cell,) = make_grid(Settings(methods=("sas",), frames=2), ["fit=0.5"]).cells
     timed = Timed(cell, tmp_path, [30.0], spent=0.0)
     assert timed.again(session, warm=True)

@@ -18,6 +18,7 @@ from shading_atlas_bench.harness.workload import pvs, upload, walks
 from shading_atlas_bench.harness.workload.environment import cached_environment_map
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
+from shading_atlas_bench.kernels.cache import cache_root
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.shade.environment import SHAPE
 from shading_atlas_bench.packers.sas import patches
@@ -79,10 +80,10 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[
 def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device) -> Kind:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     made: list[str] = []
-    file, root = str(grid_file(tmp_path)), plan.cache_root()
+    file, root = str(grid_file(tmp_path)), cache_root()
     if request.param == "scene":
         counted(monkeypatch, load, "_load_file", made)
-        return Kind(root / "scenes", lambda: flat(load.load_scene(file, cache=plan.cache_root() / "scenes")), made)
+        return Kind(root / "scenes", lambda: flat(load.load_scene(file, cache=cache_root() / "scenes")), made)
     scene = load.load_scene(file)
     if request.param == "patches":
         counted(monkeypatch, patches, "find_patches", made)

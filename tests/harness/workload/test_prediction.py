@@ -59,7 +59,7 @@ def test_a_packer_hears_of_three_views_ahead_the_last_one_when_the_client_draws(
     )
     host = SimpleNamespace(bounds=np.array([[0.0] * 3, [10.0] * 3]), metres_per_unit=1.0)
     scene: Any = SimpleNamespace(host=host)
-    motion: Any = None  # what is predicted needs none
+    motion: Any = None  # predictions need none
     source = FrameSource(scene, path, motion, Settings(latency=60.0))
     seen = [view.eye[0] for view in source._predicted(39)]
     assert seen == pytest.approx([1.2 * (TIMES[39] + ahead) / 1000 for ahead in (20, 40, 60)], abs=1e-3)

@@ -11,7 +11,8 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.workload.session import Session, find_methods, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
-from shading_atlas_bench.kernels.device import Device, DeviceError
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import CameraPath
 
