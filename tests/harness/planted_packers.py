@@ -20,7 +20,7 @@ from shading_atlas_bench.packers.ppll.wire import Message, decode, encode
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.sas.client import ShadingAtlasClient
 
-GLOBAL: dict[str, Any] = {}  # what some of them hide things in
+GLOBAL: dict[Any, Any] = {}  # what some of them hide things in
 NESTED: dict[str, dict[str, Any]] = {"inside": {}}
 
 

@@ -344,6 +344,7 @@ def test_masked_triangles_have_holes(device, faded):
     projected = Camera.of(np.eye(4), perspective(), *SIZE).project(corners[0])
     sides = np.diff(projected[:, :2] / projected[:, 3:] / 256, axis=0)
     area = abs(sides[0, 0] * sides[1, 1] - sides[0, 1] * sides[1, 0]) / 2
+    assert mask
     margin = margin_twin(mask, np.zeros(len(rows), int), weights[:, 1], weights[:, 2], np.full(len(rows), area))
     sure = abs(margin) > 1
     np.testing.assert_array_equal((seen[rows, columns] == 0)[sure], margin[sure] > 0)

@@ -129,7 +129,7 @@ def file_hashes() -> Iterator[tuple[str, str]]:
         ],
         cameras=[{"type": "perspective", "perspective": {"yfov": 0.9, "znear": 0.1}}],
     )
-    weights = {
+    weights: dict[str, np.ndarray] = {
         "JOINTS_0": np.zeros((4, 4), np.uint8),
         "WEIGHTS_0": np.tile(np.array([0.7, 0.1, 0.1, 0.1], np.float32), (4, 1)),
     }

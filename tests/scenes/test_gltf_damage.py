@@ -31,7 +31,7 @@ def full_scene(png: bytes) -> Glb:
     glb = square_scene({"mesh": 0}, {"mesh": 0, "skin": 0}, {"camera": 0}, {"extensions": {}})
     glb.json["nodes"][3]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
     primitive = glb.json["meshes"][0]["primitives"][0]
-    attributes = {
+    attributes: dict[str, np.ndarray] = {
         "TEXCOORD_0": SQUARE[:, :2],
         "JOINTS_0": np.zeros((4, 4), np.uint8),
         "WEIGHTS_0": np.array([[1, 0, 0, 0]] * 4, np.float32),

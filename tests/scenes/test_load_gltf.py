@@ -108,7 +108,7 @@ def test_whole_numbers_as_coordinates_and_colours(tmp_path, png, kind, largest):
 def test_strips_and_fans(tmp_path, mode, order):
     glb = square_scene()
     primitive = glb.json["meshes"][0]["primitives"][0]
-    primitive |= {"mode": mode, "indices": glb.accessor(np.uint16(order))}
+    primitive |= {"mode": mode, "indices": glb.accessor(np.array(order, np.uint16))}
     assert facing(load_scene(glb.write(tmp_path / "a.glb"))) == pytest.approx(np.tile([0, 0, 1], (2, 1)))
 
 

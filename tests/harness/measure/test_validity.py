@@ -149,6 +149,7 @@ def test_declared_gaps_are_counted_and_no_violation(half_a_texel: Packed):
     assert {v.rule for v in half_a_texel.check()} == {"written"}
     gaps = Gaps()
     assert half_a_texel.check(gaps=gaps) == []
+    assert gaps.share is not None
     assert 0.02 < gaps.share < 0.2
     assert pack_cells().check(gaps=(none := Gaps())) == []
     assert none.missing == 0

@@ -93,10 +93,10 @@ def sent(request: pytest.FixtureRequest, server: ServerScene) -> Sent:
         frame = frame_of(server, index, everything[everything % 5 != index])
         payload = packer.pack(frame)
         owners = payload.owners()
-        assert owners
         planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
         client.receive(Decoded(planes, payload.blobs, payload.geometry))
         found.append(check(frame, payload, owners, client, budget=None))
+    assert owners
     return Sent(frame, payload, owners, client, tuple(found))
 
 

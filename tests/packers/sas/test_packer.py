@@ -145,6 +145,7 @@ def test_statistics_add_up(scene):
     patches = sum(found[f"patches_of_{k}"] for k in (1, 2, 3))
     assert patches == len(np.unique(stream.packer.patches.of_triangle[frame.pvs])) == found["blocks"]
     assert found["location_bytes"] == 4 * patches == len(payload.blobs["locations"])
+    assert stream.packer.allocator
     words = stream.packer.allocator.words.get()
     _, _, w, h = unpack_location(words[words > 0])
     assert payload.sample_count == (1 << w + h).sum() <= found["reserved_texels"]
@@ -159,7 +160,7 @@ def far_scene() -> Scene:
     fan = np.array([[4, 3, 2], [4, 2, 1], [4, 0, 3]])
     first = len(near.positions) + 5 * np.arange(count)[:, None, None]
     indices = np.concatenate([near.indices, (fan + first).reshape(-1, 3)]).astype(np.int32)
-    positions = np.concatenate([near.positions, fans.astype(np.float32)]) / np.float32(100)
+    positions = (np.concatenate([near.positions, fans.astype(np.float32)]) / 100).astype(np.float32)
     more: dict[str, Any] = {
         name: np.concatenate([array := getattr(near, name), array[: len(fans)]])
         for name in ("normals", "uvs", "colours")

@@ -302,6 +302,7 @@ def test_more_equal_triangles_than_a_superblock_holds_lie_in_parts(device):
             payload = stream.send(frame)
             assert stream.violations(frame, payload) == []
             assert payload.unplaced == {}
+            assert stream.packer.filling
             strips = stream.packer.filling.slots.superblocks.live_strips()
             assert len(strips) > len(np.unique(strips["bin"]))
 
@@ -536,7 +537,9 @@ def test_slices_that_an_atlas_has_no_room_for_are_left_out(scene):
     frame, _ = low_frame(scene, 0, 4)
     payload = stream.send(frame)
     assert stream.violations(frame, payload) == []
-    slicing, left_out = stream.packer.filling.footprints.slicing, stream.packer.filling.left_out
+    filling = stream.packer.filling
+    assert filling
+    slicing, left_out = filling.footprints.slicing, filling.left_out
     pieces = slicing.first + np.arange(len(slicing.slices.parents))
     parents = slicing.slices.parents[left_out[pieces]]
     assert len(parents)
@@ -547,6 +550,7 @@ def test_steps_of_a_full_atlas_spare_a_tenth_then_nothing(scene, monkeypatch):
     stream, frame, seen = Stream(scene, capacity=0.5), frame_of(scene, 2048, 2048), []
     stream.send(frame)
     filling = stream.packer.filling
+    assert filling
     empty = filling.slots.empty
 
     def noted(atlas):
@@ -563,10 +567,12 @@ def test_a_budget_is_met_by_the_rate_not_by_a_lowered_layout(scene):
     side = 48
     full = Stream(scene, shading_rate=4.0)
     count = full.send(frame_of(scene, side, side)).sample_count
+    assert full.packer.filling
     assert full.packer.filling.step > 1
     stream = Stream(scene, shading_rate=4.0)
     frame = replace(frame_of(scene, side, side), sample_budget=count)
     payload = stream.send(frame)
+    assert stream.packer.filling
     assert stream.packer.filling.step <= 1
     assert payload.statistics["shading_rate"] == pytest.approx(stream.packer.filling.budgeted.rate)
 
@@ -578,6 +584,7 @@ def test_the_picture_of_the_packing_shows_every_texel_once(scene):
     assert picture.shape == (256, 512, 3)
     owned = payload.planes["atlas"].get()[..., 3] > 0
     assert (picture[owned].min(axis=1) >= 40).all()
+    assert stream.packer.filling
     live = stream.packer.filling.slots.superblocks.live_superblocks()
     outside = np.ones((256, 512), bool)
     for block in live:
