@@ -58,9 +58,7 @@ def test_skin_at_rest_ignores_the_mesh_node(tmp_path):
     binds[1, 1, 3] = -1
     glb.json["skins"] = [{"joints": [1, 2], "inverseBindMatrices": glb.accessor(binds)}]
     points = world(load_scene(glb.write(tmp_path / "a.glb"))).reshape(-1, 3)
-    assert np.unique(points, axis=0) == pytest.approx(
-        np.array([[0, 0, 0], [0, 5, 0], [1, 0, 0], [1, 5, 0]], np.float64)
-    )
+    assert np.unique(points, axis=0) == pytest.approx(np.array([[0.0, 0, 0], [0, 5, 0], [1, 0, 0], [1, 5, 0]]))
 
 
 def test_morph_targets_with_default_weights(tmp_path):

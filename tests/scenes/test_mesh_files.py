@@ -585,11 +585,8 @@ def test_stl_attributes_are_named(tmp_path):
 )
 @pytest.mark.parametrize("name", [b"solid x", b"COLOR="])
 def test_stl_bytes_of_another_number_than_their_count_tells(tmp_path, name, count, size, words):
-    data = (
-        name.ljust(80, b"\0")
-        + struct.pack("<I", count)
-        + np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], np.float32).tobytes()
-    )
+    triangle = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], np.float32).tobytes()
+    data = name.ljust(80, b"\0") + struct.pack("<I", count) + triangle
     with pytest.raises(SceneError, match=words):
         load(tmp_path / "a.stl", data.ljust(size, b"\0")[:size])
 
