@@ -41,7 +41,7 @@ KINDS = re.compile(
 
 def silent_parts(tree: ast.Module) -> list[tuple[Place, Place]]:
     """From where to where annotations, raised errors, switches of dataclasses and imports for type checkers stand."""
-    parts: list[ast.AST | None] = []
+    parts: list[ast.expr | ast.stmt | None] = []
     for node in ast.walk(tree):
         if isinstance(node, ast.FunctionDef):
             arguments = node.args
@@ -54,7 +54,11 @@ def silent_parts(tree: ast.Module) -> list[tuple[Place, Place]]:
             parts.append(node.value if "TypeAlias" in ast.unparse(node.annotation) else None)
         elif isinstance(node, ast.Raise) or (isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"):
             parts.append(node)
-    return [((part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset)) for part in parts if part]
+    return [
+        ((part.lineno, part.col_offset), (part.end_lineno, part.end_col_offset))
+        for part in parts
+        if part and part.end_lineno is not None and part.end_col_offset is not None
+    ]
 
 
 def faults(module: Path, sample: int | None = None, seed: int = 0) -> tuple[list[MutationSpec], int]:

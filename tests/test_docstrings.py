@@ -72,7 +72,8 @@ def of_fields(owner: ast.ClassDef, lines: list[str], prefix: str) -> Described:
     fields = {
         node.target.id: node
         for node in owner.body
-        if isinstance(node, ast.AnnAssign) and array_types(node.annotation) and node.target.id[0] != "_"
+        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name) and node.target.id[0] != "_"
+        if array_types(node.annotation)
     }
     comments = {name: lines[node.lineno - 1].partition("  # ")[2] for name, node in fields.items()}
     docstring = docstring_of(owner, *(f"{name}: {said}." for name, said in comments.items() if said))

@@ -70,7 +70,7 @@ def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.Zi
 
 def test_the_version_is_the_same_everywhere(wheel: zipfile.ZipFile):
     (metadata,) = (wheel.read(name).decode() for name in wheel.namelist() if name.endswith("/METADATA"))
-    version = re.search(r"^Version: (.+)$", metadata, re.MULTILINE)[1]
+    version = re.findall(r"^Version: (.+)$", metadata, re.MULTILINE)[0]
     assert re.search(
         rf"^version: {re.escape(version)}$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE
     )

@@ -1,5 +1,7 @@
 """Elementary functions against extended precision, at their edges, and one by one against many at once."""
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -13,7 +15,7 @@ MULTIPLES = np.arange(-4000, 4000) * (np.pi / 2)
 ANGLES = np.concatenate([np.linspace(-10, 10, 20_001), LARGE, MULTIPLES, 10.0 ** np.arange(-20.0, 6.0, 0.01)])
 POSITIVE = np.concatenate([2.0 ** np.arange(-1000, 1000, 0.25), np.linspace(0.5, 2, 20_001)])
 SHARES = np.linspace(-1, 1, 20_001)
-CASES = {
+CASES: dict[str, tuple[float, *tuple[np.ndarray, ...]]] = {
     "sin": (1, ANGLES),
     "cos": (1, ANGLES),
     "tan": (3, ANGLES),
@@ -73,14 +75,16 @@ def test_numbers_one_by_one_are_those_of_arrays():
 
 def test_types_and_shapes_are_those_of_the_arguments():
     single = np.linspace(0.1, 1, 60, dtype=np.float32).reshape(3, 4, 5)
+    doubles: Any = np.ones(5)  # the annotations have no mixture of types, and no lists
+    numbers: Any = [0, 1]
     assert functions.sin(single).dtype == functions.power(single, 2.4).dtype == np.float32
-    assert functions.exp(single.astype(np.float64)).dtype == functions.hypot(single, np.ones(5)).dtype == np.float64
+    assert functions.exp(single.astype(np.float64)).dtype == functions.hypot(single, doubles).dtype == np.float64
     assert functions.hypot(single[:, :1], single[0]).shape == (3, 4, 5)
     np.testing.assert_array_equal(functions.sin(single), functions.sin(single.astype(np.float64)).astype(np.float32))
     for number in (functions.sin(0.5), functions.log(2), functions.arctan2(1, 2)):
         assert isinstance(number, np.float64)
     assert functions.log(np.zeros((0, 3))).shape == (0, 3)
-    assert functions.cos([0, 1]).shape == (2,)
+    assert functions.cos(numbers).shape == (2,)
 
 
 def test_powers_of_two_are_exact():

@@ -1,6 +1,7 @@
 """Packers with one planted fault each: the documentation's example, but for one thing."""
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -31,6 +32,7 @@ class UnwrittenTexel(Grid):
         payload = super().pack(frame)
         if payload.sample_count:
             samples, plane = payload.samples, payload.planes["atlas"].get()
+            assert samples
             samples.count -= 1
             row, column = divmod(int(samples.texel.get()[samples.count]), plane.shape[1])
             plane[row, column] = 0
@@ -101,7 +103,7 @@ class Elsewhere(Grid):
     name = "elsewhere"
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         corners = client.corner_texels
         client.corner_texels = lambda: client.device.upload(corners().get() + np.float32(1))
         return client

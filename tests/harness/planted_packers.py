@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import zlib
+from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic import draws
 from shading_atlas_bench.harness.measure.verification.truth import CHOSEN
 from shading_atlas_bench.kernels.samples import Samples
-from shading_atlas_bench.packers.interface import ALPHA, Client, Decoded, HeldLists, Image, Payload
+from shading_atlas_bench.packers.interface import ALPHA, Decoded, HeldLists, Image, Payload
 from shading_atlas_bench.packers.ppll import PerPixelLinkedLists, server
 from shading_atlas_bench.packers.ppll.client import ListClient
 from shading_atlas_bench.packers.ppll.kernels.wire import write_twin
@@ -18,7 +20,8 @@ from shading_atlas_bench.packers.ppll.wire import Message, decode, encode
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.sas.client import ShadingAtlasClient
 
-GLOBAL, NESTED = {}, {"inside": {}}  # what some of them hide things in
+GLOBAL: dict[Any, Any] = {}  # what some of them hide things in
+NESTED: dict[str, dict[str, Any]] = {"inside": {}}
 
 
 def edit_lists(payload: Payload, edit) -> Payload:
@@ -36,7 +39,7 @@ def edit_views(payload: Payload, edit) -> Payload:
     return with_messages(payload, messages)
 
 
-def with_messages(payload: Payload, messages: list[Message]) -> Payload:
+def with_messages(payload: Payload, messages: Sequence[Message]) -> Payload:
     """A payload of these messages, one for each view."""
     payload.lists["lists"] = written = b"".join(
         write_twin(*node, message.layout) for message in messages for node in message.nodes
@@ -52,6 +55,7 @@ def reshaded(frame, payload: Payload, samples: Samples, eye: np.ndarray, chosen:
     plane = payload.planes["atlas"]
     other = frame.scene.device.zeros(plane.shape, np.uint8)
     frame.scene.shader.shade(samples, eye, other, stage="gather/shade")
+    assert payload.samples
     texel = payload.samples.texel.get()[: payload.samples.count][chosen]
     pixels, cheap = plane.get().reshape(-1, 4), other.get().reshape(-1, 4)
     pixels[texel] = cheap[texel]
@@ -107,7 +111,8 @@ class Renderer(ShadingAtlasStreaming):
     def client(self, scene):
         from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 
-        client, renderer = super().client(scene), ForwardRenderer(self.scene)
+        client: Any = super().client(scene)
+        renderer = ForwardRenderer(self.scene)
         client.draw = lambda view: renderer.draw(view)[0]
         return client
 
@@ -118,7 +123,7 @@ class AskingRenderer(ShadingAtlasStreaming):
     name = "asking-renderer"
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         client.shader = scene.shader
         return client
 
@@ -167,7 +172,9 @@ class InvertedLists(PerPixelLinkedLists):
     name = "inverted-lists"
 
     def pack(self, frame):
-        return edit_lists(super().pack(frame), lambda offsets, rows: (offsets, rows ^ np.uint32([0xFFFFFF, 0])))
+        return edit_lists(
+            super().pack(frame), lambda offsets, rows: (offsets, rows ^ np.array([0xFFFFFF, 0], np.uint32))
+        )
 
 
 class Stale(ShadingAtlasStreaming):
@@ -190,6 +197,7 @@ class Swapped(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
+        assert payload.samples
         triangle, last = payload.samples.triangle.get(), payload.samples.count // 2 * 2
         triangle[:last:2] = triangle[1:last:2]
         payload.samples.triangle.set(triangle)
@@ -203,6 +211,7 @@ class WrongEye(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
+        assert payload.samples
         quarter = np.arange(payload.samples.count) % 4 == 0
         return reshaded(frame, payload, payload.samples, -frame.server.eye, quarter)
 
@@ -214,6 +223,7 @@ class CoarseTextures(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
+        assert payload.samples
         coarse = replace(payload.samples, footprint=payload.samples.footprint * np.float32(16))
         return reshaded(frame, payload, coarse, frame.server.eye, np.ones(payload.samples.count, bool))
 
@@ -241,11 +251,13 @@ class InStatistics(ShadingAtlasStreaming):
     def pack(self, frame):
         payload = super().pack(frame)
         self.mail["payload"] = payload
-        payload.statistics["locations"] = payload.blobs.pop("locations")
+        statistics: dict[str, Any] = payload.statistics
+        statistics["locations"] = payload.blobs.pop("locations")
         return payload
 
     def client(self, scene):
-        client, mail = super().client(scene), self.mail
+        client: Any = super().client(scene)
+        mail = self.mail
         read = client.read
         client.read = lambda blobs: read({"locations": mail["payload"].statistics["locations"]})
         return client
@@ -266,6 +278,8 @@ class InTheClass(ShadingAtlasStreaming):
 
 
 class InTheClassClient(ShadingAtlasClient):
+    sent: bytes
+
     def read(self, blobs):
         super().read({"locations": self.sent})
 
@@ -355,6 +369,7 @@ class Foreseen(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
+        assert payload.samples
         texel = payload.samples.texel.get()[: payload.samples.count]
         seed = [frame.seed, frame.index, zlib.crc32(self.name.encode())]
         chosen = texel[draws.generator(seed).integers(0, len(texel), CHOSEN)]
@@ -373,7 +388,7 @@ class Deferred(ShadingAtlasStreaming):
     name = "deferred"
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         draw = client.draw
         client.draw = lambda view: DeferredImage(lambda: draw(view))
         return client
@@ -395,7 +410,7 @@ class InAnArray(Renderer):
     name = "in-an-array"
 
     def client(self, scene):
-        client = ShadingAtlasStreaming.client(self, scene)
+        client: Any = ShadingAtlasStreaming.client(self, scene)
         client.held = np.array([self.scene, None], object)
         return client
 
@@ -406,7 +421,7 @@ class BehindMany(Renderer):
     name = "behind-many"
 
     def client(self, scene):
-        client = ShadingAtlasStreaming.client(self, scene)
+        client: Any = ShadingAtlasStreaming.client(self, scene)
         client.held = [[] for _ in range(30_000)] + [self.scene]
         return client
 
@@ -422,7 +437,7 @@ class Nested(ShadingAtlasStreaming):
         return payload
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         read = client.read
         client.read = lambda blobs: read(NESTED["inside"])
         return client
@@ -439,7 +454,7 @@ class InADefault(ShadingAtlasStreaming):
         return payload
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         read = client.read
         client.read = lambda blobs: read({"locations": mail()})
         return client
@@ -470,6 +485,7 @@ class Phantom(ShadingAtlasStreaming):
 
     def pack(self, frame):
         payload = super().pack(frame)
+        assert payload.samples
         plane = payload.planes["atlas"].get()
         plane.reshape(-1, 4)[payload.samples.texel.get()[: payload.samples.count : 3]] = 0
         payload.planes["atlas"].set(plane)
@@ -600,7 +616,7 @@ class SayingNothing(ShadingAtlasStreaming):
     name = "saying-nothing"
 
     def client(self, scene):
-        client: Client = super().client(scene)
+        client: Any = super().client(scene)
         draw = client.draw
         client.draw = lambda view: replace(draw(view), triangle=None)
         return client
@@ -613,14 +629,15 @@ class OtherRays(PerPixelLinkedLists):
     name = "other-rays"
 
     def pack(self, frame):
-        spans = server.owned_spans
-        server.owned_spans = lambda views, number: np.tile(
+        module: Any = server
+        spans = module.owned_spans
+        module.owned_spans = lambda views, number: np.tile(
             np.array([0, views[number].width], np.int32), (views[number].height, 1)
         )
         try:
             return super().pack(frame)
         finally:
-            server.owned_spans = spans
+            module.owned_spans = spans
 
 
 class ViewLess(PerPixelLinkedLists):
@@ -666,7 +683,7 @@ class ViewInverted(PerPixelLinkedLists):
     def pack(self, frame):
         payload = super().pack(frame)
         *others, last = decode(payload.blobs["head"], payload.lists["lists"])
-        nodes = tuple((offsets, rows ^ np.uint32([0xFFFFFF, 0])) for offsets, rows in last.nodes)
+        nodes = tuple((offsets, rows ^ np.array([0xFFFFFF, 0], np.uint32)) for offsets, rows in last.nodes)
         return with_messages(payload, [*others, replace(last, nodes=nodes)])
 
 

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import importlib
+import inspect
 import shutil
 import subprocess
 import sys
@@ -43,7 +44,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("plugin")
     shutil.copytree(PLUGIN, folder / "source", ignore=shutil.ignore_patterns("__pycache__"))
     options = ("--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--disable-pip-version-check")
-    command = [sys.executable, "-m", "pip", "install", *options, "--target", folder / "site", folder / "source"]
+    command = [sys.executable, "-m", "pip", "install", *options, "--target", f"{folder}/site", f"{folder}/source"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder / "site"
@@ -68,7 +69,7 @@ def test_its_name_is_found_and_its_files_are_installed(site: Path, packer: Packe
     assert "shelves" in packer_names()
     sources = {path.relative_to(PLUGIN) for path in (PLUGIN / "shelves").rglob("*") if path.suffix in (".py", ".cl")}
     assert {path for path in sources if not (site / path).is_file()} == set()
-    assert Path(sys.modules[type(packer).__module__].__file__).is_relative_to(site)
+    assert Path(inspect.getfile(type(packer))).is_relative_to(site)
 
 
 @pytest.mark.usefixtures("packer")
@@ -103,9 +104,15 @@ def test_bench_kernels_measures_its_case(tmp_path: Path):
 
 
 def test_bench_check_runs_its_twins(device: Device, packer: Packer, monkeypatch: pytest.MonkeyPatch):
-    cases, compared = importlib.import_module("shelves.kernels.cases"), []
+    cases = importlib.import_module("shelves.kernels.cases")
+    compared: list[int] = []
     twin = cases.emit_samples_twin
-    monkeypatch.setattr(cases, "emit_samples_twin", lambda *given: compared.append(len(given[0])) or twin(*given))
+
+    def counted(*given):
+        compared.append(len(given[0]))
+        return twin(*given)
+
+    monkeypatch.setattr(cases, "emit_samples_twin", counted)
     found = guarded_run("kernels", CHECKS["kernels"].run, Kit(device, packer), 60)
     assert found.good, found.sentence
     assert compared == [cases.samples.checked] * 2 * len(INPUTS)  # each input twice

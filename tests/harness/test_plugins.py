@@ -1,5 +1,6 @@
 """Packers are found by name, module or file, and every mistake is answered with what is known."""
 
+import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
 from textwrap import dedent
@@ -115,7 +116,7 @@ def test_one_name_from_two_packages_is_refused(monkeypatch: pytest.MonkeyPatch):
 
 def test_by_file_and_by_module(file: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.chdir(file.parent)
-    monkeypatch.setattr("sys.path", [*plugins.sys.path])
+    monkeypatch.setattr("sys.path", [*sys.path])
     by_file = load_packer(f"{file}:Grid[scale=2]")
     by_relative_file = load_packer("my_packer.py:Grid[scale=2.0]")
     by_module = load_packer("my_packer:Grid[ scale = 2e0 ]")
@@ -135,8 +136,8 @@ def test_as_published(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert {end: variant_string(*load_packer(f"{file}:Grid{end}")) for end in ends} == ends
     folder = tmp_path / "a@b[1]"
     folder.mkdir()
-    own = file.rename(folder / file.name)
-    assert "cell=16" in variant_string(*load_packer(f"{own}:Grid@published"))
+    moved = file.rename(folder / file.name)
+    assert "cell=16" in variant_string(*load_packer(f"{moved}:Grid@published"))
 
 
 def test_what_is_published_is_a_value_that_can_be_set_and_stands_in_the_methods_readme():
@@ -167,16 +168,16 @@ def test_what_is_published_is_a_value_that_can_be_set_and_stands_in_the_methods_
     ],
 )
 def test_labels_name_what_differs_from_the_nearer_of_defaults_and_published(spec: str, label: str):
-    assert label_of(*load_packer(spec)) == label
+    assert label_of(load_packer(spec)[0]) == label
 
 
 def test_equally_near_are_called_after_the_defaults(file: Path):
     text = file.read_text(encoding="utf-8")
     file.write_text(text.replace('"texels"', '"texels", published=16'), encoding="utf-8")
-    assert label_of(*load_packer(f"{file}:Grid[cell=2]")) == "grid[cell=2]"
-    assert label_of(*load_packer(f"{file}:Grid[cell=16,scale=0.5]")) == "grid@published[scale=0.5]"
-    assert label_of(*load_packer(f"{file}:Grid[cell=16,scale=0.5]"), ["cell"]) == "grid[scale=0.5]"
-    assert label_of(*load_packer(f"{file}:Grid[cell=16]"), ["cell"]) == "grid"
+    assert label_of(load_packer(f"{file}:Grid[cell=2]")[0]) == "grid[cell=2]"
+    assert label_of(load_packer(f"{file}:Grid[cell=16,scale=0.5]")[0]) == "grid@published[scale=0.5]"
+    assert label_of(load_packer(f"{file}:Grid[cell=16,scale=0.5]")[0], ["cell"]) == "grid[scale=0.5]"
+    assert label_of(load_packer(f"{file}:Grid[cell=16]")[0], ["cell"]) == "grid"
 
 
 @st.composite

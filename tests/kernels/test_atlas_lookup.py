@@ -90,11 +90,11 @@ def test_places_are_those_of_their_twin(device, width):
     rng = np.random.default_rng(width)
     corners = rng.uniform(0.5, 2000, (20, 1, 2)) + rng.uniform(-8, 8, (20, 3, 2))
     weight = rng.uniform(0.1, 1, (20, 3, 1))
-    corners = (corners if width == 2 else np.concatenate([corners * weight, weight], axis=2)).astype(np.float32)
-    corners[3] = np.nan
+    points = (corners if width == 2 else np.concatenate([corners * weight, weight], axis=2)).astype(np.float32)
+    points[3] = np.nan
     triangle, bary = rng.integers(0, 20, 1003), rng.dirichlet(np.ones(3), 1003)[:, 1:].astype(np.float32)
-    found = locate(device, samples_of(device, triangle, bary), device.upload(corners), "client/test").get()[:, :1003].T
-    np.testing.assert_allclose(found, locate_twin(corners, triangle, bary), atol=2e-3)  # float32 at 2000: 1.2e-4
+    found = locate(device, samples_of(device, triangle, bary), device.upload(points), "client/test").get()[:, :1003].T
+    np.testing.assert_allclose(found, locate_twin(points, triangle, bary), atol=2e-3)  # float32 at 2000: 1.2e-4
     np.testing.assert_array_equal(np.isnan(found[:, 0]), triangle == 3)
 
 

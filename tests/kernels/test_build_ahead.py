@@ -19,7 +19,8 @@ def make(device: Device, tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
 
     def fresh(variant: str = "default") -> tuple[Device, list[str]]:
-        made, compiled = Device(device.found, variant), []
+        compiled: list[str] = []
+        made = Device(device.found, variant)
         made.announce = compiled.append
         return made, compiled
 

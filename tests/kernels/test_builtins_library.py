@@ -90,6 +90,7 @@ def test_a_library_that_does_not_suit_is_replaced_under_its_own_name(package, mo
     asked = answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx512"))
     found = find_vendors()
     assert (found.library, found.mirrored, found.driver) == ("avx2", True, "3.0")
+    assert found.home
     assert builtins_seen_from(found.home, "avx512") == "avx2"
     assert builtins_seen_from(found.home, "sse2") == "sse2"
     assert (found.home / "../pocl_binary_distribution/.libs/libhwloc.so.15").read_text(
@@ -104,6 +105,7 @@ def test_a_library_that_suits_is_left_alone(package, monkeypatch, macros):
     answers(monkeypatch, Answer("3.0", frozenset(macros), "avx512"))
     found = find_vendors()
     assert (found.library, found.mirrored) == ("avx512", False)
+    assert found.home
     assert Path((found.home / ".libs" / "pocl.icd").read_text(encoding="utf-8")) == package.driver
 
 
@@ -133,9 +135,11 @@ def test_a_damaged_memory_is_asked_anew(package, monkeypatch, damage, tmp_path):
     remembered_answer(package, tmp_path)
     (file,) = (tmp_path / "cache").rglob("answer-*.json")
     file.write_text(damage, encoding="utf-8")
-    assert remembered_answer(package, tmp_path).library == "avx512"
+    assert (answer := remembered_answer(package, tmp_path))
+    assert answer.library == "avx512"
     assert len(asked) == 2
-    assert remembered_answer(package, tmp_path).library == "avx512"
+    assert (answer := remembered_answer(package, tmp_path))
+    assert answer.library == "avx512"
     assert len(asked) == 2
 
 
@@ -143,6 +147,7 @@ def test_a_damaged_memory_is_asked_anew(package, monkeypatch, damage, tmp_path):
 def test_a_damaged_home_is_made_again(package, monkeypatch, harm):
     answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx512"))
     home = find_vendors().home
+    assert home
     link = home / ".libs" / package.driver.name
     if harm == "edited":
         (home / ".libs" / "pocl.icd").write_text("nowhere", encoding="utf-8")
@@ -176,6 +181,7 @@ def test_intels_runtime_is_shown_beside_pocl(package, monkeypatch, tmp_path):
     asked = answers(monkeypatch, Answer("3.0", frozenset(AVX2), "avx2"))
     monkeypatch.setattr(vendors, "intel_driver", lambda: tmp_path / "libintelocl.so")
     home = find_vendors().home
+    assert home
     assert [path.name for path in (asked[0] / ".libs").iterdir()] == ["pocl.icd"]  # Intel's is not to answer for it
     assert (home / ".libs" / "intel.icd").read_text(encoding="utf-8") == str(tmp_path / "libintelocl.so")
     assert (home / ".libs" / "pocl.icd").is_file()
@@ -209,8 +215,10 @@ def test_drivers_are_named_to_loaders_without_a_home_once_and_find_what_lies_bes
 def test_the_real_compiler_answers(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     package = builtins_library.installed_package()
+    assert package
     home = make_home({".libs/pocl.icd": str(package.driver)})
     answer = ask(home)
+    assert answer
     assert answer.library in package.builtins
     assert "SSE2" in answer.macros
     assert fitting(answer, package.builtins) in package.builtins

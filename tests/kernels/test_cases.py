@@ -5,7 +5,8 @@ import pytest
 
 from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.kernels.case import INPUTS, evaluate
-from shading_atlas_bench.kernels.device import Device, DeviceError, kernel_names
+from shading_atlas_bench.kernels.device import Device, kernel_names
+from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 
 CASES = {case.name: case for case in find_cases()}
 

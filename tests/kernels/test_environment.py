@@ -152,7 +152,8 @@ def test_a_mirror_shows_the_map(device: Device) -> None:
 def on_corners(device: Device, corners: np.ndarray, materials: list) -> Shader:
     """A shader of one triangle that faces up."""
     triangles = Triangles.upload(device, corners, np.array([[0, 1, 2]]), np.zeros(1, np.uint8))
-    surface = Surface(np.tile([0, 1, 0], (3, 1)), np.zeros((3, 2)), np.zeros(1, np.int32), materials)
+    up = np.tile(np.array([0, 1, 0], np.float32), (3, 1))
+    surface = Surface(up, np.zeros((3, 2), np.float32), np.zeros(1, np.int32), materials)
     return Shader(device, triangles, surface, Lighting([], SKY), TextureBuffers.upload(device, []))
 
 

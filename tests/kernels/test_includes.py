@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shading_atlas_bench.kernels.device import KERNEL, Device, DeviceError, source_with_includes
+from shading_atlas_bench.kernels.device import KERNEL, Device, source_with_includes
+from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 
 OWN = "#define VALUE 7\n"
 KERNEL_TEXT = "__kernel void k(__global int *out) { out[0] = VALUE; }\n"

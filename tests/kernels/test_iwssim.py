@@ -100,7 +100,7 @@ def test_agrees_with_the_equations_and_the_twin(device, kind):
 
 @pytest.mark.parametrize("size", [(161, 161), (162, 177), (175, 320)])
 def test_sizes_that_halve_unevenly(device, size):
-    reference = rendering(*size, seed=4)
+    reference = rendering(size[0], size[1], seed=4)
     test = damaged(reference, "noise", seed=1)
     score = compared(device, test, reference)
     assert score == pytest.approx(published(test, reference), abs=1e-3)

@@ -46,7 +46,7 @@ def test_what_is_damaged_goes_and_takes_its_program(folder: Path, name: str, har
         file.mkdir()
     else:
         content[1500] ^= harm == "flip"
-        file.write_bytes({"empty": b"", "half": content[:1500], "longer": content + b"x"}.get(harm, content))
+        file.write_bytes(bytes({"empty": b"", "half": content[:1500], "longer": content + b"x"}.get(harm, content)))
     assert heal(folder) == 1
     assert programs(folder) == {"TWO"}
     seal(folder)

@@ -44,7 +44,8 @@ def test_the_layers_are_the_fragments_before_the_first_opaque_one(device, seed, 
     everything = builder.build(*builder.bins(Camera.of(*CAMERA), "all"), members, 1, "all")
     offsets, triangle, depth = fragments_of(everything)
     opaque = np.full(SIZE[0] * SIZE[1], -1, np.int32)
-    kept, counts = [], []
+    kept: list[int] = []
+    counts: list[int] = []
     for pixel, (first, end) in enumerate(itertools.pairwise(offsets)):
         hidden = np.flatnonzero(~blended[triangle[first:end]])
         last = first + hidden[0] if len(hidden) else end

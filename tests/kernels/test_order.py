@@ -17,8 +17,8 @@ def fragments_with(device, counts, triangle, seed=0):
     offsets = np.concatenate([[0], np.cumsum(counts)]).astype(np.int32)
     rng, n = np.random.default_rng(seed), len(triangle)
     pixel = np.repeat(np.arange(width * height), counts.ravel())
-    real = [rng.random(n).astype(np.float32) / 2 for _ in range(3)]
-    samples = Samples.upload(device, triangle.astype(np.int32), *real, pixel.astype(np.int32))
+    b1, b2, footprint = (rng.random(n).astype(np.float32) / 2 for _ in range(3))
+    samples = Samples.upload(device, triangle.astype(np.int32), b1, b2, footprint, pixel.astype(np.int32))
     return Fragments(width, height, samples, device.zeros(n, np.float32), device.upload(offsets))
 
 

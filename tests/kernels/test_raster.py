@@ -329,7 +329,7 @@ def test_masked_triangles_have_holes(device, faded):
     triangles = replace(triangles, flags=device.upload(flags), host_flags=flags)
     materials = [Material(base_texture=0, alpha_mode="mask"), Material()]
     uvs = rng.uniform(0, 2, (6, 2)).astype(np.float32)
-    alphas = np.float32([1.0, 0.2, 0.9, 0, 0, 0]) if faded else None
+    alphas = np.array([1.0, 0.2, 0.9, 0, 0, 0], np.float32) if faded else None
     known = (triangles.host_indices, uvs, np.array([0, 1]), materials, [Texture("", texels)])
     mask = AlphaMask.upload(device, *known, vertex_alphas=alphas)
     seen = Rasteriser(device, triangles, mask).draw(np.eye(4), perspective(), *SIZE).triangle.get()
@@ -344,6 +344,7 @@ def test_masked_triangles_have_holes(device, faded):
     projected = Camera.of(np.eye(4), perspective(), *SIZE).project(corners[0])
     sides = np.diff(projected[:, :2] / projected[:, 3:] / 256, axis=0)
     area = abs(sides[0, 0] * sides[1, 1] - sides[0, 1] * sides[1, 0]) / 2
+    assert mask
     margin = margin_twin(mask, np.zeros(len(rows), int), weights[:, 1], weights[:, 2], np.full(len(rows), area))
     sure = abs(margin) > 1
     np.testing.assert_array_equal((seen[rows, columns] == 0)[sure], margin[sure] > 0)

@@ -81,7 +81,7 @@ def test_corners_far_outside_are_clipped_as_the_twins_are(device):
     expected = set_up_twin(triangles, camera)
     assert len(np.unique(expected[:, 9])) > 500
     assert len(np.setxor1d(records[:, 9], expected[:, 9])) <= 5
-    whole = ~far.any(axis=(1, 2))[records[:, 9]]
+    whole = ~np.any(far, axis=(1, 2))[records[:, 9]]
     assert 50 < whole.sum() < len(records) / 2
     alike = [np.isin(one[:, 9], other[:, 9]) for one, other in ((records, expected), (expected, records))]
     boxes = [rows[kept][:, 10:] for rows, kept in zip((records, expected), alike, strict=True)]

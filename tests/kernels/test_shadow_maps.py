@@ -20,7 +20,8 @@ def light(kind, **changes):
 
 def floor(side, y=0.0):
     """A square of side 2 * `side` that faces up."""
-    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], np.float32) * side + np.float32([0, y, 0])
+    corners = np.array([[-1, 0, -1], [-1, 0, 1], [1, 0, 1], [1, 0, -1]], np.float32) * side
+    corners += np.array([0, y, 0], np.float32)
     return corners, np.array([[0, 1, 2], [0, 2, 3]], np.int32)
 
 

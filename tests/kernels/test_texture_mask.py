@@ -35,6 +35,7 @@ def test_foliage_keeps_its_density_in_the_distance(device):
     texture = SimpleNamespace(texels=leaves(np.random.default_rng(1)), srgb=True, wrap_s="repeat", wrap_t="repeat")
     uvs = np.array([[0, 0], [1, 0], [0, 1]], np.float32)
     mask = AlphaMask.upload(device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [masked_material()], [texture])
+    assert mask
     near = np.mean(texture.texels[..., 3] > 127)
     levels, alphas = mask.host.levels, mask.host.alphas
     assert len(levels) > 3
@@ -50,6 +51,7 @@ def test_masks_without_texture_are_all_there_or_not_at_all(device):
         mask = AlphaMask.upload(
             device, np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [masked_material(texture=-1, alpha=alpha)], []
         )
+        assert mask
         margin = margin_twin(mask, np.zeros(1, int), np.array([0.3]), np.array([0.3]), np.array([10.0]))
         assert (margin[0] >= 0) == expected
 
@@ -77,9 +79,10 @@ def margins(device, alphas, texels, material, pixels):
     if texels is not None:
         texture = [SimpleNamespace(texels=texels, srgb=True, wrap_s="repeat", wrap_t="repeat")]
     known = (np.array([[0, 1, 2]]), uvs, np.zeros(1, int), [material], texture)
-    mask = AlphaMask.upload(device, *known, vertex_alphas=np.float32(alphas))
+    mask = AlphaMask.upload(device, *known, vertex_alphas=np.array(alphas, np.float32))
+    assert mask
     n = len(pixels)
-    return mask, margin_twin(mask, np.zeros(n, int), np.full(n, 1 / 3), np.full(n, 1 / 3), np.float64(pixels))
+    return mask, margin_twin(mask, np.zeros(n, int), np.full(n, 1 / 3), np.full(n, 1 / 3), np.array(pixels, np.float64))
 
 
 @pytest.mark.parametrize(

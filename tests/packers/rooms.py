@@ -69,14 +69,14 @@ def pose_at(step: float) -> Pose:
     return Pose(np.array([0.03 * step, 0, 2 - 0.01 * step]), np.array([0, np.sin(half), 0, np.cos(half)]))
 
 
-def frame_of(scene: ServerScene, width: int, height: int, step: int = 0, pvs: np.ndarray | None = None) -> Frame:
+def frame_of(scene: ServerScene, width: int, height: int, step: float = 0, pvs: np.ndarray | None = None) -> Frame:
     """Frame `step` of a walk; its set is that of the view cell, or `pvs`."""
     frustum = CellFrustum.around(CELL, FOV, *SIZE)
     if pvs is None:
         pvs = potentially_visible(scene, pose_at(step), CELL.radius, frustum, NEAR, 2.0).ids
     server = frustum.server_view(pose_at(step), NEAR)
     uploaded = scene.device.upload(pvs)
-    return Frame(step, scene, server, CELL.radius, CELL.fov, pvs, uploaded, (), width, height)
+    return Frame(int(step), scene, server, CELL.radius, CELL.fov, pvs, uploaded, (), width, height)
 
 
 def changing_sets(rng: np.random.Generator, count: int, kinds: list[str], share: float) -> Iterator[np.ndarray]:

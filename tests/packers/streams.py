@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from typing import Any, Generic, TypeVar
+
 from shading_atlas_bench.harness.measure.validity import BUDGET, check
 from shading_atlas_bench.harness.measure.verification.isolation import decode_losslessly
 from shading_atlas_bench.packers.interface import Frame, Packer, Payload, ServerScene
 
+Method = TypeVar("Method", bound=Packer)
 
-class Stream:
+
+class Stream(Generic[Method]):
     """A packer of a class with some parameters, prepared for a scene, and its client; budget: see validity.check."""
 
-    def __init__(self, kind: type[Packer], scene: ServerScene, budget: int | None = BUDGET, **parameters) -> None:
+    def __init__(self, kind: type[Method], scene: ServerScene, budget: int | None = BUDGET, **parameters) -> None:
         self.packer, self.budget = kind(**parameters), budget
         self.packer.prepare(scene)
-        self.client = self.packer.client(scene.shipped)
+        self.client: Any = self.packer.client(scene.shipped)  # of a class of the method's own
 
     def send(self, frame: Frame) -> Payload:
         """Pack a frame and hand it to the client."""

@@ -26,7 +26,8 @@ class Counted:
     """A count of samples that remembers which rates it was asked for; None above `room`."""
 
     def __init__(self, count: Callable[[float], int], room: float = HIGHEST) -> None:
-        self.count, self.room, self.asked = count, room, []
+        self.count, self.room = count, room
+        self.asked: list[float] = []
 
     def __call__(self, rate: float) -> int | None:
         self.asked.append(rate)
@@ -51,6 +52,7 @@ def test_an_atlas_is_filled_where_it_has_no_room_for_the_budget(
     assert rate.meet(budget, count)
     assert count.asked[-1] == rate.rate <= room
     found = count(rate.rate)
+    assert found is not None
     if unit * room * room < 0.9 * budget:
         assert rate.rate > 0.97 * room
         assert rate.reached == found
@@ -93,8 +95,8 @@ def test_of_a_count_in_steps_nothing_nearer_is_left(budget: int, start: float, s
     rate = BudgetedRate(start)
     rate.meet(budget, count)
     sides = [side for place, _ in steps for side in (place, max(LOWEST, np.nextafter(place, 0)))]
-    nearest = min(abs(count(side) - budget) for side in (LOWEST, HIGHEST, *sides))
-    assert abs(count(rate.rate) - budget) <= max(nearest, TOLERANCE * budget) or _is_narrow(steps, rate.rate)
+    nearest = min(abs(count.count(side) - budget) for side in (LOWEST, HIGHEST, *sides))
+    assert abs(count.count(rate.rate) - budget) <= max(nearest, TOLERANCE * budget) or _is_narrow(steps, rate.rate)
 
 
 def _is_narrow(steps: list, rate: float) -> bool:
@@ -125,7 +127,7 @@ def test_a_count_that_grows_like_the_square_is_met_at_the_second_trial(budget: i
     count, rate = Counted(lambda rate: int(1e6 * rate * rate)), BudgetedRate()
     assert rate.meet(budget, count)
     assert count.asked == [1.0, rate.rate]
-    assert abs(count(rate.rate) - budget) <= 1
+    assert abs(count.count(rate.rate) - budget) <= 1
 
 
 @pytest.mark.parametrize(("budget", "end", "then"), [(1, LOWEST, 3000), (10**9, HIGHEST, 500)])

@@ -63,7 +63,9 @@ def test_a_failing_soup_is_shrunk_and_kept(device, tmp_path, monkeypatch):
 
     monkeypatch.setattr("shading_atlas_bench.harness.conformance.fuzz.try_soup", breaks)
     (packer,) = load_packer("sas")
-    soup, found = find_failure(device, type(packer), 20)
+    failure = find_failure(device, type(packer), 20)
+    assert failure
+    soup, found = failure
     assert len(soup.corners) == 3
     assert len(soup.sets) == 1
     path = save_soup(tmp_path / "kept", "sas", soup, found)

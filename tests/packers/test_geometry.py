@@ -54,8 +54,9 @@ def test_without_blended_triangles_nothing_is_sent_for_them():
     rng = np.random.default_rng(0)
     positions, indices = rng.normal(size=(30, 3)).astype(np.float32), np.arange(30, dtype=np.int32).reshape(10, 3)
     flags, uvs = rng.integers(0, 4, 10).astype(np.uint8), rng.random((30, 2), np.float32)
+    everything = np.arange(10, dtype=np.int32)
     messages = [
-        GeometryEncoder(positions, indices, flags, uvs, np.zeros(10, int), {}, opacities).encode(np.arange(10))
+        GeometryEncoder(positions, indices, flags, uvs, np.zeros(10, int), {}, opacities).encode(everything)
         for opacities in (None, np.full(1, 100, np.uint16))
     ]
     assert messages[0] == messages[1]
@@ -78,8 +79,8 @@ def test_an_unchanged_set_costs_a_count():
 def test_how_much_a_material_covers_is_said_once():
     corner = np.zeros((3, 3), np.float32)
     flags, materials = np.full(3, Triangles.BLENDED, np.uint8), np.array([7, 7, 8])
-    known = (corner, np.zeros((3, 3), np.int32), flags, np.zeros((3, 2), np.float32), materials, {})
-    encoder = GeometryEncoder(*known, np.arange(9, dtype=np.uint16))
+    known = (corner, np.zeros((3, 3), np.int32), flags, np.zeros((3, 2), np.float32), materials)
+    encoder = GeometryEncoder(*known, {}, np.arange(9, dtype=np.uint16))
     changed, new, materials_of_new, opacity = 4, 4 + 36 + 1 + 2, 2, 4  # bytes
     sizes = [len(encoder.encode(np.arange(count, dtype=np.int32))) for count in (1, 2, 3)]
     assert sizes == [changed + new + materials_of_new + count * opacity for count in (1, 0, 1)]

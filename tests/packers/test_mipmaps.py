@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -14,7 +15,7 @@ from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.kernels.fragments.opacity import opacity_twin
 from shading_atlas_bench.kernels.shade.shade import shade_twin
-from shading_atlas_bench.packers.interface import ALPHA
+from shading_atlas_bench.packers.interface import ALPHA, Packer
 from shading_atlas_bench.scenes.features import find_features
 from shading_atlas_bench.scenes.model import Material, Texture
 from tests.packers.rooms import frame_of, novel_view, room
@@ -36,9 +37,14 @@ def scene(device):
     return upload_scene(device, made)
 
 
+def one(spec: str) -> Packer:
+    (packer,) = load_packer(spec)
+    return packer
+
+
 def packed(spec: str, scene):
     """What a pipeline of this method packs."""
-    pipeline = Pipeline(*load_packer(spec), scene, Settings())
+    pipeline = Pipeline(one(spec), scene, Settings())
     pipeline.prepare()
     return pipeline.pack(frame_of(scene, 256, 256)).payload
 
@@ -47,10 +53,10 @@ class Aliased:
     """Shades at the finest level, whatever its parameter says."""
 
     def prepare(self, scene):
-        super().prepare(scene.finest)
+        super().prepare(scene.finest)  # type: ignore[misc]  # of the method's class, which comes behind this one
 
     def pack(self, frame):
-        return super().pack(replace(frame, scene=frame.scene.finest))
+        return super().pack(replace(frame, scene=frame.scene.finest))  # type: ignore[misc]  # the same
 
 
 @pytest.mark.parametrize("spec", ATLASES)
@@ -78,7 +84,7 @@ def test_checks_know_of_which_level_colours_are(scene, spec):
     frame = frame_of(scene, 256, 256)
     stage = Stage(scene, [frame], [novel_view()], exact=False)
     for values in ("", "[mipmaps=false]"):
-        found = try_method(stage, lambda values=values: load_packer(f"{spec}{values}")[0], again=0)
+        found = try_method(stage, partial(one, f"{spec}{values}"), again=0)
         assert found.good, found.sentence
     (packer,) = load_packer(spec)
     found = try_method(stage, type("Aliased", (Aliased, type(packer)), {}), again=0)

@@ -42,7 +42,7 @@ def glazed(textured: bool):
         uvs = np.stack([np.hypot(corner[:, 0], corner[:, 2]), corner[:, 1]], axis=1) / [2.4, 1.8]
         scene.uvs = np.concatenate([scene.uvs, uvs]).astype(np.float32)
         scene.colours = np.concatenate([scene.colours, np.ones((len(positions), 4), np.float32)])
-        scene.normals = np.concatenate([scene.normals, np.tile(np.float32([0, 0, 1]), (len(positions), 1))])
+        scene.normals = np.concatenate([scene.normals, np.tile(np.array([0, 0, 1], np.float32), (len(positions), 1))])
     texels = np.full((16, 64, 4), 200, np.uint8)
     texels[..., 3] = np.linspace(0, 255, 64)
     scene.textures = [Texture("ramp", texels, wrap_s="clamp", wrap_t="clamp")]
@@ -84,6 +84,7 @@ def error(scene, client, frame):
     image = client.draw(novel_view())
     reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame.server.eye)
     difference = np.abs(image.rgb.get().astype(int) - reference.rgb.get())
+    assert reference.triangle is not None
     return difference.mean(), image.triangle.get(), reference.triangle.get()
 
 
@@ -119,7 +120,9 @@ def test_the_visible_set_holds_what_contributes_in_views_from_the_cell(scenes):
     scene.layers.mark(view.view, view.projection, view.width, view.height, flags, "t")
     seen = np.flatnonzero(flags.get())
     assert np.isin(seen, frame.pvs, invert=True).mean() < 0.01
-    nearest = np.unique(ForwardRenderer(scene).draw(view)[0].triangle.get())
+    shown = ForwardRenderer(scene).draw(view)[0].triangle
+    assert shown is not None
+    nearest = np.unique(shown.get())
     assert np.isin(nearest[nearest >= 0], seen).all()
     assert len(seen) > len(nearest) + 5
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.run.run import run
@@ -19,7 +20,9 @@ from tests.portability.small import small_trial
 
 # Materials, lights and masks differ between these, and with them what the shading kernel is built with.
 SCENES = ("hall", "village", "shells")
-SMALL = {"frames": 1, "width": 160, "height": 90, "atlas_width": 1024, "atlas_height": 1024, "crf": (25,)}
+SMALL: dict[str, Any] = {
+    "frames": 1, "width": 160, "height": 90, "atlas_width": 1024, "atlas_height": 1024, "crf": (25,),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, order=True)
@@ -42,10 +45,10 @@ def noted() -> Iterator[set[Build]]:
     import pyopencl as cl
 
     builds: set[Build] = set()
-    compiler, build = cl.Program, Device.build
+    build = Device.build
     paths: list[str] = []  # of the builds that are under way
 
-    class Program(compiler):
+    class Program(cl.Program):
         def __init__(self, context: cl.Context, source: str, *rest: Any) -> None:
             super().__init__(context, source, *rest)
             self.text = source
@@ -62,11 +65,8 @@ def noted() -> Iterator[set[Build]]:
         finally:
             paths.pop()
 
-    cl.Program, Device.build = Program, build_noted
-    try:
+    with mock.patch.object(cl, "Program", Program), mock.patch.object(Device, "build", build_noted):
         yield builds
-    finally:
-        cl.Program, Device.build = compiler, build
 
 
 def builds_of_cases() -> list[Build]:

@@ -76,7 +76,7 @@ def find_clang() -> str | None:
 def find_ptxas() -> str | None:
     """NVIDIA's assembler."""
     package = find_spec("nvidia")
-    folders = [Path(folder) / "cuda_nvcc" / "bin" for folder in package.submodule_search_locations] if package else []
+    folders = [Path(folder) / "cuda_nvcc" / "bin" for folder in (package and package.submodule_search_locations) or ()]
     return shutil.which("ptxas", path=os.pathsep.join([os.environ.get("PATH", ""), *map(str, folders)]))
 
 
@@ -105,8 +105,8 @@ def parse_usage(build: str, text: str) -> list[Usage]:
         kernel = part.split("'")[1]
         # Functions that are called have properties of their own, in any order.
         own = part.split(f"Function properties for {kernel}")[1]
-        sizes = re.search(r"(\d+) bytes stack frame, (\d+) bytes spill stores, (\d+) bytes spill loads", own).groups()
-        registers = re.search(r"Used (\d+) registers", part)[1]
+        sizes = re.findall(r"(\d+) bytes stack frame, (\d+) bytes spill stores, (\d+) bytes spill loads", own)[0]
+        registers = re.findall(r"Used (\d+) registers", part)[0]
         found.append(Usage(build, kernel, *map(int, (registers, *sizes))))
     return found
 

@@ -17,6 +17,7 @@ import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from unittest import mock
 
 from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.kernels.case import INPUTS
@@ -101,14 +102,14 @@ def make(name: str) -> None:
             plain = source.replace("__attribute__((always_inline)) ", "").replace("static inline ", "static ")
             super().__init__(context, plain, *rest)
 
-    cl.Program, Device.recycled = Program, Device.empty
-    device = Device.open("oclgrind")
-    (case,) = (case for case in find_cases() if case.name == name)
-    for kind in INPUTS:
-        trial = small_trial(case, device, kind)
-        trial.run()
-        trial.run()  # the first leaves something that later ones forget
-    device.finish()
+    with mock.patch.object(cl, "Program", Program), mock.patch.object(Device, "recycled", Device.empty):
+        device = Device.open("oclgrind")
+        (case,) = (case for case in find_cases() if case.name == name)
+        for kind in INPUTS:
+            trial = small_trial(case, device, kind)
+            trial.run()
+            trial.run()  # the first leaves something that later ones forget
+        device.finish()
 
 
 def main(arguments: Sequence[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+from collections.abc import Set
 from pathlib import Path
 
 import pytest
@@ -106,13 +107,14 @@ def outside(tree: ast.Module) -> list[ast.AST]:
     return [node for node in ast.walk(tree) if id(node) not in inside]
 
 
-def offences(text: str, exempt: set[str] = frozenset()) -> list[str]:
+def offences(text: str, exempt: Set[str] = frozenset()) -> list[str]:
     """Lines and names of what a module uses outside its twins and exempt functions."""
     tree = ast.parse(text)
     spared = twins(tree) | exempt
     functions = [node for node in ast.walk(tree) if isinstance(node, ast.FunctionDef) and node.name in spared]
     free = {id(node) for function in functions for node in ast.walk(function)}
-    found = [(n.lineno, what) for n in ast.walk(tree) if id(n) not in free and (what := offence(n))]
+    nodes = (node for node in ast.walk(tree) if isinstance(node, ast.expr | ast.stmt) and id(node) not in free)
+    found = [(node.lineno, what) for node in nodes if (what := offence(node))]
     return [f"line {line}: {what}" for line, what in sorted(set(found))]
 
 

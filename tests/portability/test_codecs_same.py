@@ -89,7 +89,7 @@ def coded() -> dict[str, list[str]]:
                 for frame in frames:
                     data = stream._coder.encode(Picture(frame))
                     wire.update(data)
-                    seen.update(np.ascontiguousarray(stream._coder.decode(data, Picture(frame))[:height, :width]))
+                    seen.update(stream._coder.decode(data, Picture(frame))[:height, :width].tobytes())
                 name = f"{codec} {crf} {width}x{height}{' grey' if grey else ''}"
                 found[name] = [wire.hexdigest()[:16], seen.hexdigest()[:16]]
     return found

@@ -9,6 +9,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -65,9 +66,9 @@ GOLDEN = {
 }
 
 try:
-    from numpy._core import _multiarray_umath as numpy_core
+    numpy_core = import_module("numpy._core._multiarray_umath")
 except ImportError:  # NumPy 1
-    from numpy.core import _multiarray_umath as numpy_core
+    numpy_core = import_module("numpy.core._multiarray_umath")
 
 # What NumPy has special code for, and this processor can; and of that what is as wide as 512 bits.
 FEATURES = [name for name in numpy_core.__cpu_dispatch__ if numpy_core.__cpu_features__.get(name)]

@@ -32,7 +32,9 @@ class Filled(Device):
 
 @pytest.fixture(scope="module")
 def filled() -> Filled:
-    return Filled.open()
+    device = Filled.open()
+    assert isinstance(device, Filled)
+    return device
 
 
 def results_with(filled: Filled, byte: int, case, kind: str) -> list[np.ndarray]:

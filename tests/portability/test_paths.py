@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path, PureWindowsPath
+from typing import Any
 
 import pytest
 
@@ -29,13 +30,15 @@ def valid_on_windows(path: str) -> bool:
 @pytest.mark.parametrize("file", [r"C:\my packers\mine.py", r"C:\a[1]\mine.py", r"..\mine.py", "/home/a[b]/mine.py"])
 def test_a_method_in_a_file_is_told_from_its_parameters(file: str, values: str | None):
     spec = f"{file}:Mine" + ("" if values is None else f"[{values}]")
-    assert SPEC.fullmatch(spec).groups() == (f"{file}:Mine", None, values)
+    assert (match := SPEC.fullmatch(spec))
+    assert match.groups() == (f"{file}:Mine", None, values)
 
 
 def test_a_packer_in_a_folder_with_brackets_is_found(tmp_path: Path):
     file = tmp_path / "packers [1]" / "mine.py"
     file.parent.mkdir()
     file.write_text(OWN.format("mine"), encoding="utf-8")
+    packer: Any  # of a class that only the file has
     (packer,) = load_packer(f"{file}:Mine[superblock=256]")
     assert (packer.name, packer.superblock) == ("mine", 256)
     with pytest.raises(ValueError, match=r"mine\.py is a file: name the packer's class in it"):

@@ -40,7 +40,7 @@ def others() -> list[str]:
 BENCH = (sys.executable, "-m", "shading_atlas_bench.harness.cli.main")
 
 
-def frames(out: Path, method: str, *, work: Path = ROOT, wrap: tuple[str, ...] = (), **environment: str) -> list[dict]:
+def frames(out: Path, method: str, work: Path = ROOT, wrap: tuple[str, ...] = (), /, **environment: str) -> list[dict]:
     """What frames.csv says of a small run in a process of its own, without what may vary."""
     done = subprocess.run(
         [*wrap, *BENCH, "run", "--method", method, *SMALL, "--out", str(out)],
@@ -106,7 +106,8 @@ def test_the_oldest_processor_measures_the_same(plain, tmp_path):
     found = frames(
         tmp_path / "run",
         "all",
-        wrap=("taskset", "-c", str(min(os.sched_getaffinity(0)))),
+        ROOT,
+        ("taskset", "-c", str(min(os.sched_getaffinity(0)))),
         **PROCESSORS["oldest"],
         **caches(tmp_path / "cache"),
         POCL_MAX_PTHREAD_COUNT="8",
@@ -119,7 +120,7 @@ def test_the_oldest_processor_measures_the_same(plain, tmp_path):
 
 def test_one_thread_in_a_deep_working_folder_changes_nothing(plain, tmp_path):
     (tmp_path / DEEP).mkdir(parents=True)
-    found = frames(tmp_path / "run", "tss", work=tmp_path / DEEP, POCL_MAX_PTHREAD_COUNT="1")
+    found = frames(tmp_path / "run", "tss", tmp_path / DEEP, POCL_MAX_PTHREAD_COUNT="1")
     assert_same(found, plain)
 
 

@@ -28,7 +28,8 @@ def opens_text(call: ast.Call) -> bool:
             return any(map(is_text_mode, call.args[:1]))  # bytes unless said otherwise
         case ast.Attribute(attr="open", value=place):
             if call.args:
-                return is_text_mode(call.args[0]) and set(call.args[0].value) <= set("rwax+t")
+                mode = call.args[0]
+                return is_text_mode(mode) and set(ast.literal_eval(mode)) <= set("rwax+t")
             return isinstance(place, ast.BinOp) or any(word.arg == "newline" for word in call.keywords)
     return False
 

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 
@@ -64,8 +65,7 @@ def scene_hashes(name: str, detail: int | None) -> Iterator[tuple[str, str]]:
         yield f"{label} found walk", make_path(bare, "walk", seed=1).hash
         standing = decide(replace(bare, cameras=[]))
         yield f"{label} found viewpoint", digest(standing.place, standing.reason, standing.camera)
-        path = make_path(scene, "walk")
-        yield f"{label} host", digest(*host_values(scene, path))
+        yield f"{label} host", digest(*host_values(scene, make_path(scene, "walk")))
 
 
 def host_values(scene: Scene, path: CameraPath) -> Iterator[object]:
@@ -84,7 +84,7 @@ def host_values(scene: Scene, path: CameraPath) -> Iterator[object]:
         yield from (camera.eye, camera.rows, camera.project(scene.positions[::97]))
         yield from (camera_floats(view.view, view.projection, view.width, view.height),)
         yield pack_views([(view.view, view.projection, view.width)], 0.7)
-    casters = SimpleNamespace(host_positions=scene.positions, host_indices=scene.indices)
+    casters: Any = SimpleNamespace(host_positions=scene.positions, host_indices=scene.indices)
     for light in scene.lights:
         yield shadow_camera(light, casters, poses[0].position, scene.metres_per_unit).row(0)
     yield light_rows(scene.lights, scene.metres_per_unit)
@@ -102,11 +102,16 @@ def table_hashes() -> Iterator[tuple[str, str]]:
     spread = np.outer(np.arange(1, 12), np.arange(3, 14)) % 7 / 3
     yield "IW-SSIM", digest(*decorrelation((spread[:, None] * spread).sum(axis=2)))
     yield "SSIM and PSNR", digest(window(), *(psnr(error) for error in np.linspace(0.1, 900, 50)))
-    yield "environment map", digest(environment_map(lambda direction: 1.0 * (direction[:, ::-1] > 0.3)))
+    yield "environment map", digest(environment_map(lambda direction: (direction[:, ::-1] > 0.3).astype(np.float64)))
     heights = HeightBins(777.0)
     yield "SnakeBinning", digest(edge_table(), heights.scale, heights.tops())
     rates: list[float] = []
-    BudgetedRate().meet(70_000, lambda rate: rates.append(rate) or int(1e6 * rate * rate + 3e4 * rate))
+
+    def count(rate: float) -> int:
+        rates.append(rate)
+        return int(1e6 * rate * rate + 3e4 * rate)
+
+    BudgetedRate().meet(70_000, count)
     yield "rates", digest(rates)
     yield "sRGB", digest(srgb_to_linear(np.arange(256) / 255))
 
@@ -124,12 +129,15 @@ def file_hashes() -> Iterator[tuple[str, str]]:
         ],
         cameras=[{"type": "perspective", "perspective": {"yfov": 0.9, "znear": 0.1}}],
     )
-    weights = {"JOINTS_0": np.zeros((4, 4), np.uint8), "WEIGHTS_0": np.tile(np.float32([0.7, 0.1, 0.1, 0.1]), (4, 1))}
+    weights: dict[str, np.ndarray] = {
+        "JOINTS_0": np.zeros((4, 4), np.uint8),
+        "WEIGHTS_0": np.tile(np.array([0.7, 0.1, 0.1, 0.1], np.float32), (4, 1)),
+    }
     glb.json["meshes"] = [{"primitives": [glb.square()]}, {"primitives": [glb.square(**weights)]}]
     bind = np.linspace(-0.4, 0.9, 16, dtype=np.float32).reshape(1, 4, 4)
     glb.json["skins"] = [{"joints": [4], "inverseBindMatrices": glb.accessor(bind)}]
-    times = np.float32([0, 0.4, 1.1])
-    turns = np.float32([turn, [0, 0, 0, 1], [0.5, 0.5, 0.5, 0.5]])
+    times = np.array([0, 0.4, 1.1], np.float32)
+    turns = np.array([turn, [0, 0, 0, 1], [0.5, 0.5, 0.5, 0.5]], np.float32)
     keys = {"input": glb.accessor(times), "output": glb.accessor(turns)}
     glb.json["animations"] = [
         {"channels": [{"sampler": 0, "target": {"node": 3, "path": "rotation"}}], "samplers": [keys]}

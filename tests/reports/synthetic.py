@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -16,7 +17,10 @@ METHODS = {  # name to variant, milliseconds per frame, error
     "sas": ("max_block=256,reuse=true,superblock=256", 11.0, 0.061),
     "bins": ("alpha=0.5,levels=6", 7.5, 0.082),
 }
-PLAN = {"settings": {"scene": "hall", "frames": FRAMES, "crf": [5, 10, 25, 35], "seed": 0}, "scene_hash": "5ce0e"}
+PLAN: dict[str, Any] = {
+    "settings": {"scene": "hall", "frames": FRAMES, "crf": [5, 10, 25, 35], "seed": 0},
+    "scene_hash": "5ce0e",
+}
 COMMON = {
     "scene": "hall", "scene_hash": "5ce0e", "path": "walk", "path_hash": "9a7b", "frame_rate": 60.0,
     "width": 320, "height": 180, "fov": 60.0, "cell_radius": 0.08, "cell_fov": 80.0, "latency": 50.0,

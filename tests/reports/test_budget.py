@@ -36,7 +36,9 @@ def test_the_displayed_coding_is_shown_and_lists_have_their_only_one() -> None:
     sas, ppll = budgets(rows, LABELS)
     assert (sas.coding, sas.parts["encode"]) == ("CRF 25", 3.0)
     assert (ppll.coding, ppll.parts["fill"], ppll.total) == ("lossless", None, 28.0)
-    fill = next(trace for trace in budget_figure([sas, ppll])["data"] if trace["name"] == "fill")
+    figure = budget_figure([sas, ppll])
+    assert figure
+    fill = next(trace for trace in figure["data"] if trace["name"] == "fill")
     assert (fill["y"], fill["x"]) == (["sas", "ppll"], [2.0, None])
 
 

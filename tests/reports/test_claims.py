@@ -1,6 +1,7 @@
 """Published claims: the file that comes with the suite, what makes a file unusable, and every rule on planted rows."""
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -67,6 +68,7 @@ cause = "The two were swapped."
 test = "swapped back"
 instead = { sas = "bins", bins = "sas" }
 """
+NO_ROWS: dict[str, RunRows] = {}
 VARIANTS = {"grid": ("grid", "cell=8"), "sas": ("sas", "max_block=256,reuse=true,superblock=256"),
             "bins": ("bins", "alpha=0.5,levels=6")}  # fmt: skip
 
@@ -118,7 +120,8 @@ def test_the_claims_of_the_suite_cover_every_paper_method_and_kind():
     ],
 )
 def test_an_unusable_file_is_refused_with_a_sentence(tmp_path: Path, old: str, new: str, sentence: str):
-    assert read(tmp_path, HEAD + CLAIM).claims[0].rule.text == "below 1"
+    assert (rule := read(tmp_path, HEAD + CLAIM).claims[0].rule)
+    assert rule.text == "below 1"
     text = (HEAD + CLAIM).replace(old, new, 1)
     assert text != HEAD + CLAIM
     with pytest.raises(ClaimsError) as caught:
@@ -175,8 +178,9 @@ def test_two_claims_of_one_id_and_unknown_ids_are_refused(tmp_path: Path):
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, RunRows]:
     """Two runs of twelve planted frames, the second at thrice the time, and one of three frames."""
+    planted: dict[str, dict[str, Any]] = {"one": {}, "two": {"slower": 3.0}, "short": {"frames": 3}}
     found = {}
-    for name, options in {"one": {}, "two": {"slower": 3.0}, "short": {"frames": 3}}.items():
+    for name, options in planted.items():
         folder = tmp_path_factory.mktemp(name)
         make_store(folder, **options)
         found[name] = RunRows.read(folder)
@@ -282,10 +286,10 @@ def test_statistics_stages_and_tables_of_an_experiment_are_read(tmp_path: Path, 
 
 
 def test_runs_that_are_missing_and_claims_out_of_reach_are_rows_with_a_reason(tmp_path: Path):
-    (judged,) = judge_all(read(tmp_path, HEAD + CLAIM).claims, dict().__getitem__, {"one": "no such scene."}, VARIANTS)
+    (judged,) = judge_all(read(tmp_path, HEAD + CLAIM).claims, NO_ROWS.__getitem__, {"one": "no such scene."}, VARIANTS)
     assert (judged.verdict, judged.reason) == (NOT_MEASURED, "no such scene.")
     text = CLAIM[: CLAIM.index("runs =")] + 'not_measurable = "It takes a GPU."\n'
-    (judged,) = judge_all(read(tmp_path, HEAD + text).claims, dict().__getitem__, {}, {})
+    (judged,) = judge_all(read(tmp_path, HEAD + text).claims, NO_ROWS.__getitem__, {}, {})
     assert (judged.verdict, judged.reason) == (NOT_MEASURABLE, "It takes a GPU.")
     assert as_row(judged)["measured"] is None
 

@@ -86,7 +86,8 @@ def test_resets_are_told_from_the_first_twelve_frames(tmp_path: Path):
 
 
 def test_methods_off_their_equal_samples_are_named(tmp_path: Path):
-    cells = [{"folder": "cells/a", "method": name, "variant": "", "varied": {}} for name in ("sas", "snakebinning")]
+    same: dict[str, Any] = {"folder": "cells/a", "variant": "", "varied": {}}
+    cells = [same | {"method": name} for name in ("sas", "snakebinning")]
     (tmp_path / "sweep.json").write_text(json.dumps({"cells": cells}), encoding="utf-8")
     with Store(tmp_path / "cells" / "a") as store:
         for method, samples in (("sas", 58_000), ("snakebinning", 86_400), ("tss", 49_000)):

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -47,12 +48,12 @@ PART = Part(
 )
 PARTS = {"rows": PART, "whole": Part(("name",), (Column("says", ("{says}",)),))}
 SOURCE = Source("planted", ("bench run",), lambda folders: {}, PARTS)
-ROWS = [
+ROWS: list[dict[str, Any]] = [
     {"scene": "hall", "method": "sas", "ms": 12.4, "low": 11.0, "high": 14.0, "flip": 0.0524},
     {"scene": "village", "method": "sas", "ms": 20.0, "low": None, "high": None, "flip": None},
     {"scene": "village", "method": "tss", "ms": None, "low": None, "high": None, "flip": 0.1},
 ]
-WHOLE = [{"name": "winner", "says": "sas from 12 ms on", "machine": True}]
+WHOLE: list[dict[str, Any]] = [{"name": "winner", "says": "sas from 12 ms on", "machine": True}]
 TEXT = """# A document
 
 <!-- table planted -->

@@ -10,6 +10,7 @@ from shading_atlas_bench.scenes.model import Scene
 def assert_sound(scene: Scene) -> None:
     """Arrays fit together, are finite, and no triangle is without area."""
     vertices = len(scene.positions)
+    assert scene.tangents is not None
     for array, shape, dtype in (
         (scene.positions, (vertices, 3), np.float32),
         (scene.normals, (vertices, 3), np.float32),

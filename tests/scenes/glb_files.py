@@ -10,8 +10,8 @@ import numpy as np
 
 _COMPONENTS = {"i1": 5120, "i2": 5122, "u1": 5121, "u2": 5123, "u4": 5125, "f4": 5126}
 
-SQUARE = np.float32([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
-SQUARE_INDICES = np.uint16([0, 1, 2, 0, 2, 3])
+SQUARE = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]], np.float32)
+SQUARE_INDICES = np.array([0, 1, 2, 0, 2, 3], np.uint16)
 
 
 class Glb:

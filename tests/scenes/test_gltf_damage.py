@@ -31,14 +31,14 @@ def full_scene(png: bytes) -> Glb:
     glb = square_scene({"mesh": 0}, {"mesh": 0, "skin": 0}, {"camera": 0}, {"extensions": {}})
     glb.json["nodes"][3]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
     primitive = glb.json["meshes"][0]["primitives"][0]
-    attributes = {
+    attributes: dict[str, np.ndarray] = {
         "TEXCOORD_0": SQUARE[:, :2],
         "JOINTS_0": np.zeros((4, 4), np.uint8),
-        "WEIGHTS_0": np.float32([[1, 0, 0, 0]] * 4),
+        "WEIGHTS_0": np.array([[1, 0, 0, 0]] * 4, np.float32),
     }
     primitive["attributes"] |= {name: glb.accessor(values) for name, values in attributes.items()}
     primitive["material"] = 0
-    times, turns = glb.accessor(np.float32([0, 1])), glb.accessor(np.float32([[0, 0, 0, 1]] * 2))
+    times, turns = glb.accessor(np.array([0, 1], np.float32)), glb.accessor(np.array([[0, 0, 0, 1]] * 2, np.float32))
     channel = {"sampler": 0, "target": {"node": 2, "path": "rotation"}}
     glb.json |= {
         "scenes": [{"nodes": [0, 1, 2, 3]}],
@@ -213,9 +213,9 @@ def test_attributes_of_the_wrong_kind_are_refused_by_name(tmp_path, name, values
 @pytest.mark.parametrize(
     ("indices", "words"),
     [
-        (np.float32([0, 1.5, 2]), "indices has entries of float32, not unsigned integers"),
-        (np.int16([0, 1, -1]), "int16"),
-        (np.uint16([[0, 1, 2]]), "indices has entries of type VEC3, not SCALAR"),
+        (np.array([0, 1.5, 2], np.float32), "indices has entries of float32, not unsigned integers"),
+        (np.array([0, 1, -1], np.int16), "int16"),
+        (np.array([[0, 1, 2]], np.uint16), "indices has entries of type VEC3, not SCALAR"),
     ],
 )
 def test_indices_are_unsigned_integers(tmp_path, indices, words):
@@ -243,7 +243,7 @@ def test_one_entry_does_not_stand_for_many(tmp_path):
 
 def test_colours_that_are_not_marked_as_normalised_are_read_as_if_they_were(tmp_path):
     glb = square_scene()
-    colours = glb.accessor(np.uint8([[255, 0, 51, 255]] * 4))
+    colours = glb.accessor(np.array([[255, 0, 51, 255]] * 4, np.uint8))
     glb.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colours
     scene = loaded(tmp_path, glb)
     assert scene.colours[0] == pytest.approx([1, 0, 0.2, 1])
@@ -258,9 +258,9 @@ def test_morph_targets_move_colours_coordinates_and_tangents(tmp_path, png):
     primitive = glb.json["meshes"][0]["primitives"][0]
     own = {"COLOR_0": [1, 1, 1, 1], "TANGENT": [1, 0, 0, -1]}
     moved = {"COLOR_0": [0.5, -0.5, -4], "TANGENT": [-2, 2, 0], "TEXCOORD_0": [0.5, 0.25], "COLOR_2": [1, 1, 1]}
-    store = {name: glb.accessor(np.float32([value] * 4)) for name, value in own.items()}
+    store = {name: glb.accessor(np.array([value] * 4, np.float32)) for name, value in own.items()}
     primitive["attributes"] |= store
-    primitive["targets"] = [{name: glb.accessor(np.float32([value] * 4)) for name, value in moved.items()}]
+    primitive["targets"] = [{name: glb.accessor(np.array([value] * 4, np.float32)) for name, value in moved.items()}]
     glb.json["meshes"][0]["weights"] = [0.5]
     scene = loaded(tmp_path, glb)
     assert scene.colours == pytest.approx(np.tile([1, 0.75, 0, 1], (8, 1)))

@@ -62,6 +62,7 @@ def jpeg_of(folder, texels: np.ndarray, **attributes: object) -> bytes:
     for name, value in attributes.items():
         spec.attribute(name.replace("_", ":"), value)
     output = OpenImageIO.ImageOutput.create(str(folder / "a.jpg"))
+    assert output
     output.open(str(folder / "a.jpg"), spec)
     output.write_image(texels)
     output.close()

@@ -3,6 +3,7 @@
 import dataclasses
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
+from typing import Any
 
 import numpy as np
 import pytest
@@ -45,7 +46,7 @@ def test_cached_scenes_are_the_same_and_mapped(tmp_path, png):
 def test_every_field_of_a_scene_is_kept(tmp_path):
     scene = load_scene(square_scene().write(tmp_path / "a.glb"))
     animation = CameraAnimation("flight", np.arange(2.0), np.ones((2, 3)), np.ones((2, 4)))
-    array_fields = {"route": np.arange(6.0).reshape(2, 3), "tangents": np.ones((4, 4), np.float32)}
+    array_fields: dict[str, Any] = {"route": np.arange(6.0).reshape(2, 3), "tangents": np.ones((4, 4), np.float32)}
     array_fields["further_uvs"] = np.ones((2, 4, 2), np.float32)
     camera = Camera((1.0, 2.0, 3.0), (0.0, 0.0, -1.0), name="eye")
     whole = dataclasses.replace(scene, **array_fields, animations=[animation], cameras=[camera], place=False)

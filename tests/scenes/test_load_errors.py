@@ -17,10 +17,10 @@ OFF = b"OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n"
 PLY = (
     b"ply\nformat binary_little_endian 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n"
     b"element face 1\nproperty list uchar int vertex_indices\nend_header\n"
-    + np.float32([0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes()
+    + np.array([0, 0, 0, 1, 0, 0, 0, 1, 0], np.float32).tobytes()
     + struct.pack("<B3i", 3, 0, 1, 2)
 )
-STL = b"\0" * 80 + struct.pack("<I", 1) + np.float32([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes() + b"\0\0"
+STL = b"\0" * 80 + struct.pack("<I", 1) + np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], np.float32).tobytes() + b"\0\0"
 TEXT_PLY = (
     b"ply\nformat ascii 1.0\ncomment TextureFile a.png\nelement vertex 4\nproperty float x\nproperty float y\n"
     b"property float z\nproperty uchar red\nproperty uchar green\nproperty uchar blue\nelement face 2\n"

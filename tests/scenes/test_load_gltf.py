@@ -37,9 +37,9 @@ def test_large_offsets_keep_precision(tmp_path):
 def test_gpu_instancing_is_expanded(tmp_path):
     glb = square_scene({})
     attributes = {
-        "TRANSLATION": glb.accessor(np.float32([[0, 0, 0], [5, 0, 0], [0, 0, 7]])),
-        "ROTATION": glb.accessor(np.float32([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 1]])),
-        "SCALE": glb.accessor(np.float32([[1, 1, 1], [1, 1, 1], [3, 3, 3]])),
+        "TRANSLATION": glb.accessor(np.array([[0, 0, 0], [5, 0, 0], [0, 0, 7]], np.float32)),
+        "ROTATION": glb.accessor(np.array([[0, 0, 0, 1], [0, 1, 0, 0], [0, 0, 0, 1]], np.float32)),
+        "SCALE": glb.accessor(np.array([[1, 1, 1], [1, 1, 1], [3, 3, 3]], np.float32)),
     }
     glb.json["nodes"] = [{"mesh": 0, "extensions": {"EXT_mesh_gpu_instancing": {"attributes": attributes}}}]
     scene = load_scene(glb.write(tmp_path / "a.glb"))
@@ -51,19 +51,19 @@ def test_gpu_instancing_is_expanded(tmp_path):
 def test_skin_at_rest_ignores_the_mesh_node(tmp_path):
     """Joint 1 stands 4 higher than where it was bound, joint 0 where it was: half the square moves up by 4."""
     glb = Glb(nodes=[{"mesh": 0, "skin": 0, "translation": [99, 0, 0]}, {"children": [2]}, {"translation": [0, 5, 0]}])
-    joints = np.uint8([[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]])
-    weights = np.float32([[1, 0, 0, 0]] * 4)
+    joints = np.array([[0, 0, 0, 0], [0, 0, 0, 0], [1, 0, 0, 0], [1, 0, 0, 0]], np.uint8)
+    weights = np.array([[1, 0, 0, 0]] * 4, np.float32)
     glb.json["meshes"] = [{"primitives": [glb.square(JOINTS_0=joints, WEIGHTS_0=weights)]}]
     binds = np.tile(np.eye(4, dtype=np.float32), (2, 1, 1))
     binds[1, 1, 3] = -1
     glb.json["skins"] = [{"joints": [1, 2], "inverseBindMatrices": glb.accessor(binds)}]
     points = world(load_scene(glb.write(tmp_path / "a.glb"))).reshape(-1, 3)
-    assert np.unique(points, axis=0) == pytest.approx(np.float64([[0, 0, 0], [0, 5, 0], [1, 0, 0], [1, 5, 0]]))
+    assert np.unique(points, axis=0) == pytest.approx(np.array([[0.0, 0, 0], [0, 5, 0], [1, 0, 0], [1, 5, 0]]))
 
 
 def test_morph_targets_with_default_weights(tmp_path):
     glb = square_scene()
-    target = {"POSITION": glb.accessor(np.float32([[0, 0, 2]] * 4))}
+    target = {"POSITION": glb.accessor(np.array([[0, 0, 2]] * 4, np.float32))}
     glb.json["meshes"][0]["primitives"][0]["targets"] = [target]
     glb.json["meshes"][0]["weights"] = [0.5]
     assert world(load_scene(glb.write(tmp_path / "a.glb")))[..., 2] == pytest.approx(1)
@@ -71,7 +71,7 @@ def test_morph_targets_with_default_weights(tmp_path):
 
 def test_a_node_s_weights_override_its_mesh_s(tmp_path):
     glb = square_scene({"mesh": 0, "weights": [0.25]}, {"mesh": 0, "translation": [5, 0, 0]})
-    target = {"POSITION": glb.accessor(np.float32([[0, 0, 2]] * 4))}
+    target = {"POSITION": glb.accessor(np.array([[0, 0, 2]] * 4, np.float32))}
     glb.json["meshes"][0]["primitives"][0]["targets"] = [target]
     glb.json["meshes"][0]["weights"] = [1.0]
     points = world(load_scene(glb.write(tmp_path / "a.glb"))).reshape(-1, 3)
@@ -106,7 +106,7 @@ def test_whole_numbers_as_coordinates_and_colours(tmp_path, png, kind, largest):
 def test_strips_and_fans(tmp_path, mode, order):
     glb = square_scene()
     primitive = glb.json["meshes"][0]["primitives"][0]
-    primitive |= {"mode": mode, "indices": glb.accessor(np.uint16(order))}
+    primitive |= {"mode": mode, "indices": glb.accessor(np.array(order, np.uint16))}
     assert facing(load_scene(glb.write(tmp_path / "a.glb"))) == pytest.approx(np.tile([0, 0, 1], (2, 1)))
 
 
@@ -114,11 +114,11 @@ def test_sparse_and_normalised_accessors(tmp_path):
     glb = square_scene()
     sparse = {
         "count": 1,
-        "indices": {"bufferView": glb.view(np.uint16([2]).tobytes()), "componentType": 5123},
-        "values": {"bufferView": glb.view(np.float32([1, 3, 0]).tobytes())},
+        "indices": {"bufferView": glb.view(np.array([2], np.uint16).tobytes()), "componentType": 5123},
+        "values": {"bufferView": glb.view(np.array([1, 3, 0], np.float32).tobytes())},
     }
     glb.json["accessors"][0]["sparse"] = sparse
-    colours = glb.accessor(np.uint8([[255, 0, 51, 255]] * 4), normalized=True)
+    colours = glb.accessor(np.array([[255, 0, 51, 255]] * 4, np.uint8), normalized=True)
     glb.json["meshes"][0]["primitives"][0]["attributes"]["COLOR_0"] = colours
     scene = load_scene(glb.write(tmp_path / "a.glb"))
     assert world(scene)[..., 1].max() == 3
@@ -136,7 +136,7 @@ def test_materials_wrap_modes_and_second_uv_set(tmp_path, png):
     glb.json["materials"] = [
         {**entry, "extensions": glass, "emissiveFactor": [0, 2, 0], "emissiveTexture": {"index": 0}}
     ]
-    uvs = {"TEXCOORD_0": np.float32([[9, 9]] * 4), "TEXCOORD_1": SQUARE[:, :2]}
+    uvs = {"TEXCOORD_0": np.array([[9, 9]] * 4, np.float32), "TEXCOORD_1": SQUARE[:, :2]}
     glb.json["meshes"] = [{"primitives": [{**glb.square(**uvs), "material": 0}]}]
     scene = load_scene(glb.write(tmp_path / "a.glb"))
     material, texture = scene.materials[0], scene.textures[0]
@@ -165,7 +165,7 @@ def test_every_texture_has_its_own_set_and_transform(tmp_path, png):
             "occlusionTexture": {"index": 0, "texCoord": 1, "strength": 0.25},
         }
     ]
-    first, second = SQUARE[:, :2], np.float32([[0, 1], [1, 1], [1, 0], [0, 0]])
+    first, second = SQUARE[:, :2], np.array([[0, 1], [1, 1], [1, 0], [0, 0]], np.float32)
     primitive = {**glb.square(TEXCOORD_0=first, TEXCOORD_1=second), "material": 0}
     glb.json["meshes"] = [{"primitives": [primitive]}]
     scene = load_scene(glb.write(tmp_path / "a.glb"))
@@ -173,6 +173,7 @@ def test_every_texture_has_its_own_set_and_transform(tmp_path, png):
     assert [material.uv_of(slot) for slot in ("base", "surface", "normal", "occlusion", "emissive")] == [0, 0, 2, 2, 1]
     assert (material.occlusion_strength, material.metallic, material.roughness) == (0.25, 1.0, 1.0)
     assert scene.uvs == pytest.approx(first)
+    assert scene.further_uvs is not None
     assert scene.further_uvs[1] == pytest.approx(second)
     turned = np.stack([second[:, 1], -second[:, 0]], axis=1)  # (u, v) by the matrix of the extension's text
     assert scene.further_uvs[0] == pytest.approx(turned, abs=1e-6)
@@ -247,9 +248,9 @@ def test_cameras_and_their_animation(tmp_path):
     half = np.sqrt(0.5)
     glb = square_scene({"mesh": 0}, {"translation": [0.5, 0.5, 4], "camera": 0})
     glb.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1.0, "aspectRatio": 1.5, "znear": 0.1}}]
-    times = glb.accessor(np.float32([0, 2]))
-    moves = glb.accessor(np.float32([[0, 0, 0], [0, 8, 0]]))
-    turns = glb.accessor(np.float32([[0, 0, 0, 1], [0, half, 0, half]]))
+    times = glb.accessor(np.array([0, 2], np.float32))
+    moves = glb.accessor(np.array([[0, 0, 0], [0, 8, 0]], np.float32))
+    turns = glb.accessor(np.array([[0, 0, 0, 1], [0, half, 0, half]], np.float32))
     samplers = [{"input": times, "output": moves}, {"input": times, "output": turns}]
     channels = [
         {"sampler": 0, "target": {"node": 1, "path": "translation"}},
@@ -331,8 +332,8 @@ def test_required_extensions_that_are_read(tmp_path):
     """Quantised corners; a scale in the node brings them back, as exporters have it."""
     required = ["KHR_mesh_quantization", "EXT_texture_webp", "KHR_texture_transform", "KHR_materials_unlit"]
     glb = Glb(nodes=[{"mesh": 0, "scale": [0.01] * 3}], extensionsRequired=required, extensionsUsed=required)
-    attributes = {"POSITION": glb.accessor(np.int16(SQUARE * 100)), "NORMAL": None}
-    attributes["NORMAL"] = glb.accessor(np.int8([[0, 0, 127]] * 4), normalized=True)
+    attributes = {"POSITION": glb.accessor(np.array(SQUARE * 100, np.int16))}
+    attributes["NORMAL"] = glb.accessor(np.array([[0, 0, 127]] * 4, np.int8), normalized=True)
     glb.json["meshes"] = [{"primitives": [{"attributes": attributes, "indices": glb.accessor(SQUARE_INDICES)}]}]
     scene = load_scene(glb.write(tmp_path / "a.glb"))
     assert world(scene).max(axis=(0, 1)) == pytest.approx([1, 1, 0])
@@ -360,8 +361,8 @@ def test_a_surface_of_no_area_is_refused(tmp_path):
 
 def test_bad_vertices_and_indices_are_dropped_and_counted(tmp_path):
     glb = Glb(nodes=[{"mesh": 0}])
-    points = np.concatenate([SQUARE, np.float32([[np.nan, 0, 0], [0, np.inf, 0], [1e38, 0, 0]])])
-    extra = np.uint16([0, 1, 4, 0, 1, 5, 0, 1, 6, 0, 1, 99, 0, 0, 1, 1, 1, 1])
+    points = np.concatenate([SQUARE, np.array([[np.nan, 0, 0], [0, np.inf, 0], [1e38, 0, 0]], np.float32)])
+    extra = np.array([0, 1, 4, 0, 1, 5, 0, 1, 6, 0, 1, 99, 0, 0, 1, 1, 1, 1], np.uint16)
     attributes = {"POSITION": glb.accessor(points)}
     indices = glb.accessor(np.concatenate([SQUARE_INDICES, extra]))
     glb.json["meshes"] = [{"primitives": [{"attributes": attributes, "indices": indices}]}]

@@ -371,8 +371,8 @@ def test_ply_colours_and_opacity_each_of_their_own_type(tmp_path, kinds, values,
 @pytest.mark.parametrize("kind", ["ascii", "binary_little_endian"])
 def test_ply_elements_without_properties_take_no_time_and_false_counts_are_refused(tmp_path, kind):
     text = ply(XYZ, CORNERS)
-    header, body = text.split("end_header\n")
-    body = body.encode() if kind == "ascii" else struct.pack("<9fB3i", *map(float, CORNERS.split()), 3, 0, 1, 2)
+    header, rows = text.split("end_header\n")
+    body = rows.encode() if kind == "ascii" else struct.pack("<9fB3i", *map(float, CORNERS.split()), 3, 0, 1, 2)
     header = header.replace("ascii", kind)
     for where in ("element vertex", "element face"):
         more = header.replace(where, f"element foo 2000000000\n{where}")
@@ -568,7 +568,7 @@ FACET = "facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 
 
 
 def test_stl_attributes_are_named(tmp_path):
-    triangle = np.float32([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes()
+    triangle = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], np.float32).tobytes()
     scene = load(tmp_path / "a.stl", bytes(80) + struct.pack("<I", 2) + triangle + b"\xff\x80" + triangle + b"\0\0")
     assert scene.triangle_count == 2
     assert "Triangles with a colour in the STL file's attributes, left out: 1." in scene.notes
@@ -585,7 +585,8 @@ def test_stl_attributes_are_named(tmp_path):
 )
 @pytest.mark.parametrize("name", [b"solid x", b"COLOR="])
 def test_stl_bytes_of_another_number_than_their_count_tells(tmp_path, name, count, size, words):
-    data = name.ljust(80, b"\0") + struct.pack("<I", count) + np.float32([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0]).tobytes()
+    triangle = np.array([0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0], np.float32).tobytes()
+    data = name.ljust(80, b"\0") + struct.pack("<I", count) + triangle
     with pytest.raises(SceneError, match=words):
         load(tmp_path / "a.stl", data.ljust(size, b"\0")[:size])
 

@@ -192,7 +192,7 @@ def test_text_file(tmp_path: Path) -> None:
     scene.origin = np.array([1.0, 0, 0])
     path = make_path(scene, str(file))
     assert (path.name, path.frames) == ("mine", 2)
-    assert np.allclose(path.positions, [[0, 2, 3], [0.1, 2, 3]])
+    assert np.allclose(path.positions, [[0.0, 2, 3], [0.1, 2, 3]])
     assert np.array_equal(path.orientations, [[0, 0, 0, 1]] * 2)
     assert np.allclose(path.pose_at(33.0)[0], [0.2, 2, 3])
 

@@ -118,6 +118,7 @@ def test_a_place_is_stood_in(name: str) -> None:
     scene = PLACES[name]()
     standing = decide(scene)
     assert standing.place, standing.reason
+    assert standing.camera
     eye, way = np.array(standing.camera.position), np.array(standing.camera.direction)
     down, _ = nearest(scene, eye, np.array([0.0, -1, 0]))
     assert down == pytest.approx(1.6, abs=0.05)
@@ -137,6 +138,7 @@ def _height(scene: Scene) -> float:
     """Of the eyes that stand in a place, in the scene's units."""
     standing = decide(scene)
     assert standing.place, standing.reason
+    assert standing.camera
     return standing.camera.position[1]
 
 
@@ -180,12 +182,15 @@ def test_a_unit_changes_nothing_but_numbers(unit: float) -> None:
     other = replace(scene, positions=scene.positions / np.float32(unit), metres_per_unit=unit)
     here, there = decide(scene), decide(other)
     assert (here.place, here.reason) == (there.place, there.reason)
+    assert here.camera
+    assert there.camera
     assert np.array(there.camera.position) * unit == pytest.approx(np.array(here.camera.position), abs=0.3)
 
 
 def test_a_camera_decides_alone() -> None:
     room, statue = _closed_room(), OBJECTS["statue on wide ground"]()
     camera = decide(room).camera
+    assert camera
     assert decide(replace(statue, cameras=[replace(camera, position=(9.0, 1.0, 9.0))])).place
     far = replace(camera, position=(0.0, 90.0, 0.0))
     assert not decide(replace(room, cameras=[far])).place

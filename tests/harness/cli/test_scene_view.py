@@ -52,5 +52,9 @@ def test_a_picture_fits_the_terminal() -> None:
     for columns, width in ((60, 60), (50, 48), (300, 240)):
         rows = "".join(segment.text for segment in half_blocks(rgb, columns).segments).splitlines()
         assert {len(row) for row in rows} == {width}
-    first, last = half_blocks(rgb, 60).segments[0], half_blocks(rgb, 60).segments[-2]
-    assert (first.style.color.triplet, last.style.bgcolor.triplet) == ((200, 200, 200), (0, 0, 0))
+    first, last = half_blocks(rgb, 60).segments[0].style, half_blocks(rgb, 60).segments[-2].style
+    assert first
+    assert first.color
+    assert last
+    assert last.bgcolor
+    assert (first.color.triplet, last.bgcolor.triplet) == ((200, 200, 200), (0, 0, 0))

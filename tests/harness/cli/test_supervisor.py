@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from shading_atlas_bench.harness.cli import supervisor
-from shading_atlas_bench.harness.cli.supervisor import Supervisor, ended_by, overdue_steps
+from shading_atlas_bench.harness.cli.supervisor import Supervisor
+from shading_atlas_bench.harness.watch.ends import ended_by, overdue_steps
 from shading_atlas_bench.kernels.journal import Journal, read_journal
 from shading_atlas_bench.kernels.runtime.builtins_library import installed_package
 from shading_atlas_bench.kernels.runtime.vendors import mirror
@@ -129,6 +130,12 @@ def test_a_compiler_that_dies_is_passed_over_from_then_on(unfit: Path, tmp_path:
     assert "Used instead: " in done.stderr
 
 
+def journal_of(folder: Path) -> dict:
+    state = read_journal(folder / "journal")
+    assert state is not None
+    return state
+
+
 def journal_state(folder: Path, *, building: dict | None = None, ended: dict | None = None) -> dict:
     """What a process leaves that was at this."""
     journal = Journal(folder / "journal")
@@ -136,8 +143,8 @@ def journal_state(folder: Path, *, building: dict | None = None, ended: dict | N
     with journal.step("frame 1: m", 60, ended):
         if building:
             with journal.building(**building):
-                return read_journal(folder / "journal")
-        return read_journal(folder / "journal")
+                return journal_of(folder)
+        return journal_of(folder)
 
 
 @pytest.fixture
@@ -209,7 +216,7 @@ def test_half_a_journal_is_none(tmp_path):
     journal = Journal(tmp_path / "journal")
     journal.note(again=["--out", "x" * 1000])
     content = (tmp_path / "journal").read_bytes()
-    assert read_journal(tmp_path / "journal")["again"][1] == "x" * 1000
+    assert journal_of(tmp_path)["again"][1] == "x" * 1000
     for damaged in (content[:-1], content[:5], b"", content.replace(b"xx", b"xy", 1)):
         (tmp_path / "journal").write_bytes(damaged)
         assert read_journal(tmp_path / "journal") is None
@@ -220,7 +227,7 @@ def test_a_shorter_state_leaves_nothing_of_the_longer_one(tmp_path):
     journal = Journal(tmp_path / "journal")
     journal.note(again=["x" * 1000])
     journal.note(again=["y"])
-    assert read_journal(tmp_path / "journal")["again"] == ["y"]
+    assert journal_of(tmp_path)["again"] == ["y"]
 
 
 @pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="asks Linux for the children of a process")

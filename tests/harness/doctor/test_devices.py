@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -57,7 +58,7 @@ device_worker.main()
 def fake(name: str, key: str, refused: str | None = None) -> FoundDevice:
     """A device that is only looked at."""
     platform = SimpleNamespace(name="A platform", version="OpenCL 3.0 of a rather long version")
-    device = SimpleNamespace(name=name, platform=platform)
+    device: Any = SimpleNamespace(name=name, platform=platform)
 
     class Fake(FoundDevice):
         def refused(self) -> str | None:
@@ -177,6 +178,7 @@ def test_an_error_of_four_bounds_is_caught(device, name, kind):
     case = small(name)
     finding = examine_case(device, case, kind)
     assert finding.wrong is None
+    assert finding.over is not None
     assert 0 <= finding.over <= 1
     assert set(case.costs) <= set(finding.kernels)
     assert (finding.milliseconds is not None) == (kind == "typical")
@@ -189,6 +191,8 @@ def test_an_error_of_four_bounds_is_caught(device, name, kind):
         return found
 
     finding = examine_case(device, planted(case, off), kind)
+    assert finding.over is not None
+    assert finding.wrong
     assert finding.over > 2
     assert "ulp of the largest value; the bound is" in finding.wrong
 
@@ -198,6 +202,7 @@ def test_a_whole_number_too_many_is_caught(device):
         device, planted(small("common/scan"), lambda r: r.found + (r.found == r.found[-1])), "typical"
     )
     assert finding.over == np.inf
+    assert finding.wrong
     assert "whole values differ" in finding.wrong
 
 
@@ -216,6 +221,7 @@ def test_a_case_that_raises_is_a_failure(device):
         raise RuntimeError("first line\nsecond line " + 1000 * "x")
 
     finding = examine_case(device, replace(CASES[SMALL], make=make), "typical")
+    assert finding.wrong
     assert finding.wrong.startswith("first line second line " + 3 * "x")
     assert len(finding.wrong) < 320
     assert finding.over is None

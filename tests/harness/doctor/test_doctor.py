@@ -77,7 +77,7 @@ def test_no_device_at_all(monkeypatch: pytest.MonkeyPatch):
 def test_of_two_pocls_the_newest_is_recorded(monkeypatch: pytest.MonkeyPatch):
     def fake(version: str) -> FoundDevice:
         platform = SimpleNamespace(name=POCL, version=version)
-        device = SimpleNamespace(
+        device: Any = SimpleNamespace(
             name="cpu ", platform=platform, driver_version="x", extensions="cl_khr_fp64", compiler_available=True
         )
         return FoundDevice(device, version)

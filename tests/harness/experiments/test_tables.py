@@ -15,6 +15,7 @@ from shading_atlas_bench.reports.documents.kept import (
     FOLDER,
     Column,
     DocumentError,
+    Kept,
     Part,
     Source,
     read_kept,
@@ -54,8 +55,14 @@ def root(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+def kept_of(name: str, root: Path) -> Kept:
+    kept = read_kept(name, root)
+    assert kept
+    return kept
+
+
 def test_a_table_is_measured_kept_and_written_with_where_it_comes_from(root: Path):
-    kept = read_kept("small", root)
+    kept = kept_of("small", root)
     (row,) = kept.parts["rows"]
     assert row["flip"] > 0
     assert f"| hall | {row['flip']:.4f} | 1.00 |" in (root / "README.md").read_text(encoding="utf-8")
@@ -68,7 +75,7 @@ def test_a_table_is_measured_kept_and_written_with_where_it_comes_from(root: Pat
 
 def test_a_table_without_its_scenes_is_named_and_never_said_to_hold(root: Path, capsys: pytest.CaptureFixture[str]):
     assert read_kept("away", root) is None
-    write_kept("away", read_kept("small", root), root)  # as measured by somebody who has the scene
+    write_kept("away", kept_of("small", root), root)  # as measured by somebody who has the scene
     try:
         tables.write_tables((), run=False, sources=SOURCES, root=root)
         assert tables.check_tables(("away",), False, sources=SOURCES, root=root)
@@ -94,7 +101,7 @@ def test_a_planted_digit_is_found_by_measuring_again(
 ):
     """In the data and in the document, so that only the measurement can tell."""
     monkeypatch.chdir(root)
-    file, before = root / FOLDER / "small.json", read_kept("small", root)
+    file, before = root / FOLDER / "small.json", kept_of("small", root)
     content = json.loads(file.read_text(encoding="utf-8"))
     right = content["parts"]["rows"][0]["flip"]
     content["parts"]["rows"][0]["flip"] = right + 0.0001
@@ -115,15 +122,15 @@ def test_results_that_are_there_are_taken_and_those_of_other_settings_refused(
 ):
     monkeypatch.chdir(root)
     folder = min(root.glob("runs/*-tables-times/00"))  # the first is the one that was kept
-    before = read_kept("times", root)
+    before = kept_of("times", root)
     tables.write_tables(("times",), folder, sources=SOURCES, root=root)
-    taken = read_kept("times", root)
+    taken = kept_of("times", root)
     assert taken.parts == before.parts
     assert taken.about == before.about | {"seconds": None}
     other = replace(TIMES, commands=(COMMAND.replace("128x128", "256x256"),))
     with pytest.raises(InputError, match="ended with exit code 2"):
         tables.write_tables(("times",), folder, sources=SOURCES | {"times": other}, root=root)
-    assert read_kept("times", root).about == taken.about
+    assert kept_of("times", root).about == taken.about
 
 
 def test_unusable_arguments_are_refused_in_a_sentence(root: Path):
@@ -175,4 +182,4 @@ def test_a_command_that_cannot_run_is_said_and_the_others_are_measured(
     said = capsys.readouterr().out
     assert "not measured broken: `bench run --size nonsense` ended with exit code 2" in said
     assert read_kept("broken", root) is None
-    assert read_kept("times", root).about["seconds"] > 0
+    assert kept_of("times", root).about["seconds"] > 0

@@ -60,7 +60,7 @@ def test_the_network_takes_what_its_bandwidth_says(rows: list[dict[str, Any]]) -
 def test_only_coded_planes_are_filled(rows: list[dict[str, Any]]) -> None:
     by_codec = {(row["method"], row["codec"]): row["fill_ms"] for row in rows}
     assert min(by_codec["sas", "h264"], by_codec["sas", "none"]) > 0
-    times = SimpleNamespace(read_ms=1.0, fill_ms=2.0)
+    times: Any = SimpleNamespace(read_ms=1.0, fill_ms=2.0)
     assert [Filled.milliseconds(times, key) for key in (("none", None), ("h264", 25))] == [1.0, 2.0]
 
 

@@ -14,7 +14,11 @@ from shading_atlas_bench.scenes.model import Material, Scene
 def read_png(path: Path) -> np.ndarray:
     import OpenImageIO
 
-    return OpenImageIO.ImageInput.open(str(path)).read_image("uint8")
+    opened = OpenImageIO.ImageInput.open(str(path))
+    assert opened
+    pixels = opened.read_image("uint8")
+    assert pixels is not None
+    return pixels
 
 
 @pytest.fixture

@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -25,7 +26,7 @@ with locked(Path(sys.argv[1])):
 """
 
 
-def python(code: str, *arguments: str, **options: object) -> subprocess.Popen:
+def python(code: str, *arguments: str, **options: Any) -> subprocess.Popen:
     command = [sys.executable, "-c", code, *arguments]
     return subprocess.Popen(command, cwd=ROOT, stdout=subprocess.PIPE, text=True, **options)
 
@@ -67,6 +68,7 @@ def test_the_commit_is_named_and_whether_sources_were_changed_since(tmp_path: Pa
 
 def test_a_folder_in_use_is_refused_until_its_process_ends_however_that_ends(tmp_path: Path):
     holder = python(HOLD, str(tmp_path), stdin=subprocess.PIPE)
+    assert holder.stdout
     assert holder.stdout.readline() == "held\n"
     try:
         with pytest.raises(InputError, match="in use by another bench run"), locked(tmp_path):

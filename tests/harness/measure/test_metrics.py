@@ -49,7 +49,7 @@ def test_identical_pictures(device, metrics):
     ("size", "missing"), [((100, 300), {"iwssim"}), ((10, 200), {"iwssim", "dssim"}), ((1, 1), {"iwssim", "dssim"})]
 )
 def test_pictures_too_small_give_an_empty_value_and_a_reason(device, metrics, size, missing):
-    reference, test = (flat(*size, colour) for colour in ((10, 20, 30), (40, 20, 30)))
+    reference, test = (flat(size[0], size[1], colour) for colour in ((10, 20, 30), (40, 20, 30)))
     metrics.reference(on_device(device, reference))
     values = metrics.compare(on_device(device, test))
     assert {name for name, value in values.items() if value is None} == missing

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import os
+import time
 
 import pytest
 
@@ -17,8 +19,8 @@ def machine(monkeypatch: pytest.MonkeyPatch):
     def be(load: float, *seconds: float) -> list[str]:
         clock = itertools.accumulate(itertools.chain.from_iterable((0.0, each) for each in itertools.cycle(seconds)))
         monkeypatch.setattr(noise, "load", lambda: load)
-        monkeypatch.setattr(noise.os, "cpu_count", lambda: 4)
-        monkeypatch.setattr(noise.time, "perf_counter", lambda: next(clock))
+        monkeypatch.setattr(os, "cpu_count", lambda: 4)
+        monkeypatch.setattr(time, "perf_counter", lambda: next(clock))
         return noise_warnings()
 
     return be

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,8 +29,10 @@ FILE = Path(planted.__file__)
 HONEST = ("sas", "snakebinning", "tss", "ppll", "ppll[mode=full]", "ppll[mode=difference,tolerance=8]",
           "ppll[mode=bilateral]", "ppll[mode=full,nodes=2]",
           "ppll[preblend=true]")  # fmt: skip
-SMALL = {"scene": "hall", "frames": 2, "width": 160, "height": 90, "atlas_width": 256, "atlas_height": 256,
-         "path": "orbit", "codec": "none", "metrics": ("psnr",)}  # fmt: skip
+SMALL: dict[str, Any] = {
+    "scene": "hall", "frames": 2, "width": 160, "height": 90, "atlas_width": 256, "atlas_height": 256,
+    "path": "orbit", "codec": "none", "metrics": ("psnr",),
+}  # fmt: skip
 
 WIDE = SMALL | {"cell_radius": 0.3, "cell_fov": 160, "path": "walk"}
 

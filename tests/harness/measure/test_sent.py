@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from shading_atlas_bench.harness.measure.codecs import EncodedFrame
@@ -15,8 +17,9 @@ def _coded(size: int) -> EncodedFrame:
 
 
 def _sent(**changed) -> Sent:
-    usual = {"texels": {"shading": 1000}, "encoded": {KEY: {"shading": _coded(600)}}, "arrived": {}, "lists_bytes": 0}
-    usual |= {"raw_bytes": 0, "metadata_bytes": 70, "geometry_bytes": 8, "pack_ms": 0.5, "unpack_ms": 0.25}
+    usual: dict[str, Any] = {"texels": {"shading": 1000}, "encoded": {KEY: {"shading": _coded(600)}}, "arrived": {}}
+    usual |= {"raw_bytes": 0, "metadata_bytes": 70, "geometry_bytes": 8, "lists_bytes": 0}
+    usual |= {"pack_ms": 0.5, "unpack_ms": 0.25}
     return Sent(**(usual | changed))
 
 

@@ -75,7 +75,7 @@ class Packed:
 
     @property
     def plane(self) -> np.ndarray:
-        return self.payload.planes["atlas"].values
+        return self.payload.planes["atlas"].get()
 
     def drop(self, gone: np.ndarray) -> None:
         """Unwrite the samples selected by `gone`, in the list and in the plane."""
@@ -108,7 +108,8 @@ def pack_cells(count: int = 12, cell: int = CELL, across: int = ACROSS, index: i
     frame = SimpleNamespace(
         index=index, pvs=pvs, scene=SimpleNamespace(host=host, triangles=SimpleNamespace(count=count))
     )
-    payload = Payload({"atlas": Plane(plane)}, {}, b"", len(owners.texel))
+    planes: dict[str, Any] = {"atlas": Plane(plane)}
+    payload = Payload(planes, {}, b"", len(owners.texel))
     return Packed(frame, payload, owners, CornerClient(corners))
 
 
@@ -148,6 +149,7 @@ def test_declared_gaps_are_counted_and_no_violation(half_a_texel: Packed):
     assert {v.rule for v in half_a_texel.check()} == {"written"}
     gaps = Gaps()
     assert half_a_texel.check(gaps=gaps) == []
+    assert gaps.share is not None
     assert 0.02 < gaps.share < 0.2
     assert pack_cells().check(gaps=(none := Gaps())) == []
     assert none.missing == 0
@@ -230,7 +232,7 @@ def test_triangle_placed_twice():
 @pytest.mark.parametrize(("off", "rules"), [(0.32, set()), (0.35, {"surface"})])
 def test_samples_may_be_a_third_of_a_texel_off_and_no_more(off: float, rules: set[str]):
     packed = pack_cells()
-    packed.change(bary=packed.owners.bary + np.float32([off / (CELL - 1), 0]))
+    packed.change(bary=packed.owners.bary + np.array([off / (CELL - 1), 0], np.float32))
     assert packed.rules() == rules
 
 
@@ -333,7 +335,8 @@ def test_a_texel_is_as_large_as_the_map_from_the_atlas_stretches_it():
 def around(atlas: _Atlas, touched: list[int]) -> tuple[_Lookups, np.ndarray, np.ndarray]:
     """A lookup between columns 4 and 5 and rows 4 and 5: the samples there, of which those numbers are touched."""
     samples = np.array([[4 * 9 + 4], [4 * 9 + 5], [5 * 9 + 4], [5 * 9 + 5]])
-    return _Lookups(pack_cells().frame, atlas, None, None), samples, np.isin(np.arange(4), touched)[:, None]
+    unused: Any = None
+    return _Lookups(pack_cells().frame, atlas, unused, None), samples, np.isin(np.arange(4), touched)[:, None]
 
 
 @pytest.mark.parametrize(
@@ -467,7 +470,8 @@ def test_nan_in_a_plane():
     packed = pack_cells()
     values = packed.plane.astype(np.float32)
     values[2, 3, 1] = np.nan
-    packed.payload.planes["atlas"] = Plane(values)
+    planes: dict[str, Any] = packed.payload.planes
+    planes["atlas"] = Plane(values)
     (violation,) = packed.check()
     assert (violation.rule, violation.texels) == ("finite", (2 * SIDE + 3,))
 
@@ -484,7 +488,7 @@ def test_within_a_budget_all_triangles_have_their_turn():
     packed = pack_cells(count=400, across=20)
     gone = (packed.owners.triangle % 40 == 0) & (np.abs(packed.owners.bary - [3 / 7, 0]).max(axis=1) < 0.01)
     packed.drop(gone)
-    found = set()
+    found: set[int] = set()
     for index in range(20):
         packed.frame.index = index
         for violation in packed.check(budget=5000):

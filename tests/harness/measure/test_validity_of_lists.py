@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -22,7 +23,7 @@ def lists() -> HeldLists:
     """Three pixels with 2, 0 and 3 fragments."""
     view = View(np.eye(4), np.eye(4), 3, 1)
     far = np.array([1, 2, 1, 2, 3], np.float32)
-    return HeldLists(view, np.array([0, 2, 2, 5]), np.full((5, 4), 255, np.uint8), 1 / far)
+    return HeldLists(view, np.array([0, 2, 2, 5]), np.full((5, 4), 255, np.uint8), np.reciprocal(far))
 
 
 def rules(*held: HeldLists) -> list[str]:
@@ -75,17 +76,16 @@ def test_a_claim_may_be_a_fifth_off_where_lists_may_be_old(holds, found, monkeyp
     """Of 5 fragments, 4 are claimed."""
     monkeypatch.setattr(of_lists, "check_fragments", lambda *_: iter(()))
     payload = Payload({}, {}, b"", 4, lists={"lists": bytes(72)}, raw_bytes=72)
-    verifier, client = (
-        Verifier(None, SimpleNamespace(name="lists", holds=holds)),
-        SimpleNamespace(fragments=lambda: (lists(),)),
-    )
-    verified = verifier._of_lists(None, payload, client, "")
+    packer: Any = SimpleNamespace(name="lists", holds=holds)
+    client: Any = SimpleNamespace(fragments=lambda: (lists(),))
+    unused: Any = None
+    verified = Verifier(unused, packer)._of_lists(unused, payload, client, "")
     assert (verified.samples, [violation.rule for violation in verified.found]) == (5, found)
 
 
 def test_every_surface_that_moved_lists_lack_is_counted():
     """Of eight that rays meet, lists that end before them hold none."""
-    hits = SimpleNamespace(certain=np.ones(8, bool), ray=np.arange(8), depth=np.full(8, 0.5), reach=np.zeros(8))
+    hits: Any = SimpleNamespace(certain=np.ones(8, bool), ray=np.arange(8), depth=np.full(8, 0.5), reach=np.zeros(8))
     nothing = of_lists.List(np.empty((0, 4), np.uint8), np.empty(0))
     (found,) = of_lists._check_moved(hits, np.zeros((8, 3), np.uint8), [nothing] * 8)
     assert (found.rule, found.count) == ("fragments", 8)

@@ -96,6 +96,7 @@ def sent(request: pytest.FixtureRequest, server: ServerScene) -> Sent:
         planes = {name: plane.get()[..., :3] for name, plane in payload.planes.items()}
         client.receive(Decoded(planes, payload.blobs, payload.geometry))
         found.append(check(frame, payload, owners, client, budget=None))
+    assert owners
     return Sent(frame, payload, owners, client, tuple(found))
 
 
@@ -108,11 +109,13 @@ def test_a_texel_that_is_not_written(sent: Sent):
     plane = next(iter(sent.payload.planes.values())).get().copy()
     triangle = int(sent.frame.pvs[100])
     located = sent.client.locate(np.full(1, triangle), np.full((1, 2), 1 / 3, np.float32))
+    assert located is not None
     column, row = (int(value) for value in np.floor(located[0]))
     texel = row * ATLAS + column
     keep = sent.owners.texel != texel
     plane[row, column] = 0
-    payload = replace(sent.payload, planes={"atlas": SimpleNamespace(get=lambda: plane)})
+    planes: dict[str, Any] = {"atlas": SimpleNamespace(get=lambda: plane)}
+    payload = replace(sent.payload, planes=planes)
     changes = {name: getattr(sent.owners, name)[keep] for name in ("texel", "triangle", "bary")}
     (violation,) = sent.violations(payload=payload, **changes)
     assert (violation.rule, violation.count, violation.texels) == ("written", 1, (texel,))

@@ -13,7 +13,7 @@ from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 
-def commit(store: Store, packer: Packer, crf: int | None, frame: int, **values: float) -> None:
+def commit(store: Store, packer: Packer, crf: int | None, frame: int, **values: float | str) -> None:
     row = COMMON | {"codec": "none" if crf is None else "h264", "crf": crf, "status": "ok"} | values
     store.commit_frame(packer.name, variant_string(packer), frame, [row], (), {})
 

@@ -1,6 +1,7 @@
 """Whole runs of all methods on scenes that lack what others have: casters, lights, opaque or any visible surfaces."""
 
 import csv
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -28,8 +29,11 @@ def square(look: dict, lights: tuple[list[dict], float] = ([], 2.0), indices=SQU
     glb = Glb(nodes=[{"mesh": 0}], materials=[look])
     colours = np.ones((4, 4), np.float32)
     colours[:, 3] = alpha
-    attributes = {"POSITION": glb.accessor(2 * SQUARE - np.float32([1, 1, 0])), "COLOR_0": glb.accessor(colours)}
-    primitive = {"attributes": attributes, "indices": glb.accessor(np.uint16(indices)), "material": 0}
+    attributes = {
+        "POSITION": glb.accessor(2 * SQUARE - np.array([1, 1, 0], np.float32)),
+        "COLOR_0": glb.accessor(colours),
+    }
+    primitive = {"attributes": attributes, "indices": glb.accessor(np.array(indices, np.uint16)), "material": 0}
     glb.json["meshes"] = [{"primitives": [primitive]}]
     entries, height = lights
     for number in range(len(entries)):
@@ -70,8 +74,8 @@ def path_file(tmp_path_factory):
 @pytest.mark.parametrize("name", SCENES)
 def test_every_method_ends_with_a_picture_like_the_reference(tmp_path, path_file, name):
     scene = SCENES[name].write(tmp_path / "scene.glb")
-    small = {"width": 64, "height": 48, "atlas_width": 256, "atlas_height": 256, "codec": "none", "latency": 0.0}
-    settings = Settings(scene=scene, path=path_file, frames=1, metrics=("flip", "psnr"), unit=1.0, **small)
+    small = Settings(width=64, height=48, atlas_width=256, atlas_height=256, codec="none", latency=0.0)
+    settings = replace(small, scene=scene, path=path_file, frames=1, metrics=("flip", "psnr"), unit=1.0)
     assert run(settings, tmp_path / "run").well
     with open(tmp_path / "run" / "frames.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))

@@ -6,13 +6,14 @@ from pathlib import Path
 
 from shading_atlas_bench.harness.plugins import find_packers, variant_string
 from shading_atlas_bench.harness.run.rare import note_unseen, unseen_costs
+from shading_atlas_bench.packers.interface import Packer
 from shading_atlas_bench.packers.sas import ShadingAtlasStreaming
 from shading_atlas_bench.packers.snakebinning import SnakeBinning
 from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
 
 
-def rows(packer: object, **counts: list[float]) -> list[dict]:
+def rows(packer: Packer, **counts: list[float]) -> list[dict]:
     """Rows of statistics.csv."""
     place = {"method": packer.name, "variant": variant_string(packer)}
     return [

@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -81,10 +82,10 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
 
     monkeypatch.setattr("shading_atlas_bench.harness.run.loop.time_limit", limit)
     packer = SimpleNamespace(skip=lambda host: "")
-    pipeline = SimpleNamespace(
+    pipeline: Any = SimpleNamespace(
         packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0, warm_up=lambda *_: None
     )
-    runs = Run.__new__(Run)
+    runs: Any = Run.__new__(Run)
     runs.frames, runs.settings, runs.tried, runs.folder = 2, Settings(timeout=6.0), 1, "folder"
     runs.session = SimpleNamespace(scene=SimpleNamespace(host=None), source=SimpleNamespace(work=None))
     runs.store = SimpleNamespace(notes={})

@@ -18,6 +18,7 @@ from shading_atlas_bench.harness.workload import pvs, upload, walks
 from shading_atlas_bench.harness.workload.environment import cached_environment_map
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
+from shading_atlas_bench.kernels.cache import cache_root
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.shade.environment import SHAPE
 from shading_atlas_bench.packers.sas import patches
@@ -78,10 +79,11 @@ def counted(monkeypatch: pytest.MonkeyPatch, module: Any, name: str, made: list[
 @pytest.fixture(params=["scene", "patches", "visible set", "pace", "walk", "shadows", "environment map"])
 def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: Device) -> Kind:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
-    file, made, root = str(grid_file(tmp_path)), [], plan.cache_root()
+    made: list[str] = []
+    file, root = str(grid_file(tmp_path)), cache_root()
     if request.param == "scene":
         counted(monkeypatch, load, "_load_file", made)
-        return Kind(root / "scenes", lambda: flat(load.load_scene(file, cache=plan.cache_root() / "scenes")), made)
+        return Kind(root / "scenes", lambda: flat(load.load_scene(file, cache=cache_root() / "scenes")), made)
     scene = load.load_scene(file)
     if request.param == "patches":
         counted(monkeypatch, patches, "find_patches", made)
@@ -111,7 +113,7 @@ def kind(request: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, device: 
         server, pose = upload.upload_scene(device, scene), Pose(np.zeros(3), np.array([0, 0, 0, 1.0]))
         frustum = CellFrustum.around(ViewCell(0.1, 50), 40, 96, 54)
         return Kind(root / "pvs", lambda: pvs.potentially_visible(server, pose, 0.1, frustum, 0.01, 2.0).ids, made)
-    session = SimpleNamespace(settings=Settings(), scene=SimpleNamespace(host=scene))
+    session: Any = SimpleNamespace(settings=Settings(), scene=SimpleNamespace(host=scene))
     guess = plan.expected_pace(session.settings, scene.content_hash)
 
     def pace() -> float:
@@ -138,8 +140,8 @@ def flipped_anywhere(seed: int) -> Callable[[Path], None]:
     return flipped(lambda size: int(rng.integers(size)), int(rng.integers(8)))
 
 
-def rewritten(change: Callable[[bytes], bytes]) -> Callable[[Path], None]:
-    return lambda file: file.write_bytes(change(file.read_bytes())) and None
+def rewritten(change: Callable[[bytes], bytes]) -> Callable[[Path], object]:
+    return lambda file: file.write_bytes(change(file.read_bytes()))
 
 
 def replaced(make: Callable[[Path], Any]) -> Callable[[Path], None]:

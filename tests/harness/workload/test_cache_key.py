@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from functools import _lru_cache_wrapper
 from pathlib import Path
 
 import pytest
@@ -23,7 +23,7 @@ def planted(root: Path, files: tuple[str, ...]) -> None:
         (root / name).write_text("one\n", encoding="utf-8")
 
 
-def changes(file: Path, digest: Callable[[], str]) -> bool:
+def changes(file: Path, digest: _lru_cache_wrapper[str]) -> bool:
     """Whether an edit of a file changes the digest, which is taken once per process."""
     digest.cache_clear()
     before = digest()

@@ -1,6 +1,7 @@
 """The pose predictor: exact for constant velocity, calm at rest, and never looking ahead."""
 
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -53,10 +54,12 @@ def test_units_do_not_change_the_prediction():
 
 def test_a_packer_hears_of_three_views_ahead_the_last_one_when_the_client_draws():
     moved = moving((1.2, 0.0, 0.0), (0.0, 0.0, 0.0))
-    path = SimpleNamespace(
+    path: Any = SimpleNamespace(
         times_ms=TIMES, positions=[pose.position for pose in moved], orientations=[pose.orientation for pose in moved]
     )
     host = SimpleNamespace(bounds=np.array([[0.0] * 3, [10.0] * 3]), metres_per_unit=1.0)
-    source = FrameSource(SimpleNamespace(host=host), path, None, Settings(latency=60.0))
+    scene: Any = SimpleNamespace(host=host)
+    motion: Any = None  # predictions need none
+    source = FrameSource(scene, path, motion, Settings(latency=60.0))
     seen = [view.eye[0] for view in source._predicted(39)]
     assert seen == pytest.approx([1.2 * (TIMES[39] + ahead) / 1000 for ahead in (20, 40, 60)], abs=1e-3)

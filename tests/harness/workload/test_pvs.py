@@ -52,7 +52,7 @@ def wall(device):
         name="wall",
         positions=positions,
         indices=indices,
-        normals=np.tile(np.float32([0, 0, 1]), (8, 1)),
+        normals=np.tile(np.array([0, 0, 1], np.float32), (8, 1)),
         uvs=np.zeros((8, 2), np.float32),
         colours=np.ones((8, 4), np.float32),
         material_ids=np.zeros(4, np.int32),
@@ -149,7 +149,7 @@ def _carpet(device, cells, opacity=1.0):
         name="carpet",
         positions=np.stack([x.ravel(), y.ravel(), np.full(x.size, -2.0)], axis=1).astype(np.float32),
         indices=indices,
-        normals=np.tile(np.float32([0, 0, 1]), (x.size, 1)),
+        normals=np.tile(np.array([0, 0, 1], np.float32), (x.size, 1)),
         uvs=np.zeros((x.size, 2), np.float32),
         colours=np.ones((x.size, 4), np.float32),
         material_ids=np.zeros(count, np.int32),
@@ -186,13 +186,15 @@ def test_tiny_triangles_are_looked_for_with_more_samples(device, opacity, monkey
 
 @pytest.mark.parametrize(("cells", "densest"), [(8, 2), (400, 6)])
 def test_only_tiny_triangles_have_a_denser_view(device, monkeypatch, cells, densest):
-    widths, draw = [], pvs._mark
+    widths: list[int] = []
+    draw = pvs._mark
+
+    def noted(*marked):
+        widths.extend(view.width for view in marked[1])
+        draw(*marked)
+
     frustum = CellFrustum.around(ViewCell(0.1, 60), 60, 96, 54)
-    monkeypatch.setattr(
-        pvs,
-        "_mark",
-        lambda *marked: widths.extend(v.width for v in marked[1]) or draw(*marked),
-    )
+    monkeypatch.setattr(pvs, "_mark", noted)
     potentially_visible(_carpet(device, cells), Pose(np.zeros(3), AHEAD), 0.1, frustum, 0.01, 2.0)
     assert sorted(widths) == [2 * 96] * 8 + [densest * 96]
 

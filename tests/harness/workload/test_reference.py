@@ -94,7 +94,8 @@ def test_a_normal_map_turns_the_light(device):
         flat[..., :3] = texel
         brightness = []
         for sign in (1, -1):
-            sun = Light("directional", (3.0,) * 3, direction=tuple(-sign * d for d in light_from), shadows=False)
+            x, y, z = (-sign * d for d in light_from)
+            sun = Light("directional", (3.0,) * 3, direction=(x, y, z), shadows=False)
             scene = card([Material(normal_texture=0)], [Texture("n", flat, srgb=False)], [sun])
             scene.tangents = np.tile(np.array([1, 0, 0, 1], np.float32), (4, 1))
             brightness.append(int(drawn(device, scene, view_from(2.0))[0][16, 16, 0]))
@@ -106,7 +107,7 @@ def test_blended_surfaces_cast_no_shadow(device):
     lamp = [Light("directional", (3.0,) * 3, direction=(0.0, 0.0, -1.0))]
     for mode, dark in [("opaque", True), ("blend", False)]:
         scene = card([Material(base_colour=(1,) * 4), Material(alpha_mode=mode)], lights=lamp)
-        pane = scene.positions + np.float32([0, 0, 5])
+        pane = scene.positions + np.array([0, 0, 5], np.float32)
         scene.positions = np.concatenate([scene.positions, pane])
         scene.indices = np.concatenate([scene.indices, scene.indices + 4])
         for name in ("normals", "uvs", "colours"):
@@ -120,7 +121,7 @@ def test_the_alpha_of_vertices_cuts_a_mask_and_its_shadow(device, alphas, there)
     """A masked pane before a wall, seen from aside, and the wall behind it: all there, not there, or its right half."""
     lamp = [Light("directional", (3.0,) * 3, direction=(0.0, 0.0, -1.0))]
     scene = card([Material(base_colour=(1,) * 4), Material(alpha_mode="mask", double_sided=True)], lights=lamp)
-    scene.positions = np.concatenate([scene.positions, scene.positions + np.float32([0, 0, 5])])
+    scene.positions = np.concatenate([scene.positions, scene.positions + np.array([0, 0, 5], np.float32)])
     scene.indices = np.concatenate([scene.indices, scene.indices + 4])
     for name in ("normals", "uvs", "colours"):
         setattr(scene, name, np.concatenate([getattr(scene, name)] * 2))
@@ -139,8 +140,10 @@ def test_the_alpha_of_vertices_counts_for_blending_but_not_for_clear_glass(devic
     scene.material_ids = np.array([0, 1], np.int32)
     scene.features = find_features(scene)
     uploaded = upload_scene(device, scene)
+    assert uploaded.layers
     assert uploaded.layers.opacity.constants.tolist() == [128, 26]
-    samples = Samples.upload(device, np.arange(2), *np.full((2, 2), 0.3), np.full(2, 0.01), np.arange(2))
+    weight = np.full(2, 0.3)
+    samples = Samples.upload(device, np.arange(2), weight, weight, np.full(2, 0.01), np.arange(2))
     assert uploaded.layers.opacity.of(samples, "t").get()[:2].tolist() == [128, 26]
 
 

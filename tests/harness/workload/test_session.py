@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,8 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.workload.session import Session, find_methods, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
-from shading_atlas_bench.kernels.device import Device, DeviceError
+from shading_atlas_bench.kernels.device import Device
+from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import CameraPath
 
@@ -18,7 +20,8 @@ from shading_atlas_bench.scenes.paths import CameraPath
 def test_the_pace_is_that_of_the_frames_that_are_run() -> None:
     times = np.array([0.0, 10.0, 40.0, 1000.0])
     path = CameraPath("file", times, np.zeros((4, 3)), np.tile([0.0, 0.0, 0.0, 1.0], (4, 1)))
-    sessions = {n: Session(Settings(frames=n), None, None, path, None, None, None) for n in (1, 2, 3)}
+    unused: Any = None
+    sessions = {n: Session(Settings(frames=n), unused, unused, path, unused, unused, unused) for n in (1, 2, 3)}
     paces = {frames: session.frame_rate for frames, session in sessions.items()}
     assert paces == {1: None, 2: 100.0, 3: 50.0}
 
@@ -32,7 +35,8 @@ def test_what_the_plan_needs_is_built_while_the_scene_is_read(device: Device, mo
         asked.append(plan)
         fresh.build(program, CLUSTER=64, TILE=64)  # what is missing stops nobody who does not need it
 
-    asked, fresh = [], Device(device.found)
+    asked: list[str] = []
+    fresh = Device(device.found)
     monkeypatch.setattr(fresh, "build_ahead", ahead)
     session = open_session(SMALL, fresh)
     assert asked == [repr(SMALL)]

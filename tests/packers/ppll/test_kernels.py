@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -167,6 +168,7 @@ def test_limits_keep_what_the_twin_keeps(device, layers, threshold):
     expected = limit_twin(before[0], opacity, depth, spans, SIZE[0])
     for a, b in zip(before[1:], after[1:], strict=True):
         np.testing.assert_array_equal(a[expected], b)
+    assert left is not None
     np.testing.assert_array_equal(left.get()[: kept.count], opacity[expected])
     assert np.diff(after[0]).max() <= layers
     assert_sorted(*after)
@@ -282,7 +284,7 @@ def test_opacities_that_are_the_same_everywhere_are_known_without_a_plane():
     even, uneven = np.full((4, 4, 4), 51, np.uint8), np.arange(64, dtype=np.uint8).reshape(4, 4, 4)
     scene = SimpleNamespace()
     scene.textures = [Texture("even", even), Texture("uneven", uneven)]
-    blend = {"base_colour": (1, 1, 1, 0.5), "alpha_mode": "blend"}
+    blend: dict[str, Any] = {"base_colour": (1, 1, 1, 0.5), "alpha_mode": "blend"}
     scene.materials = [
         Material(base_colour=(1, 1, 1, 0.5)),
         Material(**blend),

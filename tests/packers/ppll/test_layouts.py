@@ -23,7 +23,7 @@ def lists_of(device, counts, words=2):
 
 def assert_written(device, nodes, layout):
     written = device.download(write_lists(device, nodes, layout, "wire"))
-    assert written == b"".join(write_twin(*node.host(), layout) for node in nodes)
+    assert written == b"".join(write_twin(offsets, rows, layout) for offsets, rows in (node.host() for node in nodes))
     assert len(written) == sum(4 * node.pixels + 4 * (node.words + 1) * node.count for node in nodes)
 
 

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -96,6 +97,8 @@ def test_a_novel_view_comes_close(request, name):
     stream.send(made)
     image = stream.client.draw(novel_view())
     reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=made.server.eye)
+    assert image.depth is not None
+    assert reference.triangle is not None
     holes = (image.depth.get() == 0) & (reference.triangle.get() >= 0)
     assert holes.mean() < 0.005
     assert np.abs(rgb(image) - rgb(reference)).mean() < 4
@@ -133,11 +136,11 @@ def test_statistics_are_sums_over_views_and_nodes():
     """Two nodes with lists of up to 18 fragments, and the heads of two views."""
     layers = np.zeros(19, np.int64)
     layers[[0, 2, 18]] = 15, 4, 1
-    nodes = [
+    nodes: Any = [
         SimpleNamespace(built=26, pixels_by_layers=layers, lists=SimpleNamespace(count=20)),
         SimpleNamespace(built=14, pixels_by_layers=np.array([12, 2, 6]), lists=SimpleNamespace(count=9)),
     ]
-    heads = [
+    heads: Any = [
         SimpleNamespace(counts=(5, 2), header_bytes=120, raw_bytes=204, padded_bytes=232),
         SimpleNamespace(counts=(3, 0), header_bytes=120, raw_bytes=156, padded_bytes=168),
     ]
@@ -231,7 +234,9 @@ def test_a_still_camera_sends_nothing_and_deletions_are_transparent(glass):
     gone = stream.send(none)
     used = np.count_nonzero(stream.layers(first))
     assert gone.statistics["fragments_deleted"] == gone.statistics["fragments_sent"] == used
-    assert (stream.client.draw(made.predicted[0]).depth.get() == 0).all()
+    depth = stream.client.draw(made.predicted[0]).depth
+    assert depth is not None
+    assert (depth.get() == 0).all()
 
 
 def test_what_tolerance_omits_is_sent_when_the_camera_stands_still(glass):
@@ -330,7 +335,7 @@ def cards(*cards: tuple[float, tuple[float, float, float], float]) -> Scene:
     quads = np.array([[0, 1, 2], [0, 2, 3]])
     indices = np.concatenate([quads + 4 * k for k in range(len(cards))]).astype(np.int32)
     ids = np.repeat(np.arange(len(cards)), 2).astype(np.int32)
-    look = {"alpha_mode": "blend", "double_sided": True}
+    look: dict[str, Any] = {"alpha_mode": "blend", "double_sided": True}
     materials = [Material(base_colour=(*colour, alpha), **look) for _, colour, alpha in cards]
     normals = np.tile(np.array([0, 0, 1], np.float32), (len(positions), 1))
     colours = np.ones((len(positions), 4), np.float32)

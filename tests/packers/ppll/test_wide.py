@@ -1,6 +1,7 @@
 """Lists of a view cell that takes several views: nothing is twice or lost where they meet, in all modes."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -15,15 +16,15 @@ from shading_atlas_bench.harness.workload.views import (
     ViewCell,
     client_view,
     from_rotation_vector,
-    multiply,
 )
 from shading_atlas_bench.packers.cell_views import owned_pixels
-from shading_atlas_bench.packers.interface import Frame, ServerScene, View
+from shading_atlas_bench.packers.interface import Decoded, Frame, ServerScene, View
 from shading_atlas_bench.packers.ppll.wire import WireError, decode
 from shading_atlas_bench.scenes.features import find_features
 from shading_atlas_bench.scenes.head_motion import HeadMotion
 from shading_atlas_bench.scenes.model import Light, Material, Scene
 from shading_atlas_bench.scenes.paths import make_path
+from shading_atlas_bench.scenes.quaternions import multiply
 from tests.packers.ppll.test_packer import Stream, both_ends, rgb, same_lists
 from tests.packers.rooms import FOV, NEAR, frame_of, pose_at, room, server_of
 
@@ -34,8 +35,8 @@ FRUSTUM = CellFrustum.around(ViewCell(0.3, 160), FOV, *SIZE)
 def widened(frame: Frame, pose: Pose) -> Frame:
     """The frame with a view cell of 160 degrees at a pose, and all triangles in its set."""
     pvs = np.arange(frame.scene.triangles.count, dtype=np.int32)
-    known = {"pvs": pvs, "pvs_device": frame.scene.device.upload(pvs), "cell_radius": 0.3, "cell_fov": 160}
-    return replace(frame, server=FRUSTUM.server_view(pose, NEAR), frusta=FRUSTUM.split(pose, NEAR), **known)
+    wide = replace(frame, pvs=pvs, pvs_device=frame.scene.device.upload(pvs), cell_radius=0.3, cell_fov=160)
+    return replace(wide, server=FRUSTUM.server_view(pose, NEAR), frusta=FRUSTUM.split(pose, NEAR))
 
 
 @pytest.fixture(scope="module")
@@ -67,7 +68,7 @@ def panes() -> Scene:
     positions = np.concatenate([corner * 40 - [0, 0, z] for z in (3, 5)]).astype(np.float32)
     quads = np.array([[0, 1, 2], [0, 2, 3]])
     indices = np.concatenate([quads, quads + 4]).astype(np.int32)
-    look = {"alpha_mode": "blend", "double_sided": True, "roughness": 1.0}
+    look: dict[str, Any] = {"alpha_mode": "blend", "double_sided": True, "roughness": 1.0}
     materials = [Material(base_colour=(*rgb, 0.5), **look) for rgb in ((0.9, 0.1, 0.1), (0.1, 0.1, 0.9))]
     normals = np.tile(np.array([0, 0, 1], np.float32), (8, 1))
     colours, ids = np.ones((8, 4), np.float32), np.repeat(np.arange(2), 2).astype(np.int32)
@@ -89,6 +90,7 @@ def test_panes_across_the_seams_blend_once_and_have_no_gap(device, parameters):
         reference, visibility = ForwardRenderer(scene).draw(client, eye=made.server.eye)
         shown = stream.client.draw(client)
         assert (visibility.triangle.get() >= 0).all()
+        assert shown.depth is not None
         assert (shown.depth.get() > 0).all()
         assert np.abs(rgb(shown) - rgb(reference)).max() <= 4
 
@@ -124,6 +126,7 @@ def test_clients_anywhere_in_the_cell_see_few_holes(glass):
     for client in clients(pose_at(0)):
         image = stream.client.draw(client)
         reference, visibility = ForwardRenderer(glass).draw(client, eye=made.server.eye)
+        assert image.depth is not None
         assert ((image.depth.get() == 0) & (visibility.triangle.get() >= 0)).mean() < 0.005
         assert np.abs(rgb(image) - rgb(reference)).mean() < 8
 
@@ -176,7 +179,7 @@ def test_differences_to_other_views_are_refused(glass):
     stream.send(frame(glass))
     other = Stream(glass, mode="difference").send(replace(frame(glass), frusta=frame(glass).frusta[:2]))
     with pytest.raises(WireError, match="another size, views or nodes"):
-        stream.client.receive(other)
+        stream.client.receive(Decoded({}, other.blobs, other.geometry, other.lists))
 
 
 def test_the_path_of_a_wide_cell_has_its_frusta(device):

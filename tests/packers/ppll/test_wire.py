@@ -1,6 +1,7 @@
 """The wire format: what was sent arrives, in both layouts, and nothing else is accepted."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,7 +115,7 @@ def test_sizes_are_those_of_the_thesis():
     empty, full = message(most=0, pixels=(1280, 720)), message(pixels=(1920, 1080), most=0)
     assert empty.raw_bytes == 3600 * 1024
     assert full.raw_bytes == 8100 * 1024
-    size = {"width": 1280, "height": 720, "view": np.eye(4), "projection": np.eye(4)}
+    size: dict[str, Any] = {"width": 1280, "height": 720, "view": np.eye(4), "projection": np.eye(4)}
     for words, plain, padded in ((2, 10800, 14400), (5, 21600, 28800)):
         one = Head(mode="full", layout="paper", words=words, counts=(1280 * 720,), **size)
         assert one.raw_bytes == (3600 + plain) * 1024

@@ -40,7 +40,7 @@ def test_matches_its_twin_at_all_levels(device, size, complete):
     masks, words = random_masks(rng, soup), words_in_rows(ALL_LEVELS)
     words[11] = 0
     found = emit(device, soup, masks, words, complete)
-    patches = np.arange(len(words))
+    patches = np.arange(len(words), dtype=np.int32)
     expected = emit_samples_twin(patches, masks, words, soup, WIDTH, complete)
     for name in ("texel", "triangle"):
         np.testing.assert_array_equal(found[name], expected[name])
@@ -135,7 +135,9 @@ def test_triangles_without_a_texel_are_counted_for_every_set(device, complete):
             soup, words = random_patches(rng, len(levels), size), words_in_rows(levels)
             masks = np.full(len(levels), mask, np.uint8)
             found = emit(device, soup, masks, words, complete)
-            expected = without_texel_twin(np.arange(len(levels)), masks, words, soup.members, found["triangle"])
+            expected = without_texel_twin(
+                np.arange(len(levels), dtype=np.int32), masks, words, soup.members, found["triangle"]
+            )
             assert found["without"] == expected
 
 
@@ -165,9 +167,9 @@ def test_without_a_bias_every_triangle_owns_a_texel(device, seed, scale, flat, c
     rng = np.random.default_rng(seed)
     soup = random_patches(rng, 200)
     positions = np.array([0, 0, 50]) + 10.0**scale * soup.positions * rng.permutation([1, 1, 10.0**flat])
-    uploaded = [device.upload(array) for array in (soup.points, positions.astype(np.float32))]
+    points, places = (device.upload(array) for array in (soup.points, positions.astype(np.float32)))
     visible = all_visible(device, np.ones(200, np.uint8))
-    sizes = measure_sides(device, visible, *uploaded, np.zeros(3), 700.0)[0].get()[:200]
+    sizes = measure_sides(device, visible, points, places, np.zeros(3), 700.0)[0].get()[:200]
     levels = np.stack([levels_at(side, 0, 8) for side in (sizes & 0xFF, sizes >> 8)], axis=1)
     masks, words = random_masks(rng, soup), words_in_rows(levels.tolist())
     found = emit(device, soup, masks, words, complete)

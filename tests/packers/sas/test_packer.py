@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -40,6 +41,7 @@ def test_the_client_sees_what_the_reference_shows(scene):
     stream.send(frame_of(scene, 1024, 1024))
     image = stream.client.draw(novel_view())
     reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    assert reference.triangle is not None
     assert (image.triangle.get() == reference.triangle.get()).mean() > 0.995
     error = np.abs(image.rgb.get().astype(int) - reference.rgb.get())
     assert error.mean() < 2.5
@@ -77,7 +79,9 @@ def test_any_sequence_of_sets_is_valid(scene, seed, reuse, side):
         assert payload.sample_count == payload.statistics["used_texels"] <= side * side
         assert (len(payload.unplaced) > 0) <= (payload.statistics["bias"] > 15)
         placed = np.setdiff1d(chosen, list(payload.unplaced))
-        without = (~np.isin(placed, payload.owners().triangle)).sum()
+        owners = payload.owners()
+        assert owners
+        without = (~np.isin(placed, owners.triangle)).sum()
         assert payload.statistics["triangles_without_texel"] == without
 
 
@@ -141,6 +145,7 @@ def test_statistics_add_up(scene):
     patches = sum(found[f"patches_of_{k}"] for k in (1, 2, 3))
     assert patches == len(np.unique(stream.packer.patches.of_triangle[frame.pvs])) == found["blocks"]
     assert found["location_bytes"] == 4 * patches == len(payload.blobs["locations"])
+    assert stream.packer.allocator
     words = stream.packer.allocator.words.get()
     _, _, w, h = unpack_location(words[words > 0])
     assert payload.sample_count == (1 << w + h).sum() <= found["reserved_texels"]
@@ -155,8 +160,8 @@ def far_scene() -> Scene:
     fan = np.array([[4, 3, 2], [4, 2, 1], [4, 0, 3]])
     first = len(near.positions) + 5 * np.arange(count)[:, None, None]
     indices = np.concatenate([near.indices, (fan + first).reshape(-1, 3)]).astype(np.int32)
-    positions = np.concatenate([near.positions, fans.astype(np.float32)]) / 100
-    more = {
+    positions = (np.concatenate([near.positions, fans.astype(np.float32)]) / 100).astype(np.float32)
+    more: dict[str, Any] = {
         name: np.concatenate([array := getattr(near, name), array[: len(fans)]])
         for name in ("normals", "uvs", "colours")
     }
@@ -172,7 +177,9 @@ def test_triangles_without_a_texel_are_counted_and_a_bias_is_their_reason(device
     frame = frame_of(scene, side, side)
     payload = stream.send(frame)
     placed = np.setdiff1d(frame.pvs, list(payload.unplaced))
-    without = (~np.isin(placed, payload.owners().triangle)).sum()
+    owners = payload.owners()
+    assert owners
+    without = (~np.isin(placed, owners.triangle)).sum()
     assert payload.statistics["triangles_without_texel"] == without
     assert without == 0 or payload.statistics["bias"] > 0
     assert without > 0 or (make, side) != (far_scene, 16)
@@ -187,7 +194,9 @@ def test_triangles_below_a_pixel_own_a_texel_each(device):
     assert payload.unplaced == {}
     assert payload.statistics["patches_of_2"] > 100
     assert payload.statistics["patches_of_3"] > 10
-    assert set(payload.owners().triangle.tolist()) == set(frame.pvs.tolist())
+    owners = payload.owners()
+    assert owners
+    assert set(owners.triangle.tolist()) == set(frame.pvs.tolist())
     assert stream.violations(frame, payload) == []
 
 
@@ -203,14 +212,14 @@ def test_triangles_below_a_pixel_own_a_texel_each(device):
     ],
 )
 def test_superblocks_follow_the_atlas(size, superblock, side, total):
-    grid = choose_grid(*size, superblock)
+    grid = choose_grid(size[0], size[1], superblock)
     assert (1 << grid.top, grid.total) == (side, total)
 
 
 def test_statistics_count_patches_by_triangles_and_the_sizes_of_blocks_in_use():
     """Five superblocks of 8 x 8 texels; of three sizes of blocks two are in use."""
-    patches = SimpleNamespace(sizes=lambda visible: np.array([3, 1, 3, 2])[visible])
-    allocator = SimpleNamespace(
+    patches: Any = SimpleNamespace(sizes=lambda visible: np.array([3, 1, 3, 2])[visible])
+    allocator: Any = SimpleNamespace(
         superblocks_in_use=lambda: 5,
         blocks_by_class=lambda: np.array([3, 0, 2]),
         resets=1,

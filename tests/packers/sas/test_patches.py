@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from shading_atlas_bench.packers.sas import patches as module
 from shading_atlas_bench.packers.sas.kernels.layout import POINTS, corner_points
-from shading_atlas_bench.packers.sas.patches import Patches, cached_patches, find_patches
+from shading_atlas_bench.packers.sas.kernels.tables import Patches
+from shading_atlas_bench.packers.sas.patches import cached_patches, find_patches
 from shading_atlas_bench.scenes.model import Material, Scene
 from tests.conftest import REAL_SCENES
 

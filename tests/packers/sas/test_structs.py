@@ -71,10 +71,11 @@ def test_sides_match_their_twin_within_a_step(device, offset, eye_offset):
     eye = np.array([0.1, -0.2, 0.3]) + offset + eye_offset
     patches = rng.permutation(len(soup.members)).astype(np.int32)
     visible = VisiblePatches(len(patches), device.upload(patches), device.zeros(len(patches), np.uint8))
-    uploaded = [device.upload(array) for array in (soup.points, positions)]
-    sizes, histogram = measure_sides(device, visible, *uploaded, eye, 700.0)
+    measured, histogram = measure_sides(
+        device, visible, device.upload(soup.points), device.upload(positions), eye, 700.0
+    )
     exact = STEPS * measure_sides_twin(patches, soup.points, positions, eye, 700.0)
-    sizes = sizes.get()[: len(patches)]
+    sizes = measured.get()[: len(patches)]
     for k, found in enumerate((sizes & 0xFF, sizes >> 8)):
         low, high = np.ceil(exact[:, k] - 1e-3), np.ceil(exact[:, k] + 1e-3)
         assert ((low <= found) & (found <= high)).all()
@@ -102,7 +103,7 @@ def test_patches_below_a_pixel_have_a_texel_for_each_triangle(device, triangles,
     positions = (np.column_stack([POINTS * [width, height], np.full(5, -1000)])).astype(np.float32)
     present = {1: (0, 1, 3), 2: (0, 1, 2, 3), 3: (0, 1, 2, 3, 4)}[triangles]
     points = np.where(np.isin(np.arange(5), present), np.arange(5), -1).astype(np.int32)[None]
-    uploaded = [device.upload(array) for array in (points, positions)]
+    uploaded = device.upload(points), device.upload(positions)
     sizes, _ = measure_sides(device, all_visible(device, np.ones(1, np.uint8)), *uploaded, np.zeros(3), 1000.0)
     assert (sizes.get()[0] & 0xFF, sizes.get()[0] >> 8) == steps
     exact = measure_sides_twin(np.zeros(1, np.int32), points, positions, np.zeros(3), 1000.0)
@@ -112,7 +113,7 @@ def test_patches_below_a_pixel_have_a_texel_for_each_triangle(device, triangles,
 def test_an_eye_on_a_vertex_gives_finite_sizes(device):
     positions = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32)
     points = np.array([[0, 1, -1, 2, -1]], np.int32)
-    uploaded = [device.upload(array) for array in (points, positions)]
+    uploaded = device.upload(points), device.upload(positions)
     sizes, _ = measure_sides(device, all_visible(device, np.ones(1, np.uint8)), *uploaded, np.zeros(3), 500.0)
     assert 0 <= sizes.get()[0] < 1 << 16
 
@@ -154,7 +155,7 @@ def test_corners_match_their_twin(device):
     words[::7] = 0
     patches = rng.integers(0, 300, 1000).astype(np.int32)
     codes = rng.integers(0, 15, 1000).astype(np.uint8)
-    uploaded = [device.upload(array) for array in (patches, codes)]
+    uploaded = device.upload(patches), device.upload(codes)
     found = locate_corners(device, *uploaded, 1000, device.upload(words), "client/test")
     expected = locate_corners_twin(patches, codes, words)
     np.testing.assert_array_equal(found.get(), expected.astype(np.float32))

@@ -120,7 +120,7 @@ def test_footprints_match_their_twin(device, logarithmic, perspective):
     same = (words >> 24) == expected.roles  # edges of equal length may change roles
     assert same.mean() > 0.9
     rounded = rounded_twin(expected.shape)
-    close = (np.abs(lengths - rounded) <= 1 + 1e-4 * rounded).all(axis=1)
+    close = np.all(np.abs(lengths - rounded) <= 1 + 1e-4 * rounded, axis=1)
     assert close[same].mean() > 0.999
     same &= close
     weights = np.stack([words >> shift & 255 for shift in (0, 8, 16)], axis=1)
@@ -382,7 +382,8 @@ class Strips:
 def test_superblocks_match_their_twin_over_frames(device, fit, orphans, seed):
     """Exactly: placing, growing, widening, shrinking, collapsing, freezing, in parts, running full."""
     rng, widening = np.random.default_rng(seed), np.random.default_rng(seed + 10)
-    strips = Strips(device, Atlas(*[(2048, 1024), (768, 1024), (512, 512)][seed], 256, fit=fit, orphans=orphans))
+    width, height = [(2048, 1024), (768, 1024), (512, 512)][seed]
+    strips = Strips(device, Atlas(width, height, 256, fit=fit, orphans=orphans))
     used, counts = crowd(rng, 150)
     widest = rng.integers(8, 400, (len(used), 2))
     results = []

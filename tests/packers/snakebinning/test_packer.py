@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -80,6 +81,7 @@ def test_the_client_sees_what_the_reference_shows(scene):
     stream.send(frame_of(scene, 2048, 1024))
     image = stream.client.draw(novel_view())
     reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    assert reference.triangle is not None
     assert (image.triangle.get() == reference.triangle.get()).mean() > 0.995
     error = np.abs(image.rgb.get().astype(int) - reference.rgb.get())
     assert error.mean() < 0.5
@@ -142,9 +144,11 @@ def test_a_layout_stays_for_so_many_frames_and_while_less_than_its_share_is_new(
 
 
 def test_bins_are_due_for_a_new_mapping_after_the_interval():
-    due = [BinMapping.is_due(SimpleNamespace(interval=60, mapped_at=3), frame) for frame in (3, 62, 63, 64)]
+    mapping: Any = SimpleNamespace(interval=60, mapped_at=3)
+    due = [BinMapping.is_due(mapping, frame) for frame in (3, 62, 63, 64)]
     assert due == [False, False, True, True]
-    assert not BinMapping.is_due(SimpleNamespace(interval=0, mapped_at=3), 1000)
+    mapping.interval = 0
+    assert not BinMapping.is_due(mapping, 1000)
 
 
 def test_what_is_wasted_is_what_samples_slots_rows_and_superblocks_leave_over():
@@ -181,6 +185,7 @@ def test_the_published_enlargement_leaves_texels_unwritten_and_breaks_no_other_r
     assert not SnakeBinning().leaves_unwritten
     gaps = Gaps()
     assert check(frame, payload, owners, stream.client, budget=None, gaps=gaps) == []
+    assert gaps.share is not None
     assert 0.01 < gaps.share < 0.1
     assert "written" in {v.rule for v in stream.violations(frame, payload)}
 
@@ -196,9 +201,11 @@ def test_frozen_frames_move_nothing_and_add_what_is_new(scene):
     assert payload.statistics["outgrown"] > 0
     assert payload.statistics["triangles_moved"] == 0
     later = payload.owners()
+    assert owners
+    assert later
     for t in np.intersect1d(before, after):
-        texels = (np.sort(found.texel[found.triangle == t]) for found in (owners, later))
-        np.testing.assert_array_equal(*texels)
+        texels = [np.sort(found.texel[found.triangle == t]) for found in (owners, later)]
+        np.testing.assert_array_equal(texels[0], texels[1])
     assert set(after) == set(later.triangle)
 
 
@@ -207,8 +214,10 @@ def test_on_a_walk_nothing_moves_while_frozen(device, name):
     """Neither what stays in the set nor what leaves it and returns, although strips outgrow their room."""
     settings = Settings(methods=("sas",), scene=name, frames=12, width=320, height=180)
     session = open_session(settings, device)
-    stream, placed, seen = Stream(session.scene), {}, np.empty(0, np.int32)
-    before = outgrown = frozen = returned = 0
+    stream, seen = Stream(session.scene), np.empty(0, np.int32)
+    placed: dict[int, int] = {}
+    before = outgrown = 0.0
+    frozen = returned = 0
     for step in range(session.frames):
         frame = session.source.work(step).frame
         payload = stream.send(frame)
@@ -293,6 +302,7 @@ def test_more_equal_triangles_than_a_superblock_holds_lie_in_parts(device):
             payload = stream.send(frame)
             assert stream.violations(frame, payload) == []
             assert payload.unplaced == {}
+            assert stream.packer.filling
             strips = stream.packer.filling.slots.superblocks.live_strips()
             assert len(strips) > len(np.unique(strips["bin"]))
 
@@ -342,7 +352,9 @@ def test_nothing_is_lost_in_a_full_atlas_and_the_largest_come_first(alike, width
         frame = frame_of(alike, width, height, step, np.flatnonzero(chosen).astype(np.int32))
         payload = stream.send(frame)
         assert stream.violations(frame, payload) == []
-        placed, left = np.unique(payload.owners().triangle), np.array(sorted(payload.unplaced), np.int32)
+        owners = payload.owners()
+        assert owners
+        placed, left = np.unique(owners.triangle), np.array(sorted(payload.unplaced), np.int32)
         np.testing.assert_array_equal(np.sort(np.concatenate([placed, left])), frame.pvs)
         assert len(left) == max(0, len(frame.pvs) - width * height) or step > 0
         if step == 0 and len(left):
@@ -372,7 +384,12 @@ def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
     """Filled so often: when it is new, in frames that are frozen, in one that is not, and with 1% of the set new."""
     filled = []
     settle = Filling._settle
-    monkeypatch.setattr(Filling, "_settle", lambda *known: filled.append(known) or settle(*known))
+
+    def counted(*known):
+        filled.append(known)
+        return settle(*known)
+
+    monkeypatch.setattr(Filling, "_settle", counted)
     stream, few = Stream(alike, freeze_frames=2), np.arange(alike.triangles.count) % 100
     numbers = []
     for step, kept in enumerate((few < 99, few < 99, few > 0, few > 0)):
@@ -389,7 +406,12 @@ def test_a_full_atlas_is_searched_once_and_then_stays(alike, monkeypatch):
 @given(first=st.integers(0, STEPS), too_full=st.integers(-1, STEPS - 2), start=st.integers(0, STEPS - 1))
 def test_the_first_step_with_room_is_found_and_each_step_tried_once(first, too_full, start):
     tried = []
-    found = first_with_room(lambda step: tried.append(step) or step >= first, too_full, start)
+
+    def has_room(step: int) -> bool:
+        tried.append(step)
+        return step >= first
+
+    found = first_with_room(has_room, too_full, start)
     assert found == max(first, too_full + 1)
     assert len(tried) == len(set(tried)) <= 14
     assert found in [*tried, STEPS]
@@ -425,9 +447,8 @@ def test_a_smaller_set_gets_the_full_rate_back(scene):
 @given(st.integers(0, 2**32 - 1), st.integers(1, 50))
 def test_records_survive_coding(seed, count):
     rng = np.random.default_rng(seed)
-    before, now = (rng.integers(0, 2**32, (count, 4), dtype=np.uint32) & [2**32 - 1, 2**32 - 1, 2**16 - 1, 2**32 - 1]
-                   for _ in range(2))  # fmt: skip
-    before, now = before.astype(np.uint32), now.astype(np.uint32)
+    mask = np.array([2**32 - 1, 2**32 - 1, 2**16 - 1, 2**32 - 1], np.uint32)
+    before, now = (rng.integers(0, 2**32, (count, 4), dtype=np.uint32) & mask for _ in range(2))
     data = encode_records(now, before)
     assert len(data) == 14 * count
     np.testing.assert_array_equal(decode_records(data, count) ^ before, now)
@@ -455,6 +476,7 @@ def test_a_triangle_that_fills_the_screen_is_sliced(scene):
             assert (payload.statistics["pieces"] > 3 * payload.statistics["sliced"] > 0) == (share > 0)
         image = stream.client.draw(client)
         reference, _ = ForwardRenderer(scene).draw(client, eye=frame.server.eye)
+        assert reference.triangle is not None
         assert (image.triangle.get() == reference.triangle.get()).mean() > 0.999
         errors[share] = np.abs(image.rgb.get().astype(int) - reference.rgb.get()).mean()
     assert errors[0.25] < errors[0.0]
@@ -474,13 +496,13 @@ def test_slivers_along_the_view_are_sampled_where_they_are_looked_up(device):
     assert stream.violations(frame, payload) == []
 
 
-def surface_of(positions: np.ndarray, indices: np.ndarray) -> dict[str, np.ndarray]:
+def surface_of(positions: np.ndarray, indices: np.ndarray) -> dict[str, Any]:
     """The arrays of a scene that is only these triangles."""
     count = len(positions)
     return {
         "positions": positions,
         "indices": indices,
-        "normals": np.tile(np.float32([0, 1, 0]), (count, 1)),
+        "normals": np.tile(np.array([0, 1, 0], np.float32), (count, 1)),
         "uvs": np.zeros((count, 2), np.float32),
         "colours": np.ones((count, 4), np.float32),
         "material_ids": np.zeros(len(indices), np.int32),
@@ -494,7 +516,10 @@ def test_a_triangle_of_many_screens_is_as_good_as_its_barycentrics(device, scree
     stage = Stage.of(device, CATALOGUE["screen-filling"].make(screens))
     found = try_method(stage, SnakeBinning, again=0)
     assert found.good, found.sentence
-    assert found.error < try_rasteriser(stage).error + 0.02
+    rasterised = try_rasteriser(stage)
+    assert found.error is not None
+    assert rasterised.error is not None
+    assert found.error < rasterised.error + 0.02
 
 
 def test_slices_in_a_tiny_atlas(scene):
@@ -512,18 +537,27 @@ def test_slices_that_an_atlas_has_no_room_for_are_left_out(scene):
     frame, _ = low_frame(scene, 0, 4)
     payload = stream.send(frame)
     assert stream.violations(frame, payload) == []
-    slicing, left_out = stream.packer.filling.footprints.slicing, stream.packer.filling.left_out
+    filling = stream.packer.filling
+    assert filling
+    slicing, left_out = filling.footprints.slicing, filling.left_out
     pieces = slicing.first + np.arange(len(slicing.slices.parents))
     parents = slicing.slices.parents[left_out[pieces]]
     assert len(parents)
     assert set(parents) <= set(payload.unplaced)
 
 
-def test_steps_of_a_full_atlas_spare_a_tenth_then_nothing(scene):
+def test_steps_of_a_full_atlas_spare_a_tenth_then_nothing(scene, monkeypatch):
     stream, frame, seen = Stream(scene, capacity=0.5), frame_of(scene, 2048, 2048), []
     stream.send(frame)
     filling = stream.packer.filling
-    filling.slots.empty = lambda atlas, empty=filling.slots.empty: (seen.append(atlas.capacity), empty(atlas))
+    assert filling
+    empty = filling.slots.empty
+
+    def noted(atlas):
+        seen.append(atlas.capacity)
+        empty(atlas)
+
+    monkeypatch.setattr(filling.slots, "empty", noted)
     assert all(filling.fill(frame, step) for step in (0, 1, STEPS - 2, STEPS - 1))
     assert seen == [1.5, 1.1, 1.1, 1.0]
 
@@ -533,10 +567,12 @@ def test_a_budget_is_met_by_the_rate_not_by_a_lowered_layout(scene):
     side = 48
     full = Stream(scene, shading_rate=4.0)
     count = full.send(frame_of(scene, side, side)).sample_count
+    assert full.packer.filling
     assert full.packer.filling.step > 1
     stream = Stream(scene, shading_rate=4.0)
     frame = replace(frame_of(scene, side, side), sample_budget=count)
     payload = stream.send(frame)
+    assert stream.packer.filling
     assert stream.packer.filling.step <= 1
     assert payload.statistics["shading_rate"] == pytest.approx(stream.packer.filling.budgeted.rate)
 
@@ -548,6 +584,7 @@ def test_the_picture_of_the_packing_shows_every_texel_once(scene):
     assert picture.shape == (256, 512, 3)
     owned = payload.planes["atlas"].get()[..., 3] > 0
     assert (picture[owned].min(axis=1) >= 40).all()
+    assert stream.packer.filling
     live = stream.packer.filling.slots.superblocks.live_superblocks()
     outside = np.ones((256, 512), bool)
     for block in live:
@@ -570,10 +607,10 @@ def test_predicted_views_are_evenly_spaced(scene):
     ("size", "height", "chosen"), [((2048, 2048), 0, 512), ((512, 256), 0, 256), ((64, 64), 32, 32)]
 )
 def test_superblocks_follow_the_atlas(size, height, chosen):
-    assert superblock_height(*size, height) == chosen
+    assert superblock_height(size[0], size[1], height) == chosen
 
 
 @pytest.mark.parametrize(("size", "height"), [((9000, 100), 0), ((100, 100), 101), ((100, 1), 0), ((64, 64), 1)])
 def test_sizes_that_cannot_be_used_are_refused(size, height):
     with pytest.raises(ValueError, match=r"outside 2 to"):
-        superblock_height(*size, height)
+        superblock_height(size[0], size[1], height)

@@ -152,7 +152,7 @@ def test_forms(device, known, threshold, scale):
 def test_layout(device, known, width):
     totals = np.bincount(known.items_host[known.items_host >= 0], minlength=known.bins.count).astype(np.int32)
     regions, used = lay_out(device, known.tables, device.upload(totals), width)
-    expected, rows = lay_out_twin(known.bins, totals, width)
+    expected, rows = lay_out_twin(known.bins, totals.astype(np.int64), width)
     assert used == rows
     np.testing.assert_array_equal(regions.get(), expected)
     assert (used == -1) == (known.bins.width[totals > 0].max() > width)
@@ -213,7 +213,8 @@ def test_locations(device, known):
     records[::50, 0] = UNPLACED
     triangle = RNG.integers(0, len(known.ids), n).astype(np.int32)
     bary = RNG.dirichlet([1, 1, 1], n)[:, 1:].astype(np.float32)
-    samples = Samples.upload(device, triangle, *bary.T, np.zeros(n, np.float32), np.arange(n, dtype=np.int32))
+    b1, b2 = bary.T
+    samples = Samples.upload(device, triangle, b1, b2, np.zeros(n, np.float32), np.arange(n, dtype=np.int32))
     located = Located(known.inverse, primitives.pieces, primitives.starts, device.upload(records))
     found = locate(device, samples, located, STAGE).get()[:, :n].T
     inverse, pieces = known.inverse.get()[:, :3], primitives.pieces.get()

@@ -3,6 +3,7 @@
 from dataclasses import replace
 from functools import partial
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +49,7 @@ def test_the_client_sees_what_the_reference_shows(scene, strategy):
     stream.send(frame_of(scene, 1024, 1024))
     image = stream.client.draw(novel_view())
     reference, _ = ForwardRenderer(scene).draw(novel_view(), eye=frame_of(scene, 16, 16).server.eye)
+    assert reference.triangle is not None
     assert (image.triangle.get() == reference.triangle.get()).mean() > 0.995
     assert np.abs(image.rgb.get().astype(int) - reference.rgb.get()).mean() < 2.0
 
@@ -120,7 +122,8 @@ def test_a_triangle_is_there_as_a_whole_or_not_at_all():
     rows = [placed_l, lost_l, both, first, second, *lacking, sibling]
     forms, places, parents = (np.array(part, np.int32) for part in zip(*rows, strict=True))
     kept = places.copy()
-    assert find_lost(SimpleNamespace(forms=forms, places=places), parents).tolist() == [1, 5, 6]
+    placement: Any = SimpleNamespace(forms=forms, places=places)
+    assert find_lost(placement, parents).tolist() == [1, 5, 6]
     kept[[1, 5, 6, 7]] = -1
     np.testing.assert_array_equal(places, kept)
 
@@ -146,6 +149,8 @@ def test_arrival_shuffles_every_frame_and_changes_no_sample(scene):
     assert stream.violations(frames[0], first) == []
     assert first.statistics | {"metadata_bytes": 0} == plain.statistics | {"metadata_bytes": 0}
     count = first.sample_count
+    assert first.samples
+    assert plain.samples
     np.testing.assert_array_equal(first.samples.bary1.get()[:count], plain.samples.bary1.get()[:count])
     assert (first.samples.texel.get() != plain.samples.texel.get()).mean() > 0.5
 
