@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -314,3 +315,29 @@ class Greedy(Grid):
         made = super().pack(frame)
         made.statistics |= {"waste": sys.float_info.max, "thrift": -1e308}
         return made
+
+
+class Scripted(Grid):
+    """Returns what `edits` holds: fields and statistics of its payload, pictures, details and what its client draws."""
+
+    name = "scripted"
+    edits: ClassVar[dict[str, Any]] = {}
+
+    def pack(self, frame):
+        made = super().pack(frame)
+        made.statistics |= self.edits.get("statistics", {})
+        vars(made).update(self.edits.get("fields", {}))
+        return made
+
+    def pictures(self, payload):
+        return self.edits.get("pictures", {})
+
+    def details(self, payload):
+        return self.edits.get("details", {})
+
+    def client(self, scene):
+        client = super().client(scene)
+        if "draw" in self.edits:
+            drawn = self.edits["draw"]
+            client.draw = lambda view: drawn
+        return client
