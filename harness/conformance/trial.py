@@ -19,11 +19,17 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import matvec
-from shading_atlas_bench.harness.errors import text_of
+from shading_atlas_bench.harness.errors import plain, text_of
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.exact import ExactPicture, draw_exact
 from shading_atlas_bench.harness.measure.novel_view import Seen
-from shading_atlas_bench.harness.measure.returned import CheckedPacker, Received, read_launches, verdict_on
+from shading_atlas_bench.harness.measure.returned import (
+    LONGEST_REASON,
+    CheckedPacker,
+    Received,
+    read_launches,
+    verdict_on,
+)
 from shading_atlas_bench.harness.measure.verification.frame import Verifier
 from shading_atlas_bench.harness.measure.verification.isolation import check_isolation, decode_losslessly
 from shading_atlas_bench.harness.measure.verification.pictures import check_picture
@@ -237,7 +243,8 @@ def try_isolation(stage: Stage, make: Callable[[], Packer]) -> TrialResult:
             return TrialResult("ok", f"skipped: {reason}")
         shaded = stage.shaded_by(packer)
         found = check_isolation(shaded.truth, make, shaded.frames[-1], shaded.views[-1])
-        return TrialResult("invalid" if found else "ok", " ".join(one.sentence for one in found))
+        sentence = plain(" ".join(one.sentence for one in found), LONGEST_REASON)
+        return TrialResult("invalid" if found else "ok", sentence)
 
     return _caught(isolated)
 
@@ -248,7 +255,7 @@ def _caught(work: Callable[[], TrialResult]) -> TrialResult:
     try:
         found = work()
     except TrialError as wrong:
-        found = TrialResult(wrong.status, wrong.sentence, pictures=wrong.pictures)
+        found = TrialResult(wrong.status, plain(wrong.sentence, LONGEST_REASON), pictures=wrong.pictures)
     except BaseException as error:  # whatever a method does becomes a sentence
         found = result_of(error)
     return replace(found, seconds=time.perf_counter() - start)

@@ -13,7 +13,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
-from shading_atlas_bench.harness.errors import is_stop
+from shading_atlas_bench.harness.errors import is_stop, plain
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
 from shading_atlas_bench.harness.measure.coherence import AtlasHistory
@@ -22,6 +22,7 @@ from shading_atlas_bench.harness.measure.machine import peak_memory
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import NovelView
 from shading_atlas_bench.harness.measure.returned import (
+    LONGEST_REASON,
     CheckedClient,
     CheckedPacker,
     Received,
@@ -599,7 +600,7 @@ def same_work(a: Frame, b: Frame) -> bool:
 def _verdict(frame: Frame, payload: Payload, found: list[validity.Violation]) -> tuple[str, str | None]:
     """The status of a frame and its reason."""
     if found:
-        return "invalid", " ".join(dict.fromkeys(violation.sentence for violation in found))
+        return "invalid", plain(" ".join(dict.fromkeys(violation.sentence for violation in found)), LONGEST_REASON)
     if payload.unplaced:
         reasons = sorted(set(payload.unplaced.values()))
         return "overflow", f"{len(payload.unplaced)} of {len(frame.pvs)} triangles unplaced: {'; '.join(reasons)}"

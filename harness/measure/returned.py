@@ -48,7 +48,8 @@ T = TypeVar("T")
 
 LONGEST_NAME = 32  # letters, of a plane, a blob, lists or a picture: names of parts cost no bytes
 LONGEST_STATISTIC, LONGEST_STAGE = 64, 128  # letters of such a name
-LONGEST_TEXT = 400  # letters, of a reason
+LONGEST_TEXT = 400  # letters, of one reason why something is not done
+LONGEST_REASON = 4000  # letters, of all that is wrong with a frame: names of a method's own things may stand in it
 MOST_REASONS = 16  # different ones in one frame
 LARGEST_WHOLE = 2**63 - 1  # that a results store holds
 LONGEST_SIDE = 16384  # pixels, of a picture

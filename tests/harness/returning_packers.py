@@ -280,6 +280,16 @@ class LeavingOut(Grid):
         return super().pack(frame)
 
 
+class KeepingOddly(Grid):
+    """Keeps something in its class, under a name that is none."""
+
+    name = "keeping-oddly"
+
+    def pack(self, frame):
+        setattr(KeepingOddly, "\ud800\x1b", getattr(KeepingOddly, "\ud800\x1b", 0) + 10**6)
+        return super().pack(frame)
+
+
 class ListLess(Grid):
     """Holds lists of no form."""
 

@@ -53,7 +53,7 @@ def small_scene():
 def folder(tmp_path_factory) -> Path:
     """One run of all of them, of one that is honest, and of one with large numbers."""
     out = tmp_path_factory.mktemp("returning") / "deep" / "down" / "run"
-    kinds = [*WRONG, returning.Greedy]
+    kinds = [*WRONG, returning.Greedy, returning.KeepingOddly]
     with nothing_beside(out):
         assert not run(Settings(methods=(GRID, *(f"{FILE}:{kind.__name__}" for kind in kinds)), **SMALL), out).well
     return out
@@ -81,6 +81,11 @@ def test_a_mistake_is_one_sentence_in_its_own_rows(rows, packer):
         assert all(WRONG[packer] in row["reason"] and "\n" not in row["reason"] for row in found), found[0]["reason"]
 
 
+def test_names_of_a_packers_own_things_are_told_in_letters(rows):
+    (reason,) = {row["reason"] for row in rows if row["method"] == "keeping-oddly"}
+    assert r"State is kept outside of packer and client, in KeepingOddly.\ud800\x1b" in reason
+
+
 def test_the_others_go_on(rows):
     honest = [row for row in rows if row["method"] in ("grid", "greedy")]
     assert [row["status"] for row in honest] == ["ok"] * 4
@@ -92,7 +97,7 @@ def test_the_report_is_there_and_can_be_made_again(folder):
     assert (folder / "report.html").read_text(encoding="utf-8") == before
     assert "1.798e+308" in before
     told = json.loads((folder / "pictures" / "pictures.json").read_text(encoding="utf-8"))
-    assert len(told) == len(WRONG) + 2
+    assert len(told) == len(WRONG) + 3
     assert not [path for path in folder.rglob("*") if "outside" in path.name]
 
 
@@ -112,7 +117,15 @@ def test_a_check_survives_what_ends_programs(device):
     assert (found.status, found.sentence.split(" (")[0]) == ("failed", "SystemExit: 3")
 
 
-def test_a_person_may_stop_where_a_packer_may_not():
+@pytest.fixture
+def usual_handler():
+    """Python's own handler of Ctrl-C, which those who start tests in the background switch off."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def test_a_person_may_stop_where_a_packer_may_not(usual_handler):
     with stops_apart():
         assert not is_stop(KeyboardInterrupt())
         with pytest.raises(StopAsked):
