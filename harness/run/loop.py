@@ -41,6 +41,7 @@ T = TypeVar("T")
 WORKERS = 2  # threads for what only the host does
 SERIAL = "BENCH_SERIAL"  # variable: one thread for that, so that a crash has one cause
 AT_ONCE = 4  # pipelines that go through a frame together: that many payloads are in memory at a time
+LONGEST_TRACEBACK = 100_000  # letters: what a method says in it may have any length
 PREPARE = 10  # packings' time that preparing may take: charts of millions of triangles need minutes
 
 
@@ -92,7 +93,8 @@ class Run:
             for index in range(self.frames):
                 self._one_frame(index, done, finished, task)
             self.session.device.announce = lambda stage: None
-        note_unseen(self.store, {pipeline.packer: pipeline.rare_costs for pipeline in self.pipelines})
+        costs = {pipeline.packer: pipeline.rare_costs for pipeline in self.pipelines if pipeline.rare_costs}
+        note_unseen(self.store, costs)
         note_off_budget(self.store)
         note_full_atlas(self.store)
         note_as_published(self.store, [pipeline.packer for pipeline in self.pipelines])
@@ -292,7 +294,7 @@ class Run:
             if status == "failed":
                 lines = "".join(traceback.format_exception(error))
                 key = f"traceback/{pipeline.method}[{pipeline.variant}]"
-                self.store.notes[key] = lines.encode(errors="backslashreplace").decode()
+                self.store.notes[key] = lines[:LONGEST_TRACEBACK].encode(errors="backslashreplace").decode()
 
     def _commit_stopped(self, pipeline: Pipeline, index: int, status: str, reason: str) -> None:
         rows = [{**self.common, "frame": index, **row} for row in stopped_rows(pipeline.keys(), status, reason)]
