@@ -238,6 +238,9 @@ class Frame:
 class Payload:
     """Everything sent for one frame, and what the report wants to know about it.
 
+    Its values are of exactly these types (whole numbers also NumPy's), its names identifiers of up to 32 letters, of a
+    statistic 64; harness/measure/returned.py refuses others, and stops the method.
+
     planes: for the video encoder: name to uint8 (H, W, 4) device arrays, sRGB; alpha 255 where a texel was written this
         frame, 0 elsewhere; see Frame.shade. The plane ALPHA, of the same size, is grey, encoded as luma, and its bytes
         are counted apart. A method without an atlas has none.
@@ -249,7 +252,8 @@ class Payload:
     sample_count: shading samples computed this frame: those in `samples`, or the fragments that the client then holds.
     unplaced: triangles of the PVS that got no place, id to reason; the harness checks that nothing else is missing.
     statistics: what the method reports beyond the common columns, name to number. FULL among them says that the method
-        laid out fewer texels than by its own rule, or otherwise than asked for, because the atlas is too small.
+        laid out fewer texels than by its own rule, or otherwise than asked for, because the atlas is too small. What
+        has no finite number is left out.
     """
 
     planes: dict[str, Array]
@@ -446,11 +450,12 @@ class Packer(ABC):
         """Place and shade everything in the frame's PVS."""
 
     def pictures(self, payload: Payload) -> dict[str, Bytes]:
-        """What the report shows beside the atlas, on request only: name to uint8 (h, w, 3)."""
+        """What the report shows beside the atlas, on request only: name, as in Payload, to uint8 (h, w, 3)."""
         return {}
 
     def details(self, payload: Payload) -> dict[str, arrays.Array]:
-        """Arrays of any shape and numbers that `--dump` writes beside the pictures, on request only, by name."""
+        """Arrays of any shape and numbers that `--dump` writes beside the pictures, on request only, by name, an
+        identifier of up to 64 letters."""
         return {}
 
     @abstractmethod

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 
 from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table
+from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
 from shading_atlas_bench.harness.sweep.grid import make_grid
@@ -43,11 +44,11 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> None:
             f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} "
             f"frame{'s' * (settings.frames != 1)}"
         )
-        for name, reason in {cell.packer.name: cell.packer.skip(scene) for cell in cells}.items():
+        for name, reason in {cell.packer.name: told_skip(cell.packer, scene) for cell in cells}.items():
             if reason:
                 console.print(f"[dim]{name} is skipped:[/] {escape(reason)}")
         console.print(f"[dim]needs no[/] {', '.join(skipped_stages(scene.features))}")
-        running = [cell for cell in cells if cell.packer.skip(scene) is None]
+        running = [cell for cell in cells if told_skip(cell.packer, scene) is None]
         seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")
     _show_axes(console, grid)

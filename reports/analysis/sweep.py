@@ -7,7 +7,6 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from shading_atlas_bench.reports.analysis.fronts import Candidate, pareto_front
@@ -22,6 +21,7 @@ from shading_atlas_bench.reports.store.columns import (
 )
 from shading_atlas_bench.reports.store.csv_files import measure_statistics, spread, write_csv
 from shading_atlas_bench.reports.store.labels import NOTES
+from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.results import Store, StoreError
 
 FILE = "sweep.json"

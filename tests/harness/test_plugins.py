@@ -1,5 +1,6 @@
 """Packers are found by name, module or file, and every mistake is answered with what is known."""
 
+import re
 import sys
 from importlib.metadata import EntryPoint
 from pathlib import Path
@@ -280,3 +281,34 @@ def test_a_file_that_fails_to_import_says_why(tmp_path: Path):
 def test_folders_differ_by_parameters_and_are_safe_names():
     assert folder_name("sas", "a=1") == folder_name("sas", "a=1") != folder_name("sas", "a=2")
     assert folder_name("../my method", "").startswith(".._my_method-")
+
+
+GRID = "from shading_atlas_bench.packers.example.grid import Grid\n\n\nclass Mine(Grid):\n    name = 'mine'\n"
+
+
+@pytest.mark.parametrize(
+    ("lines", "says"),
+    [
+        ("name = 'a' * 300", "files cannot have"),
+        ("name = 'a\\ud800'", "files cannot have"),
+        ("name = 3", "files cannot have"),
+        ("name = property(lambda self: 'mine')", "files cannot have"),
+        ("name = '../mine'", "files cannot have"),
+        ("paper = None", "declares paper otherwise"),
+        ("atlas = 'yes'", "declares atlas otherwise"),
+        ("parameters = {'cell': 3}", "declares parameters otherwise"),
+        ("skips = {'a': 'b'}", "declares skips otherwise"),
+        ("__init__ = lambda self, **values: exit(3)", "cannot be made: SystemExit: 3"),
+        ("__init__ = lambda self, **values: {}['key']", "cannot be made: KeyError: 'key'"),
+        ("__init__ = lambda self, **values: setattr(self, 'mipmaps', [])", "the parameter mipmaps is a list"),
+        ("__init__ = lambda self, **values: setattr(self, 'name', 'yours')", "changes its `name`"),
+        ("raise SystemExit(3)", "cannot be imported: SystemExit: 3"),
+        ("raise GeneratorExit", "cannot be imported: GeneratorExit"),
+    ],
+)
+def test_a_packer_that_cannot_be_used_is_refused_when_it_is_loaded(tmp_path: Path, lines: str, says: str):
+    file = tmp_path / "mine.py"
+    file.write_text(f"{GRID}    {lines}\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=re.escape(says)) as refused:
+        load_packer(f"{file}:Mine")
+    assert str(refused.value).isprintable()

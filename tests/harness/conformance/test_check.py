@@ -10,9 +10,12 @@ from typer.testing import CliRunner
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.conformance import check
 from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
+from tests.fuzz.cases import nothing_beside
 from tests.harness import faulty_packers as faulty
+from tests.harness import returning_packers
 
 FAULTY = Path(faulty.__file__)
+RETURNING = Path(returning_packers.__file__)
 FEW = ("parameters", "picture", "empty set", "overflow")
 
 
@@ -32,9 +35,9 @@ def stages() -> dict:
             "nondeterministic",
             "packed with work-groups of 16: other bytes in the blob noise",
         ),
-        (faulty.NotANumber, "picture", "invalid", "the statistics waste are not finite"),
+        (faulty.NotANumber, "picture", "invalid", "the statistic 'waste' is nan, and no finite number"),
         (faulty.Elsewhere, "one triangle", "invalid", "First: triangles 0"),
-        (faulty.Crashing, "empty set", "failed", "IndexError in faulty_packers.py, line"),
+        (faulty.Crashing, "empty set", "failed", "IndexError: there is no first triangle (faulty_packers.py, line"),
         (faulty.Silent, "overflow", "invalid", "have no place and are not listed"),
         (faulty.Hanging, "screen-filling", "timeout", "did not finish in time"),
     ],
@@ -59,6 +62,17 @@ def test_the_command_says_what_is_wrong_and_shows_it(tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "out").glob("*overflow*")} == {
         f"silent_overflow_{name}.png" for name in ("client", "reference", "atlas")
     }
+
+
+def test_the_command_says_of_a_wrong_return_what_a_run_says(tmp_path, monkeypatch):
+    monkeypatch.setattr(check, "CHECKS", {name: CHECKS[name] for name in FEW[:2]})
+    monkeypatch.setattr(check, "EXAMPLES", 1)
+    monkeypatch.setattr(check, "BENCHMARK", 0.05)
+    out = tmp_path / "deep" / "out"
+    with nothing_beside(out):
+        result = CliRunner().invoke(app, ["check", f"{RETURNING}:PictureOutside", "--out", str(out)])
+    assert result.exit_code == 1
+    assert "'../../../../outside' cannot be the name of a picture" in " ".join(result.stdout.split())
 
 
 @pytest.mark.parametrize("packer", ["nobody", "missing.py:Mine", "sas[no=1]"])
