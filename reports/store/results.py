@@ -16,6 +16,18 @@ from typing import Any, TypeAlias
 from zlib import crc32
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, FRAME_COLUMNS, FRAME_KEY, STATUSES, Column
+from shading_atlas_bench.reports.store.data import DataError, Kind, as_kind, decode_json
+from shading_atlas_bench.reports.store.names import encodable
+from shading_atlas_bench.reports.store.records import (
+    FRAME_ROW,
+    REPEAT_ROW,
+    REQUIRED,
+    STAGE_ROW,
+    STATISTIC_ROW,
+    Frame,
+    Plan,
+    Row,
+)
 
 Cell: TypeAlias = str | int | float | None  # of a table
 
@@ -23,7 +35,6 @@ FILE = "results.sqlite"
 LONGEST_PATH = 504  # bytes, of a file that SQLite opens with its journal beside it
 WAIT_SECONDS = 60  # for another process that writes to the same file
 SQL_TYPES = {str: "TEXT", int: "INTEGER", float: "REAL"}
-REQUIRED = (*(name for name in FRAME_KEY if name not in ("codec", "crf")), "status")
 
 _FRAME = "method TEXT NOT NULL, variant TEXT NOT NULL, frame INTEGER NOT NULL"
 _TABLES = (
@@ -81,7 +92,7 @@ class Store:
                 raise
         except (OSError, sqlite3.Error) as error:
             raise StoreError(f"{file} cannot be opened as a results store: {error}.") from error
-        self.notes = Notes(self._connection)
+        self.notes = Notes(self)
 
     def close(self) -> None:
         """Close the file; nothing is pending, so this loses nothing."""
@@ -93,10 +104,15 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def plan(self) -> dict[str, Any] | None:
+    def plan(self) -> Plan | None:
         """The plan of this run, None before `set_plan`."""
-        found = self._connection.execute("SELECT content FROM plan").fetchone()
-        return json.loads(found[0]) if found else None
+        found = self.read("plan", "SELECT content FROM plan", tuple[str])
+        if not found:
+            return None
+        try:
+            return decode_json(found[0][0], Plan, f"The table plan of {self.folder / FILE}")
+        except DataError as error:
+            raise StoreError(f"{error} Run again into a new folder.") from error
 
     def set_plan(self, plan: dict[str, Any], *, begun: bool | None = None) -> None:
         """Bind the store to a plan, given as JSON values; before it has begun its device may still change.
@@ -121,7 +137,7 @@ class Store:
 
     def finished(self) -> set[tuple[str, str, int]]:
         """The committed frames, as (method, variant, frame)."""
-        return set(self._connection.execute("SELECT method, variant, frame FROM finished"))
+        return set(self.read("finished", "SELECT method, variant, frame FROM finished", tuple[str, str, Frame]))
 
     def commit_frame(
         self,
@@ -180,21 +196,46 @@ class Store:
             )
             self._insert("repeats", records)
 
-    def rows(self) -> list[dict[str, Any]]:
+    def rows(self) -> list[Row]:
         """All rows, by column name, sorted by the key; absent values are None and sort first."""
-        return self._select(f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}")
+        lone = "SELECT method, variant, frame FROM rows EXCEPT SELECT method, variant, frame FROM finished LIMIT 1"
+        for method, variant, frame in self.read("rows", lone, tuple[str, str, Frame]):
+            raise StoreError(
+                f"{self.folder / FILE} has in its table rows the frame {frame} of {method}[{variant}], which its table "
+                "finished lacks: run again into a new folder."
+            )
+        return self.read("rows", f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}", FRAME_ROW)
 
-    def stages(self) -> list[dict[str, Any]]:
+    def stages(self) -> list[Row]:
         """Time of each stage, by the column names of stages.csv, sorted by its key."""
-        return self._select(_of_frames("stages", "stage, ms, launches", "stage"))
+        return self.read("stages", _of_frames("stages", "stage, ms, launches", "stage"), STAGE_ROW)
 
-    def statistics(self) -> list[dict[str, Any]]:
+    def statistics(self) -> list[Row]:
         """What methods report, by the column names of statistics.csv, sorted by its key; also of invalid frames."""
-        return self._select(_of_frames("statistics", "name, value", "name"))
+        return self.read("statistics", _of_frames("statistics", "name, value", "name"), STATISTIC_ROW)
 
-    def repeats(self) -> list[dict[str, Any]]:
+    def repeats(self) -> list[Row]:
         """Every repetition of a timing: place of its frame, repetition, stage and ms, sorted by all but the last."""
-        return self._select(_of_frames("repeats", "repetition, stage, ms", "repetition, stage"))
+        return self.read("repeats", _of_frames("repeats", "repetition, stage, ms", "repetition, stage"), REPEAT_ROW)
+
+    def read(self, table: str, query: str, kind: type[Kind], values: Sequence[Cell] = ()) -> list[Kind]:
+        """The records that a query gives, each of a kind of tuple, or of row by column name.
+
+        Raises StoreError for a value of another type, naming table, record and column, and for what SQLite cannot read.
+        """
+        source = f"The table {table} of {self.folder / FILE}"
+        try:
+            cursor = self._connection.execute(query, values)
+            records = cursor.fetchall()
+        except sqlite3.Error as error:
+            raise StoreError(f"{source} cannot be read: {error}. Run again into a new folder.") from error
+        if not issubclass(getattr(kind, "__origin__", kind), tuple):
+            names = [description[0] for description in cursor.description]
+            records = [dict(zip(names, record, strict=True)) for record in records]
+        try:
+            return as_kind(records, list[kind], source)  # type: ignore[valid-type]  # a type of the time it runs
+        except DataError as error:
+            raise StoreError(f"{error} Run again into a new folder.") from error
 
     def _prepare(self) -> None:
         """Make the tables of a new file, or check the version of an old one."""
@@ -204,6 +245,10 @@ class Store:
                 for statement in _TABLES:
                     self._connection.execute(statement)
                 self._connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
+            made = self._connection.execute("SELECT sql FROM sqlite_master WHERE sql IS NOT NULL").fetchall()
+        if version in (0, SCHEMA_VERSION) and sorted(made) != sorted((statement,) for statement in _TABLES):
+            # A view or a trigger would be code of whoever made the file.
+            raise StoreError(f"{self.folder / FILE} has other tables than this program makes: give another folder.")
         if version not in (0, SCHEMA_VERSION):
             self._connection.close()
             raise StoreError(
@@ -221,15 +266,14 @@ class Store:
             raise
         self._connection.execute("COMMIT")
 
+    def change(self, statement: str, values: Sequence[Cell]) -> int:
+        """Execute a statement of its own transaction; the number of records that it changed."""
+        return self._connection.execute(statement, values).rowcount
+
     def _insert(self, table: str, records: Sequence[tuple[Cell, ...]]) -> None:
         if records:
             places = ", ".join("?" * len(records[0]))
             self._connection.executemany(f"INSERT INTO {table} VALUES ({places})", records)
-
-    def _select(self, query: str) -> list[dict[str, Any]]:
-        cursor = self._connection.execute(query)
-        names = [description[0] for description in cursor.description]
-        return [dict(zip(names, values, strict=True)) for values in cursor]
 
 
 class Notes(MutableMapping[str, str]):
@@ -242,34 +286,33 @@ class Notes(MutableMapping[str, str]):
     parameters are as published).
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, store: Store) -> None:
+        self._store = store
 
     def __getitem__(self, key: str) -> str:
-        found = self._connection.execute("SELECT value FROM notes WHERE key = ?", (key,)).fetchone()
-        if found is None:
+        found = self._store.read("notes", "SELECT value FROM notes WHERE key = ?", tuple[str], (key,))
+        if not found:
             raise KeyError(key)
-        text: str = found[0]
-        return text
+        return found[0][0]
 
     def __setitem__(self, key: str, value: object) -> None:
-        self._connection.execute("INSERT OR REPLACE INTO notes VALUES (?, ?)", (key, str(value)))
+        self._store.change("INSERT OR REPLACE INTO notes VALUES (?, ?)", (encodable(key), encodable(str(value))))
 
     def __delitem__(self, key: str) -> None:
-        if self._connection.execute("DELETE FROM notes WHERE key = ?", (key,)).rowcount == 0:
+        if self._store.change("DELETE FROM notes WHERE key = ?", (key,)) == 0:
             raise KeyError(key)
 
     def __iter__(self) -> Iterator[str]:
-        return iter([key for (key,) in self._connection.execute("SELECT key FROM notes ORDER BY key")])
+        return iter([key for (key,) in self._store.read("notes", "SELECT key FROM notes ORDER BY key", tuple[str])])
 
     def __len__(self) -> int:
-        (count,) = self._connection.execute("SELECT count(*) FROM notes").fetchone()
-        return int(count)
+        return len(list(iter(self)))
 
     def under(self, prefix: str) -> dict[str, str]:
         """The notes whose key starts with `prefix`/ (the slash may be given), by the rest of their key."""
         start = f"{prefix.rstrip('/')}/"
-        return {key.removeprefix(start): self[key] for key in self if key.startswith(start)}
+        found = self._store.read("notes", "SELECT key, value FROM notes ORDER BY key", tuple[str, str])
+        return {key.removeprefix(start): text for key, text in found if key.startswith(start)}
 
     def replace(self, prefix: str, texts: Mapping[str, str]) -> None:
         """Make these the notes under `prefix`/, by the rest of their key, in place of all that were there."""
@@ -314,7 +357,7 @@ def _checked(column: Column, value: Any) -> Cell:
         return None
     if column.type is str:
         if isinstance(value, str):
-            return value
+            return encodable(value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = _number(value)
         if number is None or column.type is float:
