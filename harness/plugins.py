@@ -9,13 +9,15 @@ import importlib.util
 import inspect
 import os
 import re
+import shlex
 import sys
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from importlib.metadata import EntryPoint, entry_points
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
+from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.packers.interface import COMMON, Packer, Parameter, Value
 from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 
@@ -66,6 +68,21 @@ def load_packer(spec: str) -> list[Packer]:
         parameters = packers[0].parameters
     values = _parse_values(target, parameters, text)
     return [packer(**(published_values(packer) if setting else {}) | values) for packer in packers]
+
+
+def refuse_code(specs: Iterable[str], source: str, instead: str) -> None:
+    """Raise InputError for a method whose code lies in a file or module, not in an installed package.
+
+    What a file names is data, and may be a stranger's: code is run where the command line names it. instead: what to do
+    with code that one trusts, with `{}` for the method.
+    """
+    for spec in specs:
+        parts = SPEC.fullmatch(spec.strip())
+        if parts is not None and ":" in parts["target"]:
+            raise InputError(
+                f"{source} names the code {spec}, and code that a file names is not run: if you trust it, "
+                f"{instead.format(shlex.quote(spec))}."
+            )
 
 
 def _malformed(spec: str) -> str:

@@ -9,7 +9,7 @@ import shlex
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cache
-from itertools import groupby
+from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +17,7 @@ from rich.markup import escape
 
 from shading_atlas_bench.harness.console import TerminalProgress, make_console, make_table
 from shading_atlas_bench.harness.errors import InputError, StoppedError
-from shading_atlas_bench.harness.plugins import label_of, variant_string
+from shading_atlas_bench.harness.plugins import label_of, refuse_code, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import RUNS, locked
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT, duration, expected_pace
@@ -122,6 +122,9 @@ def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:
         claims = chosen(read_claims(file), wanted.ids)
     except ClaimsError as error:
         raise InputError(str(error)) from error
+    methods = [options["method"] for options in (*claims.runs.values(), claims.quick) if "method" in options]
+    operands = [operand.method for claim in claims.measured() for operand in claim.operands()]
+    refuse_code([*chain.from_iterable(methods), *operands], str(file), "install it as a package (packers/README.md)")
     found = []
     for name, options in claims.runs.items():
         asking = [claim for claim in claims.measured() if any(name in place for place in claim.runs)]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
@@ -12,7 +11,6 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import date, datetime
 from pathlib import Path
-from typing import Any
 
 from rich.markup import escape
 
@@ -28,6 +26,7 @@ from shading_atlas_bench.reports.analysis.sweep import FILE as SWEEP_FILE
 from shading_atlas_bench.reports.documents.catalogue import SOURCES
 from shading_atlas_bench.reports.documents.kept import (
     ROOT,
+    About,
     DocumentError,
     Kept,
     Source,
@@ -42,6 +41,8 @@ from shading_atlas_bench.reports.documents.markdown import (
     write_documents,
     wrong_places,
 )
+from shading_atlas_bench.reports.store.data import read_json
+from shading_atlas_bench.reports.store.records import RunFile, Values
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 from shading_atlas_bench.scenes.model import SceneError
@@ -245,7 +246,7 @@ def _digested(source: Source, folders: Sequence[Path], seconds: float | None) ->
     settings = [_settings(*pair) for pair in zip(source.commands, folders, strict=True)]
     # Experiments without a store have just used the default device.
     device = device or Device.open(None).description
-    about = {
+    about: About = {
         "commands": list(source.commands),
         "commit": ", ".join(sorted(filter(None, commits))) or commit(),
         "date": " to ".join(sorted({min(dates), max(dates)})) if dates else date.today().isoformat(),
@@ -257,12 +258,11 @@ def _digested(source: Source, folders: Sequence[Path], seconds: float | None) ->
     return Kept(about, source.digest(folders))
 
 
-def _settings(command: str, folder: Path) -> dict[str, Any] | None:
+def _settings(command: str, folder: Path) -> Values | None:
     """All settings of a run or sweep, the scene as its command names it; None for what has none of its own."""
     for name in (RUN_FILE, SWEEP_FILE):
         if (folder / name).is_file():
-            content = json.loads((folder / name).read_text(encoding="utf-8"))
-            settings: dict[str, Any] = content["settings"]
+            settings = read_json(folder / name, RunFile)["settings"]
             named = re.search(r"--scene (\S+)", command)
             return settings | ({"scene": named[1]} if named else {})
     return None

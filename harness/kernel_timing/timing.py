@@ -16,6 +16,7 @@ from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.noise import noise_warnings
+from shading_atlas_bench.harness.workload.settings import RANGES
 from shading_atlas_bench.kernels.case import INPUTS, Case, Cost, Result, Trial, broken_values, evaluate, whole_differ
 from shading_atlas_bench.kernels.device import VARIANTS, Device
 from shading_atlas_bench.kernels.roofline.roofline import Roofline, measure
@@ -176,8 +177,7 @@ def bench_kernels(wanted: TimingRequest, out: Path) -> None:
     for variant in wanted.variants:
         if variant not in VARIANTS:
             raise InputError(f"There is no build variant {variant!r}: give one of {', '.join(VARIANTS)}.")
-    if wanted.repeat < 1:
-        raise InputError(f"--repeat is {wanted.repeat}: give at least 1.")
+    RANGES["repeat"].check(wanted.repeat)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, product
@@ -33,7 +31,9 @@ from shading_atlas_bench.reports.store.columns import (
     STRESS_COLUMNS,
     Column,
 )
-from shading_atlas_bench.reports.store.csv_files import after_keyframe, summarise
+from shading_atlas_bench.reports.store.csv_files import after_keyframe, read_csv, summarise
+from shading_atlas_bench.reports.store.data import read_json
+from shading_atlas_bench.reports.store.records import RunFile
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 
@@ -381,7 +381,7 @@ def set_parts(folders: Sequence[Path]) -> Parts:
         results = RunResults(folder)
         (key,) = results.keys
         size = f"{results.rows[0]['width']}x{results.rows[0]['height']}"
-        density = json.loads((folder / "run.json").read_text(encoding="utf-8"))["settings"]["pvs_density"]
+        density = read_json(folder / "run.json", RunFile)["settings"]["pvs_density"]
         names = ("pvs_triangles", "missing_px", "flip", "pvs_ms")
         rows.append(
             {"scene": results.scene, "size": size, "density": density} | {n: results.median(key, n) for n in names}
@@ -419,8 +419,7 @@ def thesis_parts(folders: Sequence[Path]) -> Parts:
 
 
 def _csv(file: Path) -> Iterator[dict[str, str]]:
-    with file.open(newline="", encoding="utf-8") as lines:
-        yield from csv.DictReader(lines)
+    yield from read_csv(file)
 
 
 def _float(text: str) -> float | None:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-import json
 import os
+import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
@@ -28,9 +28,14 @@ from shading_atlas_bench.reports.store.columns import (
     Column,
     summary_columns,
 )
+from shading_atlas_bench.reports.store.data import DataError, decode_json, read_text
+from shading_atlas_bench.reports.store.records import SKIP_ROW, Row
 from shading_atlas_bench.reports.store.results import Store, StoreError
 
 Value = TypeVar("Value")
+
+# A cell that begins so is a formula to a spreadsheet, whoever wrote it. One apostrophe more before it makes it text.
+FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
 SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
 
@@ -40,7 +45,7 @@ def write_all(folder: Path) -> None:
     once. Raises StoreError without a store."""
     with Store(folder, must_exist=True) as store:
         rows, stages, statistics = store.rows(), store.stages(), store.statistics()
-        saved = [json.loads(text) for text in store.notes.under("saved").values()]
+        saved = list(read_saved(store.notes.under("saved")).values())
     write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
     write_csv(folder / "summary.csv", summary_columns(), summarise(rows))
     write_csv(folder / "stages.csv", STAGE_COLUMNS, stages)
@@ -49,13 +54,40 @@ def write_all(folder: Path) -> None:
         write_csv(folder / "skips.csv", SKIP_COLUMNS, saved)
 
 
+def read_saved(texts: Mapping[str, str]) -> dict[str, Row]:
+    """The rows of skips.csv from the notes that hold them. Raises StoreError for others."""
+    try:
+        return {
+            name: decode_json(text, SKIP_ROW, f"The note saved/{name} of the store") for name, text in texts.items()
+        }
+    except DataError as error:
+        raise StoreError(f"{error} Run again into a new folder.") from error
+
+
 def write_csv(path: Path, columns: Sequence[Column], rows: Iterable[dict[str, Any]]) -> None:
-    """Write rows in their order; None becomes an empty cell, a float the shortest text that reads back the same."""
+    """Write rows in their order; None becomes an empty cell, a float the shortest text that reads back the same.
+
+    A text is one line, and no formula: see FORMULA.
+    """
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([column.name for column in columns])
     writer.writerows([_cell(row[column.name]) for column in columns] for row in rows)
     replace_file(path, text.getvalue())
+
+
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file of the suite, by column name, texts as they were given to `write_csv`.
+
+    Raises DataError where it is none.
+    """
+    try:
+        rows = list(csv.DictReader(io.StringIO(read_text(path), newline=""), strict=True, restkey="", restval=""))
+    except csv.Error as error:
+        raise DataError(f"{path} is not CSV: {error}.") from error
+    if any("" in row for row in rows):
+        raise DataError(f"{path} is no table: a row has more cells than its head.")
+    return [{name: _plain(text) for name, text in row.items()} for row in rows]
 
 
 def replace_file(path: Path, text: str) -> None:
@@ -156,5 +188,16 @@ def _cell(value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, str):
-        return " ".join(value.splitlines())  # one line per row, for every reader
+        return text_cell(value)
     return repr(value)
+
+
+def text_cell(text: str) -> str:
+    """A text as a cell: one line per row, for every reader, and no formula."""
+    line = " ".join(text.splitlines())
+    return f"'{line}" if FORMULA.match(line) else line
+
+
+def _plain(cell: str) -> str:
+    """A cell as it was given."""
+    return cell[1:] if cell.startswith("'") and FORMULA.match(cell) else cell

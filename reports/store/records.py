@@ -31,7 +31,14 @@ Frame = Annotated[int, Meta(ge=0)]
 # Two levels of names are what plans of runs and sweeps have.
 Plain: TypeAlias = str | int | float | bool | None
 _Inner: TypeAlias = Plain | list[Plain]
+Values: TypeAlias = dict[str, _Inner]
 Plan: TypeAlias = dict[str, _Inner | dict[str, _Inner | dict[str, _Inner]]]
+
+
+class RunFile(TypedDict):
+    """What reports need of a run.json."""
+
+    settings: Values
 
 
 def row_type(name: str, columns: Iterable[Column], required: Collection[str]) -> type[Row]:

@@ -151,7 +151,7 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     start = content.index(b"IDAT") + len(b"IDAT")
     content[start : start + 16] = b"\xff" * 16
     file.write_bytes(content)
-    with pytest.raises(OSError, match=r"frame_0000_atlas\.png cannot be embedded in the report: "):
+    with pytest.raises(StoreError, match=r"frame_0000_atlas\.png cannot be embedded in the report: "):
         embed(Pictures({}, {("sas", ""): {0: {"atlas": file}}}), [0], {("sas", ""): "sas"})
 
 
