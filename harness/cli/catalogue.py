@@ -8,7 +8,7 @@ import typer
 from rich.padding import Padding
 
 from shading_atlas_bench.harness.cli.guard import guarded
-from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError
 
 
@@ -46,14 +46,12 @@ def show_catalogue() -> None:
 
     console = make_console()
     for name, packer in find_packers().items():
-        console.print(f"[bold]{name}[/]  {packer.paper.title} ({packer.paper.year})")
+        console.print(styled("[bold]{}[/]  {} ({})", name, packer.paper.title, packer.paper.year))
         table = make_table("", "parameter", "default", "sweep", "meaning")
         for key, parameter in packer.parameters.items():
             unit = f" [{parameter.unit}]" if parameter.unit else ""
             sweep = ", ".join(map(value_text, parameter.sweep))
-            table.add_row(
-                f"  {key}", value_text(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\[")
-            )
+            table.add_row(f"  {key}", value_text(parameter.default), sweep, parameter.meaning + unit)
         console.print(table)
         published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
         console.print(Padding(f"{name}@published: {published or 'as the defaults'}", (0, 0, 0, 2)))

@@ -6,9 +6,8 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
-from rich.markup import escape
 
-from shading_atlas_bench.harness.console import make_console
+from shading_atlas_bench.harness.console import make_console, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 
 SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
@@ -39,8 +38,8 @@ def guarded() -> Iterator[None]:
         ClaimsError,
         DocumentError,
     ) as error:
-        make_console(stderr=True).print(f"[bold red]bench:[/] {escape(str(error))}", soft_wrap=True)
+        make_console(stderr=True).print(styled("[bold red]bench:[/] {}", error), soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
     except StoppedError as stopped:
-        make_console(stderr=True).print(f"Stopped. {escape(str(stopped))}", soft_wrap=True)
+        make_console(stderr=True).print(f"Stopped. {stopped!s}", soft_wrap=True)
         raise typer.Exit(INTERRUPTED) from None

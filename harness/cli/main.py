@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import sys
+import unicodedata
 from collections.abc import Callable
 from typing import Annotated
 
@@ -22,6 +23,7 @@ from shading_atlas_bench.harness.cli.stress import stress
 from shading_atlas_bench.harness.cli.sweep import sweep
 from shading_atlas_bench.harness.cli.tables import tables
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
+from shading_atlas_bench.reports.store.names import visible
 
 app = typer.Typer(
     name="bench",
@@ -65,6 +67,11 @@ for name, command in COMMANDS.items():
     app.command(name)(command)
 
 
+def _refuse(argument: str, why: str) -> None:
+    print(f"bench: {visible(argument)} {why}", file=sys.stderr)
+    sys.exit(UNUSABLE)
+
+
 def main() -> None:
     """Run the command line in this process."""
     end_with_supervisor()
@@ -72,10 +79,11 @@ def main() -> None:
         if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape
             stream.reconfigure(errors="backslashreplace")
     for argument in sys.argv[1:]:
-        if any("\ud800" <= letter <= "\udfff" for letter in argument):  # bytes that Python could not decode
-            encoding = sys.getfilesystemencoding()
-            print(f"bench: {argument} is not a name in {encoding}: rename it, or use a UTF-8 locale.", file=sys.stderr)
-            sys.exit(UNUSABLE)
+        kinds = {unicodedata.category(letter) for letter in argument}
+        if "Cs" in kinds:  # bytes that Python could not decode
+            _refuse(argument, f"is not a name in {sys.getfilesystemencoding()}: rename it, or use a UTF-8 locale.")
+        if "Cc" in kinds:
+            _refuse(argument, "has a control character: rename it.")
     try:
         app(prog_name="bench")
     except KeyboardInterrupt:

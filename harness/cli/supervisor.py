@@ -24,6 +24,7 @@ from typing import Any
 from shading_atlas_bench.harness.watch.ends import KILLED, SWITCH, TICK, crashed, ended_by, name_of, overdue_steps
 from shading_atlas_bench.harness.watch.processes import python
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
+from shading_atlas_bench.reports.store.names import visible
 
 # `bench tables` runs these as processes of their own, each of which is watched.
 WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "list")
@@ -187,7 +188,7 @@ def _passed_on(code: int) -> int:
 
 
 def _say(sentence: str) -> None:
-    print(f"bench: {sentence}", file=sys.stderr, flush=True)
+    print(f"bench: {visible(sentence)}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

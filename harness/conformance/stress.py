@@ -9,11 +9,9 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, StressTest
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult, try_method, try_rasteriser
-from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
+from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
@@ -104,7 +102,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
     log = Log.open(out or _folder_for(plan), plan)
     journal().note(again=["--out", str(log.folder)])
     console = make_console(stderr=True)
-    console.print(f"Results go to [bold]{log.folder}[/]; the same command with --out {log.folder} resumes.")
+    console.print(styled("Results go to [bold]{}[/]; the same command with --out {} resumes.", log.folder, log.folder))
     try:
         StressRun(opened, chosen, rows, log, quick, timeout).everything()
     except KeyboardInterrupt:
@@ -307,15 +305,18 @@ def show_matrix(rows: list[dict[str, Any]], folder: Path) -> None:
         column.justify = "right"
     for test, cells in found.items():
         colour = {label: "red" if cells[label].broken else "green" for label in cells}
-        texts = [f"[{colour[label]}]{cells[label].text}[/]" if label in cells else "" for label in labels]
+        texts = [
+            styled("[{style}]{}[/]", cells[label].text, style=colour[label]) if label in cells else ""
+            for label in labels
+        ]
         table.add_row(test, magnitude(next(iter(cells.values())).hardest), *texts)
     console.print(table)
     for test, cells in found.items():
         for label, reach in cells.items():
             if row := reach.broken:
-                where = f"{escape(label)}, {test} {magnitude(row['magnitude'])}"
-                console.print(f"[red]{row['status']}[/] {where}: {escape(_shortened(row['reason']))}")
-    console.print(f"[bold]{folder}/stress.html[/]  stress.csv  pictures/", soft_wrap=True)
+                where = f"{label}, {test} {magnitude(row['magnitude'])}"
+                console.print(styled("[red]{}[/] {}: {}", row["status"], where, _shortened(row["reason"])))
+    console.print(styled("[bold]{}/stress.html[/]  stress.csv  pictures/", folder), soft_wrap=True)
 
 
 def _shortened(text: str, length: int = 300) -> str:

@@ -13,9 +13,7 @@ from itertools import chain, groupby
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
-
-from shading_atlas_bench.harness.console import TerminalProgress, make_console, make_table
+from shading_atlas_bench.harness.console import TerminalProgress, make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.plugins import label_of, refuse_code, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
@@ -191,13 +189,17 @@ def run_claims(wanted: ClaimsRequest, out: Path | None) -> bool:
         work.begin()
         for name, run_of in work.state["runs"].items():
             if run_of["note"]:
-                console.print(f"[yellow]note[/] {name} is reused from {run_of['folder']}, {run_of['note']}.")
-        console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} goes on.")
+                console.print(
+                    styled("[yellow]note[/] {} is reused from {}, {}.", name, run_of["folder"], run_of["note"])
+                )
+        console.print(styled("Results go to [bold]{}[/]; the same command with --out {} goes on.", folder, folder))
         stopped = False
         for place, named in enumerate(runs):
             if not work.waits(named):
                 continue
-            console.print(f"[dim]Run {place + 1} of {len(runs)}:[/] {named.name}  [dim]{escape(named.command)}[/]")
+            console.print(
+                styled("[dim]Run {} of {}:[/] {}  [dim]{}[/]", place + 1, len(runs), named.name, named.command)
+            )
             try:
                 work.one(named)
             except (StoppedError, KeyboardInterrupt):
@@ -377,20 +379,20 @@ def show_needs(wanted: ClaimsRequest, out: Path | None) -> None:
     table = make_table(f"{len(claims.claims)} claims", "id", "published", "runs")
     for claim in claims.claims:
         places = ", ".join("/".join(place) for place in claim.runs)
-        table.add_row(claim.id, escape(claim.published), places or "not measurable here")
+        table.add_row(claim.id, claim.published, places or "not measurable here")
     console.print(table)
     console.print()
     seconds = 0.0
     for named in runs:
-        about = ""
+        about: object = ""
         try:
             if not named.of_linked_lists:
                 settings = named.settings()
                 seconds += settings.frames * expected_pace(settings, "") * len(settings.methods)
         except SceneError as error:
-            about = f"  [yellow]not measured[/]: {escape(str(error))}"
-        console.print(f"[bold]{named.name}[/]  {len(named.claims)} claims{about}")
-        console.print(f"  [dim]{escape(named.command)}[/]")
+            about = styled("  [yellow]not measured[/]: {}", error)
+        console.print(styled("[bold]{}[/]  {} claims{}", named.name, len(named.claims), about))
+        console.print(styled("  [dim]{}[/]", named.command))
     console.print(f"about {duration(seconds)} on a quiet machine, more for scenes of millions of triangles")
 
 
@@ -402,17 +404,19 @@ def show_results(results: list[Judged], causes: list[Explained], folder: Path) -
         places = list(group)
         claim = places[0].claim
         rule = f", must be {claim.rule.text}" if claim.rule else ""
-        console.print(f"[bold]{id_}[/]  [dim]published {escape(claim.published)}{rule}[/]")
+        console.print(styled("[bold]{}[/]  [dim]published {}{}[/]", id_, claim.published, rule))
         for result in places:
-            verdict = f"[{COLOURS.get(result.verdict, 'dim')}]{result.verdict}[/]"
+            verdict = styled("[{style}]{}[/]", result.verdict, style=COLOURS.get(result.verdict, "dim"))
             where = f"{'/'.join(result.place)} {result.size}"
-            console.print(f"  {where:<36} {measured_text(result):<24} {verdict}", soft_wrap=True)
+            console.print(styled("  {:<36} {:<24} {}", where, measured_text(result), verdict), soft_wrap=True)
             if result.verdict == NOT_CONFIRMED:
                 for each in causes:
                     if (each.claim, each.place) == (id_, result.place):
-                        console.print(f"    [dim]because of {each.cause.id}?[/] {each.verdict}", soft_wrap=True)
+                        console.print(
+                            styled("    [dim]because of {}?[/] {}", each.cause.id, each.verdict), soft_wrap=True
+                        )
     tests = [cause.test for cause in causes if cause.test]
     for reason in dict.fromkeys(result.reason for result in (*results, *tests) if result.verdict == NOT_MEASURED):
-        console.print(f"[yellow]not measured[/] {escape(reason)}")
+        console.print(styled("[yellow]not measured[/] {}", reason))
     console.print(counts_text(results))
-    console.print(f"[bold]{folder}/claims.html[/]  claims.csv  causes.csv", soft_wrap=True)
+    console.print(styled("[bold]{}/claims.html[/]  claims.csv  causes.csv", folder), soft_wrap=True)
