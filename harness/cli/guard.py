@@ -9,6 +9,7 @@ import typer
 
 from shading_atlas_bench.harness.console import make_console, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
+from shading_atlas_bench.harness.watch.memory import ran_out
 
 SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
 
@@ -21,6 +22,7 @@ def guarded() -> Iterator[None]:
     from shading_atlas_bench.kernels.runtime.opencl import DeviceError
     from shading_atlas_bench.reports.analysis.claims import ClaimsError
     from shading_atlas_bench.reports.documents.kept import DocumentError
+    from shading_atlas_bench.reports.store.data import DataError
     from shading_atlas_bench.reports.store.results import StoreError
     from shading_atlas_bench.scenes.model import SceneError
     from shading_atlas_bench.scenes.paths import PathError
@@ -32,6 +34,7 @@ def guarded() -> Iterator[None]:
         SettingsError,
         CacheError,
         DeviceError,
+        DataError,
         StoreError,
         SceneError,
         PathError,
@@ -39,6 +42,9 @@ def guarded() -> Iterator[None]:
         DocumentError,
     ) as error:
         make_console(stderr=True).print(styled("[bold red]bench:[/] {}", error), soft_wrap=True)
+        raise typer.Exit(UNUSABLE) from None
+    except MemoryError:
+        make_console(stderr=True).print(styled("[bold red]bench:[/] {}", ran_out()), soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
     except StoppedError as stopped:
         make_console(stderr=True).print(f"Stopped. {stopped!s}", soft_wrap=True)

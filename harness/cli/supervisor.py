@@ -22,6 +22,7 @@ from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.harness.watch.ends import KILLED, SWITCH, TICK, crashed, ended_by, name_of, overdue_steps
+from shading_atlas_bench.harness.watch.memory import too_little
 from shading_atlas_bench.harness.watch.processes import python
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
 from shading_atlas_bench.reports.store.names import visible
@@ -33,7 +34,7 @@ HARMLESS = {"--help", "--dry-run", "--list"}
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
 # Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
 PATIENCE: dict[int, float] = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
-FAILED, INTERRUPTED = 1, 130
+FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 MOST_DEATHS = 2  # of one device's compiler
 ILLEGAL = {getattr(signal, "SIGILL", 4)}  # instructions that the processor lacks: always the compiler's fault
 
@@ -46,6 +47,9 @@ def main() -> None:
 
         run_here()
         return
+    if short := too_little():
+        _say(short)
+        sys.exit(UNUSABLE)
     sys.exit(Supervisor(arguments).run())
 
 

@@ -198,13 +198,15 @@ class Store:
 
     def rows(self) -> list[Row]:
         """All rows, by column name, sorted by the key; absent values are None and sort first."""
-        lone = "SELECT method, variant, frame FROM rows EXCEPT SELECT method, variant, frame FROM finished LIMIT 1"
-        for method, variant, frame in self.read("rows", lone, tuple[str, str, Frame]):
-            raise StoreError(
-                f"{self.folder / FILE} has in its table rows the frame {frame} of {method}[{variant}], which its table "
-                "finished lacks: run again into a new folder."
-            )
-        return self.read("rows", f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}", FRAME_ROW)
+        query = f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}"
+        rows, finished = self.read("rows", query, FRAME_ROW), self.finished()
+        for row in rows:
+            if (row["method"], row["variant"], row["frame"]) not in finished:
+                raise StoreError(
+                    f"{self.folder / FILE} has in its table rows the frame {row['frame']} of "
+                    f"{row['method']}[{row['variant']}], which its table finished lacks: run again into a new folder."
+                )
+        return rows
 
     def stages(self) -> list[Row]:
         """Time of each stage, by the column names of stages.csv, sorted by its key."""

@@ -13,18 +13,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS, FRAME_KEY, KEYFRAME_APART, MEASURES
-from shading_atlas_bench.reports.store.csv_files import median_interval, summarise, write_all, write_csv
+from shading_atlas_bench.reports.store.csv_files import median_interval, read_csv, summarise, write_all, write_csv
+from shading_atlas_bench.reports.store.data import DataError
 from shading_atlas_bench.reports.store.results import Store, StoreError
 from tests.reports.synthetic import COMMON, make_store
 
 FILES = ("frames.csv", "summary.csv", "stages.csv", "statistics.csv")
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
 NUMBERS = st.none() | st.floats() | st.integers(-(2**53), 2**53)
-
-
-def read(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +40,7 @@ def test_same_results_give_the_same_bytes_in_whatever_order_they_came(folder: Pa
 
 
 def test_frames_are_sorted_and_failures_are_empty_not_zero(folder: Path) -> None:
-    rows = read(folder / "frames.csv")
+    rows = read_csv(folder / "frames.csv")
     keys = [tuple(int(row[k] or -1) if k in ("crf", "frame") else row[k] for k in FRAME_KEY) for row in rows]
     assert keys == sorted(set(keys))
     assert len(rows) == 3 * 12 * 5
@@ -58,7 +54,7 @@ def test_frames_are_sorted_and_failures_are_empty_not_zero(folder: Path) -> None
 
 
 def test_summary_holds_medians_of_frames_that_are_ok(folder: Path) -> None:
-    rows, summaries = read(folder / "frames.csv"), read(folder / "summary.csv")
+    rows, summaries = read_csv(folder / "frames.csv"), read_csv(folder / "summary.csv")
     assert len(summaries) == 3 * 5
     for summary in summaries:
         of_key = [row for row in rows if all(row[k] == summary[k] for k in FRAME_KEY if k != "frame")]
@@ -101,7 +97,7 @@ def test_any_text_and_number_is_read_back(values: list, tmp_path_factory: pytest
             store.commit_frame(text, text, frame, [row])
         rows = store.rows()
     write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
-    found = sorted(read(folder / "frames.csv"), key=lambda row: int(row["frame"]))
+    found = sorted(read_csv(folder / "frames.csv"), key=lambda row: int(row["frame"]))
     for (text, number), row in zip(values, found, strict=True):
         assert row["method"] == row["variant"] == row["reason"] == " ".join(text.splitlines())
         if number is None or not math.isfinite(number):
@@ -116,3 +112,22 @@ def test_a_file_that_cannot_be_replaced_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"frames\.csv cannot be written .*another program\?$"):
         write_csv(tmp_path / "frames.csv", [], [])
     assert [path.name for path in tmp_path.iterdir()] == ["frames.csv"]
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@x", "\tx", "\rx", "'=1", "''-x", "'x", "x=1", "", "'"])
+def test_no_text_is_a_formula_and_all_are_read_back(text: str, tmp_path: Path) -> None:
+    """Numbers below zero stay numbers."""
+    row = dict.fromkeys((column.name for column in FRAME_COLUMNS), None) | {"reason": text, "psnr": -1.5}
+    write_csv(tmp_path / "frames.csv", FRAME_COLUMNS, [row])
+    with (tmp_path / "frames.csv").open(encoding="utf-8", newline="") as file:
+        (written,) = csv.DictReader(file)
+    assert not written["reason"].startswith(("=", "+", "-", "@", "\t", "\r"))
+    assert written["psnr"] == "-1.5"
+    assert read_csv(tmp_path / "frames.csv")[0]["reason"] == " ".join(text.splitlines())
+
+
+def test_a_damaged_csv_file_is_a_sentence(tmp_path: Path) -> None:
+    for content in (b"a,b\n1,2,3\n", b'a\n"1\n', b"\xff"):
+        (tmp_path / "a.csv").write_bytes(content)
+        with pytest.raises(DataError, match=r"a\.csv is n"):
+            read_csv(tmp_path / "a.csv")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sqlite3
 import subprocess
@@ -197,3 +198,73 @@ def test_a_folder_too_deep_for_sqlite_is_refused(tmp_path):
         Store(deep)
     assert not deep.exists()
     Store(tmp_path / ("d" * 200) / ("e" * (489 - 202 - len(str(tmp_path))))).close()
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value", "says"),
+    [
+        ("rows", "fov", "wide", "expected float"),
+        ("rows", "fov", b"\0", "got bytes"),
+        ("rows", "fov", math.inf, "expected float"),
+        ("rows", "frame", 2.5, "expected int"),
+        ("rows", "frame", -1, "expected int >= 0"),
+        ("rows", "status", "fine", "invalid enum value 'fine'"),
+        ("rows", "scene", None, "expected str"),
+        ("stages", "ms", "long", "expected float"),
+        ("statistics", "value", b"", "got bytes"),
+        ("repeats", "repetition", "first", "expected int"),
+        ("finished", "frame", "first", "expected int"),
+        ("notes", "value", b"\xff", "expected str"),
+        ("plan", "content", '{"a":' * 5000, "got object"),
+        ("plan", "content", "[]", "expected object"),
+    ],
+)
+def test_a_value_of_another_type_is_named_by_table_and_column(
+    tmp_path: Path, table: str, column: str, value: object, says: str
+) -> None:
+    with Store(tmp_path) as store:
+        store.set_plan({"a": 1})
+        store.notes["a/b"] = "c"
+        row = COMMON | {"codec": "none", "status": "ok"}
+        store.commit_frame("sas", "", 0, [row], [("a/b", 1.0, 1)], {"x": 1.0}, [(1, "a/b", 1.0)])
+    with sqlite3.connect(tmp_path / "results.sqlite") as connection:
+        connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
+    connection.close()
+
+    def read_all(store: Store) -> None:
+        for read in (store.rows, store.stages, store.statistics, store.repeats, store.plan):
+            read()
+        store.notes.under("a")
+
+    with Store(tmp_path) as store, pytest.raises(StoreError) as caught:
+        read_all(store)
+    sentence = str(caught.value)
+    assert says in sentence
+    assert f"The table {table} of {tmp_path / 'results.sqlite'}" in sentence
+    assert table in ("notes", "plan", "finished") or f"].{column}:" in sentence
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE VIEW more AS SELECT 1",
+        "CREATE TRIGGER t AFTER INSERT ON notes BEGIN DELETE FROM rows; END",
+        "ALTER TABLE rows ADD COLUMN more",
+        "DROP INDEX row_frame",
+    ],
+)
+def test_a_store_with_other_tables_is_refused(tmp_path: Path, statement: str) -> None:
+    Store(tmp_path).close()
+    with sqlite3.connect(tmp_path / "results.sqlite") as connection:
+        connection.execute(statement)
+    connection.close()
+    with pytest.raises(StoreError, match="other tables than this program makes"):
+        Store(tmp_path)
+
+
+def test_text_that_utf_8_lacks_is_kept_as_escapes(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [COMMON | {"codec": "none", "status": "failed", "reason": "caf\udce9 \ud800"}])
+        store.notes["scene/\ud800"] = "\udce9"
+        assert store.rows()[0]["reason"] == "caf\\udce9 \\ud800"
+        assert store.notes["scene/\\ud800"] == "\\udce9"
