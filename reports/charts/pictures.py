@@ -20,7 +20,7 @@ from typing import TypedDict
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
-from shading_atlas_bench.reports.store.results import StoreError
+from shading_atlas_bench.reports.store.database import StoreError
 
 EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
 ATLAS_SIDE = 1024

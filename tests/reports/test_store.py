@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.store.columns import DOCUMENT, FRAME_COLUMNS, document
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, METHODS, PLAN, frame_rows, make_store
 
 ISSUE_ORDER = """scene,scene_hash,path,path_hash,frame_rate,method,variant,codec,crf,frame,status,reason,width,height,
@@ -151,7 +152,7 @@ def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
         Store(tmp_path / "nothing", must_exist=True)
     assert not (tmp_path / "nothing").exists()
     (tmp_path / "results.sqlite").write_text("this is a text, and a long one, not a database" * 50, encoding="utf-8")
-    with pytest.raises(StoreError, match="cannot be opened"):
+    with pytest.raises(StoreError, match="no whole results store"):
         Store(tmp_path)
 
 
@@ -162,13 +163,13 @@ from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import frame_rows
 frame, moment = 0, int(sys.argv[2])
 store = Store(Path(sys.argv[1]))
-store._connection.execute("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
-insert = store._insert
+store._database.select("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
+insert = store._database.insert
 def insert_and_die(table, records):
     insert(table, records)
     if frame == 2 and table == ("rows", "stages", "statistics", "repeats", "finished")[moment]:
         os.kill(os.getpid(), getattr(signal, "SIGKILL", 9))
-store._insert = insert_and_die
+store._database.insert = insert_and_die
 for frame in range(4):
     rows = frame_rows("sas", frame)
     store.commit_frame("sas", "v", frame, rows, [(f"s{i}", 1.0, 1) for i in range(2000)], {"n": 1.0}, [(0, "s", 1.0)])
