@@ -119,7 +119,7 @@ class Store:
         Raises StoreError for an unknown column or status, a lacking key, a value of the wrong type, or no row.
         """
         place = (str(method), str(variant), int(frame))
-        named = dict(zip(("method", "variant", "frame"), place, strict=True))
+        named: dict[str, Cell] = dict(zip(("method", "variant", "frame"), place, strict=True))
         if not rows:
             raise StoreError(f"Frame {frame} of {method} has no row: each frame has at least one, also a failed one.")
         records = [_record({**row, **named}, row) for row in rows]
