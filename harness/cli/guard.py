@@ -23,7 +23,7 @@ def guarded() -> Iterator[None]:
     from shading_atlas_bench.reports.analysis.claims import ClaimsError
     from shading_atlas_bench.reports.documents.kept import DocumentError
     from shading_atlas_bench.reports.store.data import DataError
-    from shading_atlas_bench.reports.store.results import StoreError
+    from shading_atlas_bench.reports.store.database import StoreError
     from shading_atlas_bench.scenes.model import SceneError
     from shading_atlas_bench.scenes.paths import PathError
 

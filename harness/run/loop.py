@@ -33,6 +33,7 @@ from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.packers.interface import NotShippedError
 from shading_atlas_bench.reports.store import csv_files
+from shading_atlas_bench.reports.store.database import StoreFileError
 from shading_atlas_bench.reports.store.labels import NOTES as LABELS
 from shading_atlas_bench.reports.store.results import Store
 
@@ -284,6 +285,8 @@ class Run:
             yield
         except PackTimeoutError:
             pipeline.dead = ("timeout", f"{doing}: it took longer than --timeout {self.settings.timeout:g} allows.")
+        except StoreFileError:  # of no method: the disk is full, or the folder was deleted
+            raise
         except NotShippedError as error:
             pipeline.dead = ("invalid", f"{doing}: {error}")
         except (Exception, SystemExit) as error:  # whatever a method does, the others go on, and its rows say what
@@ -314,8 +317,9 @@ class Run:
             }
             csv_files.replace_file(self.folder / "pictures" / "pictures.json", json.dumps(known, indent=2))
         if self.settings.dump:
-            for pipeline, found in measured.items():
-                self._dump(pipeline, work, novel, found)
+            with csv_files.written(self.folder / "dump"):
+                for pipeline, found in measured.items():
+                    self._dump(pipeline, work, novel, found)
 
     def _dump(self, pipeline: Pipeline, work: FrameWorkload, novel: NovelView, measured: Measured) -> None:
         dump_scene(self.folder / "dump", self.session.scene.host)
@@ -336,5 +340,6 @@ class Run:
 
     def _write_picture(self, group: str, index: int, name: str, rgb: Bytes) -> None:
         path = self.folder / "pictures" / group / f"frame_{index:04d}{name and '_'}{name}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_png(path, rgb)
+        with csv_files.written(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_png(path, rgb)

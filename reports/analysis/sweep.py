@@ -23,9 +23,10 @@ from shading_atlas_bench.reports.store.columns import (
 )
 from shading_atlas_bench.reports.store.csv_files import measure_statistics, spread, write_csv
 from shading_atlas_bench.reports.store.data import DataError, read_json
+from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.labels import NOTES
 from shading_atlas_bench.reports.store.records import Plain, row_type
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.results import Store
 
 FILE = "sweep.json"
 GROUPS = ("structs/", "gather/")  # the stages that make up server_ms

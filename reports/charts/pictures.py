@@ -20,8 +20,8 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.reports.store.data import DataError, read_file, read_json, regular_size
+from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.names import fits_everywhere
-from shading_atlas_bench.reports.store.results import StoreError
 
 FOLDER, LIST = "pictures", "pictures.json"
 REFERENCE = "reference"

@@ -3,16 +3,21 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
 import os
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from glob import escape
 from itertools import groupby
 from math import comb
 from pathlib import Path
 from statistics import fmean, median
 from typing import Any, TypeVar
+
+import psutil
 
 from shading_atlas_bench.reports.store.columns import (
     FRAME_COLUMNS,
@@ -29,13 +34,22 @@ from shading_atlas_bench.reports.store.columns import (
     summary_columns,
 )
 from shading_atlas_bench.reports.store.data import DataError, decode_json, read_text
+from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
 from shading_atlas_bench.reports.store.records import SKIP_ROW, Row
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.results import Store
 
 Value = TypeVar("Value")
 
 # A cell that begins so is a formula to a spreadsheet, whoever wrote it. One apostrophe more before it makes it text.
 FORMULA = re.compile(r"'*[=+\-@\t\r]")
+
+_HINTS = {
+    errno.ENOSPC: "make room, and run again.",
+    errno.EDQUOT: "make room, and run again.",
+    errno.EIO: "is the disk full, or failing?",
+    errno.ENOENT: "was its folder deleted? Run again.",
+    errno.EACCES: "make it writable, and close it in other programs.",  # which is what Windows says of open files
+}
 
 SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
 
@@ -91,15 +105,32 @@ def read_csv(path: Path) -> list[dict[str, str]]:
 
 
 def replace_file(path: Path, text: str) -> None:
-    """Write a UTF-8 file so that a reader, or a kill, never meets half of it. Raises StoreError where that fails: on
-    Windows a file that another program has open cannot be replaced."""
+    """Write a UTF-8 file so that a reader, or a kill, never meets half of it. Raises StoreFileError where that fails.
+
+    What a process left that was killed here is deleted.
+    """
     part = path.with_name(f".{path.name}.{os.getpid()}")
+    with written(path):
+        for left in path.parent.glob(f".{escape(path.name)}.*"):
+            if left.suffix[1:].isdecimal() and not psutil.pid_exists(int(left.suffix[1:])):
+                left.unlink(missing_ok=True)
+        try:
+            part.write_text(text, encoding="utf-8", newline="")
+            os.replace(part, path)
+        except BaseException:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def written(path: Path) -> Iterator[None]:
+    """Raise StoreFileError, which says what to do, where a file cannot be written in the block."""
     try:
-        part.write_text(text, encoding="utf-8", newline="")
-        os.replace(part, path)
+        yield
     except OSError as error:
-        part.unlink(missing_ok=True)
-        raise StoreError(f"{path} cannot be written ({error.strerror}): is it open in another program?") from error
+        hint = _HINTS.get(error.errno or 0, "give another folder.")
+        raise StoreFileError(f"{path} cannot be written ({error.strerror or error}): {hint}") from error
 
 
 def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:

@@ -26,7 +26,7 @@ from shading_atlas_bench.reports.documents.kept import DocumentError, read_kept
 from shading_atlas_bench.reports.pages.claims_report import read_state
 from shading_atlas_bench.reports.store.columns import SWEEP_SETTINGS
 from shading_atlas_bench.reports.store.data import DataError
-from shading_atlas_bench.reports.store.results import StoreError
+from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.scenes.model import SceneError
 from tests.fuzz.cases import fuzzed, nothing_beside
 from tests.fuzz.values import JUNK, TEXTS, changed, damaged

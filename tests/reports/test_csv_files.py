@@ -15,7 +15,8 @@ from hypothesis import strategies as st
 from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS, FRAME_KEY, KEYFRAME_APART, MEASURES
 from shading_atlas_bench.reports.store.csv_files import median_interval, read_csv, summarise, write_all, write_csv
 from shading_atlas_bench.reports.store.data import DataError
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, make_store
 
 FILES = ("frames.csv", "summary.csv", "stages.csv", "statistics.csv")

@@ -16,7 +16,8 @@ from shading_atlas_bench.reports.charts.pictures import Pictures, embed, find_pi
 from shading_atlas_bench.reports.pages.html import chosen_frames, moment, write_report
 from shading_atlas_bench.reports.pages.tables import number, prose, ranges
 from shading_atlas_bench.reports.store.csv_files import write_all
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")

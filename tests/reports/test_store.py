@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.store.columns import DOCUMENT, FRAME_COLUMNS, document
-from shading_atlas_bench.reports.store.results import Store, StoreError
-from tests.reports.synthetic import COMMON, METHODS, PLAN, frame_rows, make_store
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import Store
+from tests.reports.synthetic import COMMON, METHODS, PLAN, alter, frame_rows, make_store
 
 ISSUE_ORDER = """scene,scene_hash,path,path_hash,frame_rate,method,variant,codec,crf,frame,status,reason,width,height,
 fov,cell_radius,cell_fov,latency,reference_eye,bandwidth,device,seed,pvs_triangles,placed_triangles,samples,
@@ -152,7 +153,7 @@ def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
         Store(tmp_path / "nothing", must_exist=True)
     assert not (tmp_path / "nothing").exists()
     (tmp_path / "results.sqlite").write_text("this is a text, and a long one, not a database" * 50, encoding="utf-8")
-    with pytest.raises(StoreError, match="cannot be opened"):
+    with pytest.raises(StoreError, match="no whole results store"):
         Store(tmp_path)
 
 
@@ -163,13 +164,13 @@ from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import frame_rows
 frame, moment = 0, int(sys.argv[2])
 store = Store(Path(sys.argv[1]))
-store._connection.execute("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
-insert = store._insert
+store._database.select("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
+insert = store._database.insert
 def insert_and_die(table, records):
     insert(table, records)
     if frame == 2 and table == ("rows", "stages", "statistics", "repeats", "finished")[moment]:
         os.kill(os.getpid(), getattr(signal, "SIGKILL", 9))
-store._insert = insert_and_die
+store._database.insert = insert_and_die
 for frame in range(4):
     rows = frame_rows("sas", frame)
     store.commit_frame("sas", "v", frame, rows, [(f"s{i}", 1.0, 1) for i in range(2000)], {"n": 1.0}, [(0, "s", 1.0)])
@@ -227,9 +228,7 @@ def test_a_value_of_another_type_is_named_by_table_and_column(
         store.notes["a/b"] = "c"
         row = COMMON | {"codec": "none", "status": "ok"}
         store.commit_frame("sas", "", 0, [row], [("a/b", 1.0, 1)], {"x": 1.0}, [(1, "a/b", 1.0)])
-    with sqlite3.connect(tmp_path / "results.sqlite") as connection:
-        connection.execute(f"UPDATE {table} SET {column} = ?", (value,))
-    connection.close()
+    alter(tmp_path, f"UPDATE {table} SET {column} = ?", value)
 
     def read_all(store: Store) -> None:
         for read in (store.rows, store.stages, store.statistics, store.repeats, store.plan):
@@ -258,7 +257,7 @@ def test_a_store_with_other_tables_is_refused(tmp_path: Path, statement: str) ->
     with sqlite3.connect(tmp_path / "results.sqlite") as connection:
         connection.execute(statement)
     connection.close()
-    with pytest.raises(StoreError, match="other tables than this program makes"):
+    with pytest.raises(StoreError, match="its tables are others"):
         Store(tmp_path)
 
 
