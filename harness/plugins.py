@@ -11,14 +11,15 @@ import os
 import re
 import shlex
 import sys
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
+from math import isfinite
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.packers.interface import COMMON, Packer, Parameter, Value
+from shading_atlas_bench.harness.errors import InputError, is_stop, plain, text_of, told
+from shading_atlas_bench.packers.interface import COMMON, Packer, Paper, Parameter, Value
 from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 
 GROUP = "shading_atlas_packers"
@@ -50,9 +51,20 @@ def load_packer(spec: str) -> list[Packer]:
         has where the defaults are other values, then perhaps `[parameter=value,parameter=value]`, for `all` with common
         parameters only. Values take the type of the parameter's default.
 
-    Raises ValueError for an unknown name, parameter or value, naming the known ones and the nearest match.
+    Raises ValueError for an unknown name, parameter or value, naming the known ones and the nearest match, and for a
+    packer whose own code fails, or which is not as packers/interface.py says.
     """
-    spec = spec.strip()
+    try:
+        return _loaded(spec.strip())
+    except ValueError:
+        raise
+    except BaseException as error:  # making a packer runs anybody's code
+        if is_stop(error):
+            raise
+        raise ValueError(f"{spec} cannot be made: {told(error)}.") from error
+
+
+def _loaded(spec: str) -> list[Packer]:
     parts = SPEC.fullmatch(spec)
     if parts is None:
         raise ValueError(_malformed(spec))
@@ -67,7 +79,27 @@ def load_packer(spec: str) -> list[Packer]:
         packers = [_own(target) if ":" in target and not target.endswith(".py") else _installed(target)]
         parameters = packers[0].parameters
     values = _parse_values(target, parameters, text)
-    return [packer(**(published_values(packer) if setting else {}) | values) for packer in packers]
+    return [_made(packer, (published_values(packer) if setting else {}) | values) for packer in packers]
+
+
+def _made(kind: type[Packer], values: dict[str, Any]) -> Packer:
+    """A packer with these parameters. Raises ValueError if it is not what its class says."""
+    packer = kind(**values)
+    if packer.name != kind.name or packer.atlas != kind.atlas:
+        raise ValueError(f"{kind.name} changes its `name` or `atlas` when it is made: both must be its class'.")
+    for name, parameter in kind.parameters.items():
+        if objection := _objection(parameter, getattr(packer, name)):
+            raise ValueError(f"{kind.name}: the parameter {name} {objection}.")
+    return packer
+
+
+def _objection(parameter: Parameter, value: object) -> str | None:
+    """Why a parameter cannot have this value, as the end of a sentence, or None."""
+    if not isinstance(value, (bool, int, float, str)) or type(value) not in (bool, int, float, str):
+        return f"is a {type(value).__name__}: give true, false, a number or a text"
+    if not (value.isprintable() if isinstance(value, str) else isfinite(value)):
+        return "is no line of text and no finite number"
+    return parameter.objection(value)
 
 
 def refuse_code(specs: Iterable[str], source: str, instead: str) -> None:
@@ -102,9 +134,24 @@ def published_values(packer: type[Packer]) -> dict[str, Any]:
     return {name: value for name, value in named.items() if value is not None}
 
 
+def default_values(packer: type[Packer]) -> dict[str, Value]:
+    """All parameters with their defaults."""
+    return {name: parameter.default for name, parameter in packer.parameters.items()}
+
+
+def own_values(packer: Packer) -> dict[str, Value]:
+    """All parameters of a packer with their values."""
+    return {name: getattr(packer, name) for name in packer.parameters}
+
+
 def variant_string(packer: Packer) -> str:
     """All parameters of a packer and their values as `a=1,b=2`, sorted by name: equal for equal packers only."""
-    return ",".join(f"{name}={value_text(getattr(packer, name))}" for name in sorted(packer.parameters))
+    return variant_of(own_values(packer))
+
+
+def variant_of(values: Mapping[str, Value]) -> str:
+    """The same of parameters' values."""
+    return ",".join(f"{name}={value_text(values[name])}" for name in sorted(values))
 
 
 def label_of(packer: Packer, varied: Collection[str] = ()) -> str:
@@ -113,14 +160,14 @@ def label_of(packer: Packer, varied: Collection[str] = ()) -> str:
 
     varied: parameters that a sweep varies, which its contenders do not differ in; they are left out.
     """
-    kind = type(packer)
-    bases = {packer.name: kind(), f"{packer.name}@{PUBLISHED}": kind(**published_values(kind))}
-    names = [name for name in sorted(packer.parameters) if name not in varied]
+    usual = default_values(type(packer))
+    bases = {packer.name: usual, f"{packer.name}@{PUBLISHED}": usual | published_values(type(packer))}
 
-    def values(one: Packer) -> dict[str, str]:
-        return {name: value_text(getattr(one, name)) for name in names}
+    def texts(values: Mapping[str, Value]) -> dict[str, str]:
+        return {name: value_text(value) for name, value in values.items() if name not in varied}
 
-    own = {base: dict(values(packer).items() - values(one).items()) for base, one in bases.items()}
+    shown = texts(own_values(packer)).items()
+    own = {base: dict(shown - texts(values).items()) for base, values in bases.items()}
     base, differing = min(own.items(), key=lambda item: len(item[1]))  # the first of equals: the defaults
     brackets = ",".join(f"{name}={text}" for name, text in sorted(differing.items()))
     return f"{base}[{brackets}]" if brackets else base
@@ -179,7 +226,9 @@ def _import_entry(entry: EntryPoint) -> object:
     try:
         found: object = entry.load()
         return found
-    except Exception as error:
+    except BaseException as error:
+        if is_stop(error):
+            raise
         raise ValueError(f"The packer {entry.name!r} ({entry.value}) cannot be imported: {_told(error)}.") from error
 
 
@@ -199,14 +248,16 @@ def _import_module(name: str) -> ModuleType:
         sys.path.append(os.getcwd())
     try:
         return importlib.import_module(name)
-    except Exception as error:
+    except BaseException as error:
+        if is_stop(error):
+            raise
         raise ValueError(f"The module {name!r} cannot be imported: {_told(error)}.") from error
 
 
-def _told(error: Exception) -> str:
+def _told(error: BaseException) -> str:
     """What stopped an import, which runs anybody's code."""
     says_all = isinstance(error, (ImportError, AttributeError, ValueError))
-    return str(error) if says_all else f"{type(error).__name__}: {error}"
+    return text_of(error) if says_all else f"{type(error).__name__}: {text_of(error)}"
 
 
 def _import_file(path: Path) -> ModuleType:
@@ -223,9 +274,11 @@ def _import_file(path: Path) -> ModuleType:
     sys.modules[name] = module
     try:
         spec.loader.exec_module(module)
-    except Exception as error:
+    except BaseException as error:
         del sys.modules[name]
-        raise ValueError(f"The file {path} cannot be imported: {type(error).__name__}: {error}.") from error
+        if is_stop(error):
+            raise
+        raise ValueError(f"The file {path} cannot be imported: {type(error).__name__}: {text_of(error)}.") from error
     return module
 
 
@@ -238,7 +291,10 @@ def _checked(found: object, what: str) -> type[Packer]:
     if missing:
         raise ValueError(f"{what} lacks the class attribute {' and '.join(missing)}.")
     if not fits_everywhere(found.name):
-        raise ValueError(f"{what} has the name {found.name!r}, which files cannot have: take {ALLOWED}.")
+        name = plain(ascii(found.name), 40) if type(found.name) is str else f"of type {type(found.name).__name__}"
+        raise ValueError(f"{what} has the name {name}, which files cannot have: take {ALLOWED}.")
+    if wrong := _wrong_declarations(found):
+        raise ValueError(f"{what} declares {wrong} otherwise than packers/interface.py says.")
     for kind in own_classes(found):
         source_file(kind)  # results name the files that they come from
     for name, common in COMMON.items():
@@ -248,6 +304,27 @@ def _checked(found: object, what: str) -> type[Packer]:
                 "another name."
             )
     return found
+
+
+def _wrong_declarations(kind: type[Packer]) -> str:
+    """Which attributes of a packer's class are not what the interface says; empty if none."""
+    paper, parameters = kind.paper, kind.parameters
+    fine = {
+        "paper": type(paper) is Paper and _are_texts(paper.title, paper.doi) and type(paper.year) is int,
+        "atlas": type(kind.atlas) is bool,
+        "parameters": type(parameters) is dict
+        and all(_are_texts(name) and name.isidentifier() for name in parameters)
+        and all(type(one) is Parameter and _objection(one, one.default) is None for one in parameters.values()),
+        "skips": type(kind.skips) is dict
+        and all(type(texts) is tuple and len(texts) == 3 for texts in kind.skips.values())
+        and all(_are_texts(name, *texts) for name, texts in kind.skips.items()),
+    }
+    return " and ".join(name for name, is_fine in fine.items() if not is_fine)
+
+
+def _are_texts(*texts: object) -> bool:
+    """Whether all of them are lines of text."""
+    return all(type(text) is str and text.isprintable() for text in texts)
 
 
 def _parse_values(target: str, parameters: dict[str, Parameter], text: str) -> dict[str, Any]:

@@ -6,6 +6,8 @@ import sys
 import warnings
 from typing import Self, TextIO
 
+from shading_atlas_bench.reports.store.names import visible
+
 
 class Task:
     """One piece of long work, until its `with` block ends."""
@@ -50,7 +52,7 @@ def warnings_as_sentences() -> None:
         line: str | None = None,
     ) -> None:
         if category is UserWarning:
-            print(f"bench: {message}", file=file or sys.stderr, flush=True)
+            print(f"bench: {visible(message)}", file=file or sys.stderr, flush=True)
         else:
             in_full(message, category, filename, lineno, file, line)
 

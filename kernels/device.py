@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import json
+import math
 import os
 import re
 import shutil
@@ -423,6 +424,20 @@ class Device:
         if stage:
             for record in self._records:
                 record._events.append((stage, None, event))
+
+    def holds(self, value: object, dtype: DTypeLike, shape: tuple[int, ...]) -> bool:
+        """Whether `value` is a whole array of this device, of this dtype and shape, and all of it is there to be read.
+
+        Of other things nothing is run.
+        """
+        if type(value) is not array_class():
+            return False
+        form = (value.dtype, value.shape, value.offset, value.flags.c_contiguous)
+        if form != (np.dtype(dtype), shape, 0, True) or value.base_data is None:
+            return False
+        with SPEAKING:
+            needed = np.dtype(dtype).itemsize * math.prod(shape)
+            return bool(value.queue == self.queue and value.base_data.size >= needed)
 
     def finish(self) -> None:
         """Wait until everything launched has run."""

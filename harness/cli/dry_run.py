@@ -7,6 +7,7 @@ from pathlib import Path
 from rich.console import Console
 
 from shading_atlas_bench.harness.console import make_console, make_table, styled
+from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
@@ -48,7 +49,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     for name, reason in skipped_stages(scene.features, settings.no_skip).items():
         table.add_row(name, reason)
     console.print(table)
-    running = sum(packer.skip(scene) is None for packer in packers)
+    running = sum(told_skip(packer, scene) is None for packer in packers)
     seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, running)
     console.print(f"about {duration(seconds)}; results in {out or 'a new folder below runs/'}")
 
@@ -65,7 +66,7 @@ def _beyond_budget(settings: Settings, packers: list[Packer]) -> list[str]:
 def _print_methods(console: Console, packers: list[Packer], scene: Scene, work: str) -> None:
     table = make_table("methods", "method", "parameters", "what happens")
     for packer in packers:
-        reason = packer.skip(scene)
+        reason = told_skip(packer, scene)
         parameters = variant_string(packer).replace(",", ", ")
         table.add_row(label_of(packer), parameters, f"skipped: {reason}" if reason else work)
     console.print(table)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from rich.console import Console
@@ -12,6 +11,7 @@ from rich.table import Table
 
 from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.run.explain import FRAMES, ROUNDS
+from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.results import Store
 
 

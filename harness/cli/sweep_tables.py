@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
+from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
 from shading_atlas_bench.harness.sweep.grid import make_grid
@@ -47,11 +48,11 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> None:
                 "s" * (settings.frames != 1),
             )
         )
-        for name, reason in {cell.packer.name: cell.packer.skip(scene) for cell in cells}.items():
+        for name, reason in {cell.packer.name: told_skip(cell.packer, scene) for cell in cells}.items():
             if reason:
                 console.print(styled("[dim]{} is skipped:[/] {}", name, reason))
         console.print(styled("[dim]needs no[/] {}", ", ".join(skipped_stages(scene.features))))
-        running = [cell for cell in cells if cell.packer.skip(scene) is None]
+        running = [cell for cell in cells if told_skip(cell.packer, scene) is None]
         seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")
     _show_axes(console, grid)

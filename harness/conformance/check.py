@@ -32,14 +32,15 @@ from shading_atlas_bench.harness.conformance.trial import (
     Stage,
     TrialCase,
     TrialResult,
-    describe,
-    refuses,
+    result_of,
     try_isolation,
     try_method,
 )
 from shading_atlas_bench.harness.console import make_console, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.machine import load
+from shading_atlas_bench.harness.measure.returned import CheckedPacker, read_payload
+from shading_atlas_bench.harness.watch.stops import stops_apart
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
 from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
@@ -316,12 +317,11 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
         packers = load_packer(spec)
     except ValueError as error:
         raise InputError(str(error)) from error
-    except Exception as error:
-        raise InputError(f"{spec} cannot be made: {describe(error)}") from error
     opened = Device.open(device)
     tell_passed_over(opened)
     stages: dict[str, Stage] = {}
-    passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
+    with stops_apart():
+        passed = [_check_one(Kit(opened, packer, stages), out, thorough, timeout) for packer in packers]
     return all(passed)
 
 
@@ -370,8 +370,8 @@ def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> TrialResult:
             return one(kit)
     except PackTimeoutError:
         return TrialResult("timeout", f"It took longer than {timeout:g} s.")
-    except Exception as error:
-        return TrialResult("refused", str(error)) if refuses(error) else TrialResult("failed", describe(error))
+    except BaseException as error:
+        return result_of(error)
 
 
 def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> TrialResult:
@@ -384,7 +384,7 @@ def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> TrialResu
 
 def benchmark(kit: Kit) -> TrialResult:
     """Ten seconds of packing the hall, as a sentence: device time by halves, samples, host time."""
-    packer = kit.make()
+    packer = CheckedPacker(kit.make())
     stage = kit.scene("hall").shaded_by(packer)
     packer.prepare(stage.server)
     for frame in stage.frames:
@@ -398,8 +398,9 @@ def benchmark(kit: Kit) -> TrialResult:
     while time.perf_counter() < until:
         start = time.perf_counter()
         with stage.device.record() as record:
-            samples = packer.pack(stage.frames[len(wall) % len(stage.frames)]).sample_count
+            returned = packer.own.pack(frame := stage.frames[len(wall) % len(stage.frames)])
         wall.append((time.perf_counter() - start) * 1000)
+        samples = read_payload(returned, frame).sample_count
         structs.append(record.total("structs"))
         gather.append(record.total("gather"))
     if not any(gather) and not any(structs):

@@ -16,7 +16,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import sin
-from shading_atlas_bench.harness.conformance.trial import Stage, TrialCase, TrialResult, describe, try_method
+from shading_atlas_bench.harness.conformance.trial import Stage, TrialCase, TrialResult, try_method
+from shading_atlas_bench.harness.errors import told
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
 from shading_atlas_bench.harness.workload.views import Pose, ViewCell, from_rotation_vector
 from shading_atlas_bench.scenes.model import Light, Material, Scene
@@ -141,7 +142,7 @@ def try_soup(device: Device, packer: type[Packer], soup: Soup) -> TrialResult:
     try:
         stage = Stage.of(device, soup.case())
     except Exception as error:  # of the harness, then, and to be found as well
-        return TrialResult("failed", describe(error))
+        return TrialResult("failed", told(error))
     return try_method(stage, lambda: packer(**soup.parameters), again=1)
 
 

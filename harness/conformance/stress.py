@@ -15,6 +15,7 @@ from shading_atlas_bench.harness.console import make_console, make_table, progre
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
+from shading_atlas_bench.harness.watch.stops import stops_apart
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device
@@ -104,7 +105,8 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
     console = make_console(stderr=True)
     console.print(styled("Results go to [bold]{}[/]; the same command with --out {} resumes.", log.folder, log.folder))
     try:
-        StressRun(opened, chosen, rows, log, quick, timeout).everything()
+        with stops_apart():
+            StressRun(opened, chosen, rows, log, quick, timeout).everything()
     except KeyboardInterrupt:
         console.print(f"Stopped. Finished trials are kept: the same command with --out {log.folder} goes on.")
         raise

@@ -13,21 +13,21 @@ from collections.abc import Callable, Iterable
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import matvec
+from shading_atlas_bench.harness.errors import text_of
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.exact import ExactPicture, draw_exact
 from shading_atlas_bench.harness.measure.novel_view import Seen
+from shading_atlas_bench.harness.measure.returned import CheckedPacker, Received, read_launches, verdict_on
 from shading_atlas_bench.harness.measure.verification.frame import Verifier
 from shading_atlas_bench.harness.measure.verification.isolation import check_isolation, decode_losslessly
 from shading_atlas_bench.harness.measure.verification.pictures import check_picture
 from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.harness.workload.views import (
@@ -44,7 +44,6 @@ from shading_atlas_bench.packers.interface import (
     Client,
     Frame,
     Image,
-    NotShippedError,
     Owners,
     Packer,
     Payload,
@@ -152,7 +151,7 @@ class Stage:
         ]
         return cls(server, frames, views, case.exact)
 
-    def shaded_by(self, packer: Packer) -> Stage:
+    def shaded_by(self, packer: CheckedPacker) -> Stage:
         """The same frames of the scene as a method shades it."""
         server = packer.scene_shaded(self.server)
         if server is self.server:
@@ -233,7 +232,7 @@ def try_isolation(stage: Stage, make: Callable[[], Packer]) -> TrialResult:
     """Whether clients know and show what they receive, and nothing else."""
 
     def isolated() -> TrialResult:
-        packer = make()
+        packer = CheckedPacker(make())
         if reason := packer.skip(stage.server.host):
             return TrialResult("ok", f"skipped: {reason}")
         shaded = stage.shaded_by(packer)
@@ -250,23 +249,18 @@ def _caught(work: Callable[[], TrialResult]) -> TrialResult:
         found = work()
     except TrialError as wrong:
         found = TrialResult(wrong.status, wrong.sentence, pictures=wrong.pictures)
-    except PackTimeoutError:
-        found = TrialResult("timeout", "It did not finish in time.")
-    except NotShippedError as error:
-        found = TrialResult("invalid", str(error))
-    except Exception as error:  # whatever a method does becomes a sentence
-        found = TrialResult("refused", str(error)) if refuses(error) else TrialResult("failed", describe(error))
+    except BaseException as error:  # whatever a method does becomes a sentence
+        found = result_of(error)
     return replace(found, seconds=time.perf_counter() - start)
 
 
-def describe(error: Exception) -> str:
-    """An exception as a sentence, with the place where it was raised."""
-    place = traceback.extract_tb(error.__traceback__)[-1]
-    text = " ".join(str(error).split())[:300]
-    return f"{type(error).__name__} in {Path(place.filename).name}, line {place.lineno}: {text}"
+def result_of(error: BaseException) -> TrialResult:
+    """What a trial is in which this was raised. Raises it again if it is a stop."""
+    status, sentence = verdict_on(error)
+    return TrialResult("refused", text_of(error)) if refuses(error) else TrialResult(status, sentence)
 
 
-def refuses(error: Exception) -> bool:
+def refuses(error: BaseException) -> bool:
     """Whether this is a ValueError that a `raise` of ours or of a packer's states, and no failed computation."""
     if not isinstance(error, ValueError):
         return False
@@ -274,25 +268,31 @@ def refuses(error: Exception) -> bool:
 
 
 def _tried(stage: Stage, make: Callable[[], Packer], again: int) -> TrialResult:
-    packer = make()
+    packer = CheckedPacker(make())
     if reason := packer.skip(stage.server.host):
         return TrialResult("ok", f"skipped: {reason}")
     stage = stage.shaded_by(packer)
+    packer.rare_costs()
     packer.prepare(stage.server)
     client, verifier = packer.client(stage.server.shipped), Verifier(stage.truth, packer)
     prints = []
     for index, frame in enumerate(stage.frames):
         with stage.device.record() as record:
             payload = packer.pack(frame)
+        read_launches(record.launches, stage.server.skips.take())
         client.receive(decode_losslessly(payload))
         _check_frame(stage, index, verifier, payload, client, record.launches)
         prints.append(fingerprint(payload))
+    # What only some runs ask for.
+    packer.settled()
+    packer.pictures(payload)
+    packer.details(payload)
     usual = stage.device.local_size
     _check_steady(stage, make, prints, [usual, 16 if usual != 16 else 32][2 - again :] if again else [])
     return _judged(stage, payload, client)
 
 
-def fingerprint(payload: Payload) -> dict[str, str]:
+def fingerprint(payload: Received) -> dict[str, str]:
     """A digest of each part that is sent, by its name."""
     parts: dict[str, bytes] = {f"the plane {name}": plane.get().tobytes() for name, plane in payload.planes.items()}
     parts |= {f"the blob {name}": blob for name, blob in payload.blobs.items()}
@@ -302,7 +302,7 @@ def fingerprint(payload: Payload) -> dict[str, str]:
 
 
 def _check_frame(
-    stage: Stage, index: int, verifier: Verifier, payload: Payload, client: Client, stages: Iterable[str]
+    stage: Stage, index: int, verifier: Verifier, payload: Received, client: Client, stages: Iterable[str]
 ) -> None:
     """Raise TrialError where a frame breaks a rule; stages: launched by packing it."""
     frame, packer = stage.frames[index], verifier.packer
@@ -364,7 +364,7 @@ def _check_steady(
     usual = stage.device.local_size
     for size in local_sizes:
         with work_groups(stage.device, size):
-            packer = make()
+            packer = CheckedPacker(make())
             packer.prepare(stage.server)
             for index, frame in enumerate(stage.frames):
                 found = fingerprint(packer.pack(frame))
@@ -411,8 +411,7 @@ def _ids_and_coverage(image: Image) -> tuple[Ints | None, Bools]:
     if image.triangle is not None:
         ids: Ints = image.triangle.get()
         return ids, ids >= 0
-    if image.depth is None:
-        raise TypeError("The client says neither which triangles it shows nor how far.")
+    assert image.depth is not None, "harness/measure/returned.py lets in no image that has neither"
     depth: Floats = image.depth.get()
     return None, depth > 0
 
@@ -423,7 +422,8 @@ def pictures_of(stage: Stage, index: int, payload: Payload, client: Client) -> d
     pictures = {"reference": stage.forward.draw(view, eye)[0].rgb.get()[..., :3]}
     try:
         pictures["client"] = client.draw(view).rgb.get()[..., :3]
-    except Exception:  # what it received may be what is wrong
+    except BaseException as error:  # what it received may be what is wrong
+        verdict_on(error)
         pictures["client"] = np.zeros_like(pictures["reference"])
     for name, plane in payload.planes.items():
         pictures[name] = np.ascontiguousarray(plane.get()[..., :3][:1024, :1024])
@@ -451,10 +451,8 @@ def try_rasteriser(stage: Stage) -> TrialResult:
     start = time.perf_counter()
     try:
         found = _rasterised(stage)
-    except PackTimeoutError:
-        found = TrialResult("timeout", "It did not finish in time.")
     except Exception as error:
-        found = TrialResult("failed", describe(error))
+        found = TrialResult(*verdict_on(error))
     return replace(found, seconds=time.perf_counter() - start)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import cached_property, partial
 from statistics import median
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -13,6 +13,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
+from shading_atlas_bench.harness.errors import is_stop
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
 from shading_atlas_bench.harness.measure.coherence import AtlasHistory
@@ -20,12 +21,17 @@ from shading_atlas_bench.harness.measure.dump import owner_plane
 from shading_atlas_bench.harness.measure.machine import peak_memory
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import NovelView
+from shading_atlas_bench.harness.measure.returned import (
+    CheckedClient,
+    CheckedPacker,
+    Received,
+    read_launches,
+    read_payload,
+)
 from shading_atlas_bench.harness.measure.verification.frame import Verified, Verifier
 from shading_atlas_bench.harness.measure.verification.isolation import check_isolation, fixed
-from shading_atlas_bench.harness.measure.verification.payload import statistics_of
 from shading_atlas_bench.harness.measure.verification.pictures import check_picture
 from shading_atlas_bench.harness.measure.verification.truth import Truth
-from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
 from shading_atlas_bench.harness.workload.frames import FrameWorkload, sample_budget
 from shading_atlas_bench.harness.workload.settings import Settings
@@ -33,7 +39,6 @@ from shading_atlas_bench.kernels.fill.fill import Filler
 from shading_atlas_bench.kernels.metrics.stretch import stretch
 from shading_atlas_bench.packers.interface import (
     ALPHA,
-    Client,
     Decoded,
     Frame,
     Image,
@@ -41,6 +46,7 @@ from shading_atlas_bench.packers.interface import (
     Owners,
     Packer,
     Payload,
+    RareCost,
     ServerScene,
 )
 from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
@@ -61,7 +67,7 @@ class Packed:
     skipped: what was left out of it.
     """
 
-    payload: Payload
+    payload: Received
     stages: dict[str, float]
     launches: dict[str, int]
     wall_ms: float
@@ -198,24 +204,41 @@ class Pipeline:
     """
 
     def __init__(self, packer: Packer, scene: ServerScene, settings: Settings, truth: Truth | None = None) -> None:
-        """truth: of the scene and the settings' seed, where several pipelines share one."""
-        self.packer, self.scene, self.settings = packer, packer.scene_shaded(scene), settings
-        self.method, self.variant, self.label = packer.name, variant_string(packer), label_of(packer)
+        """truth: of the scene and the settings' seed, where several pipelines share one. Nothing of the packer's is run
+        before `prepare`."""
+        self.packer, self.settings = CheckedPacker(packer), settings
+        self.method, self.variant, self.label = packer.name, self.packer.variant, self.packer.label
         self.dead: tuple[str, str] | None = None
-        self.repeated = [self._another() for _ in range(settings.repeat - 1)]
-        self.verifier = Verifier((truth or Truth(scene, settings.seed)).of(packer), packer)
+        self._whole_scene, self._truth = scene, truth or Truth(scene, settings.seed)
+        self.rare_costs: tuple[RareCost, ...] = ()
         self.isolation: list[validity.Violation] = []
         self.history = AtlasHistory()
         self.streams: dict[str, list[VideoStream]] = {}
         self.fillers: dict[str, Filler] = {}
         self.last: Frame | None = None
-        self.kept: Payload | None = None  # of the last frame, where packing its work again would give it again
+        self.kept: Received | None = None  # of the last frame, where packing its work again would give it again
+
+    @cached_property
+    def scene(self) -> ServerScene:
+        """The scene as the packer shades it."""
+        return self.packer.scene_shaded(self._whole_scene)
+
+    @cached_property
+    def repeated(self) -> list[CheckedPacker]:
+        """The packers of the repetitions."""
+        return [CheckedPacker(self._another()) for _ in range(self.settings.repeat - 1)]
+
+    @cached_property
+    def verifier(self) -> Verifier:
+        """What checks its frames."""
+        return Verifier(self._truth.of(self.packer), self.packer)
 
     def prepare(self) -> float:
         """Prepare the packer and make its clients; returns host milliseconds of the packer's own part."""
+        scene = self.scene
         start = time.perf_counter()
-        self.packer.prepare(self.scene)
-        self.scene.device.finish()
+        self.packer.prepare(scene)
+        scene.device.finish()
         spent = (time.perf_counter() - start) * 1000
         for packer in self.repeated:
             packer.prepare(self.scene)
@@ -225,7 +248,7 @@ class Pipeline:
 
     def _another(self) -> Packer:
         """A packer of the same parameters and no past."""
-        packer = self.packer
+        packer = self.packer.own
         return type(packer)(**{name: getattr(packer, name) for name in packer.parameters})
 
     def warm_up(self, work_of: Callable[[int], FrameWorkload], tried: int) -> None:
@@ -240,7 +263,9 @@ class Pipeline:
             self.isolation = self._isolation(work)
         except (NotShippedError, PackTimeoutError):
             raise
-        except Exception:
+        except BaseException as error:
+            if is_stop(error):
+                raise
             work = work_of(0)
             self.isolation = self._isolation(work)
         if self.packer.atlas and len(self.keys()) > 1:
@@ -292,18 +317,21 @@ class Pipeline:
             packed.wall_ms = median(run.wall_ms for run in runs)
         return packed
 
-    def _timed(self, packer: Packer, frame: Frame) -> Packed:
+    def _timed(self, packer: CheckedPacker, frame: Frame) -> Packed:
+        shaded = self._shaded(frame)
         self.scene.device.finish()
         start = time.perf_counter()
         with self.scene.device.record() as record:
-            payload = packer.pack(self._shaded(frame))
+            returned = packer.own.pack(shaded)
         wall = (time.perf_counter() - start) * 1000
-        return Packed(payload, record.milliseconds, record.launches, wall, skipped=self.scene.skips.take())
+        skipped = self.scene.skips.take()
+        read_launches(record.launches, skipped)
+        return Packed(read_payload(returned, shaded), record.milliseconds, record.launches, wall, skipped=skipped)
 
     def _shaded(self, frame: Frame) -> Frame:
         return replace(frame, scene=self.scene)
 
-    def fill(self, payload: Payload) -> Filled:
+    def fill(self, payload: Received) -> Filled:
         """Read the planes back; for a video codec, fill them first."""
         start = time.perf_counter()
         planes = {name: fixed(plane.get()) for name, plane in payload.planes.items()}
@@ -312,7 +340,7 @@ class Pipeline:
         end = time.perf_counter()
         return Filled(planes, filled, (middle - start) * 1000, (end - middle) * 1000)
 
-    def _coded(self, payload: Payload) -> dict[str, Array]:
+    def _coded(self, payload: Received) -> dict[str, Array]:
         """The planes that a video codec takes."""
         return payload.planes if len(self.keys()) > 1 else {}
 
@@ -322,7 +350,7 @@ class Pipeline:
             self.fillers[name] = Filler(self.scene.device, width, height)
         return self.fillers[name]
 
-    def advance(self, payload: Payload, filled: Filled) -> Sent:
+    def advance(self, payload: Received, filled: Filled) -> Sent:
         """Encode the payload, and decode it as the clients would."""
         start = time.thread_time()
         blobs, lists = pack_lz4(payload.blobs), pack_lz4(payload.lists)
@@ -361,7 +389,7 @@ class Pipeline:
         return self.streams[name]
 
     @property
-    def clients(self) -> dict[Key, Client]:
+    def clients(self) -> dict[Key, CheckedClient]:
         """The client of the planes as packed, and that of the displayed rate, if there is one."""
         return {LOSSLESS: self.lossless} | ({self.display_key: self.displayed} if self.displayed else {})
 
@@ -398,10 +426,11 @@ class Pipeline:
         drawn = Drawn(skipped=metrics.skipped)
         for key, client in self.clients.items():
             begin = time.perf_counter()
-            receiving, _ = self._clocked(partial(client.receive, sent.arrived[key]))
-            drawing, image = self._clocked(partial(client.draw, novel.view))
+            receiving, _ = self._clocked(partial(client.own.receive, sent.arrived[key]))
+            drawing, returned = self._clocked(partial(client.own.draw, novel.view))
+            drawn.clocked[key] = (time.perf_counter() - begin) * 1000
+            image = client.read_image(returned, novel.view)
             start = time.perf_counter()
-            drawn.clocked[key] = (start - begin) * 1000
             values = metrics.compare(image.rgb)
             drawn.metrics_ms += (time.perf_counter() - start) * 1000
             drawn.images[key] = image
@@ -472,7 +501,7 @@ class Pipeline:
         return Measured(
             [{**common, **self._row(key, packed, filled, sent, drawn)} for key in self.keys()],
             [(name, ms, packed.launches[name]) for name, ms in packed.stages.items()],
-            statistics_of(payload)
+            payload.statistics
             | _speed(packed, verified.samples, novel)
             | self._cost_of_metrics(packed, novel, drawn)
             | {"checks_ms": verified.milliseconds}
@@ -496,7 +525,7 @@ class Pipeline:
         return row
 
     def _check_pictures(
-        self, frame: Frame, payload: Payload, novel: NovelView, drawn: Drawn, verified: Verified
+        self, frame: Frame, payload: Received, novel: NovelView, drawn: Drawn, verified: Verified
     ) -> None:
         """Holes, and what clients say that they show; of both clients, which may have received different planes."""
         start = time.perf_counter()
@@ -507,7 +536,7 @@ class Pipeline:
             verified.found += found
         verified.milliseconds += (time.perf_counter() - start) * 1000
 
-    def _pictures(self, payload: Payload, planes: dict[str, Bytes], drawn: Drawn) -> dict[str, Bytes]:
+    def _pictures(self, payload: Received, planes: dict[str, Bytes], drawn: Drawn) -> dict[str, Bytes]:
         """Everything the report shows of a frame, by name."""
         shown = {"alpha" if name == ALPHA else "atlas": plane[..., :3] for name, plane in reversed(planes.items())}
         return drawn.pictures | shown | self.packer.pictures(payload)
@@ -529,7 +558,8 @@ class Pipeline:
             return {}
         height, width = novel.visibility.shape
         positions = np.full((height * width, 2), np.nan, np.float32)
-        positions[novel.pixel] = texels
+        with np.errstate(over="ignore"):  # what lies so far outside breaks a rule
+            positions[novel.pixel] = texels
         device = self.scene.device
         located = device.upload(positions.reshape(height, width, 2))
         l2, linf, _ = stretch(device, device.upload(novel.visibility), located)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from shading_atlas_bench.harness.plugins import published_values, variant_string
-from shading_atlas_bench.packers.interface import Packer
+from shading_atlas_bench.harness.measure.returned import CheckedPacker
+from shading_atlas_bench.harness.plugins import default_values, published_values, variant_of
 from shading_atlas_bench.reports.store.csv_files import summarise
 from shading_atlas_bench.reports.store.results import Store
 
@@ -26,20 +26,20 @@ MEASURES = {
 CODED = ("flip_mean", "dssim_mean", "iwssim_mean", "bytes_total_mean")  # measures that depend on the coding
 
 
-def note_as_published(store: Store, packers: Iterable[Packer]) -> None:
+def note_as_published(store: Store, packers: Iterable[CheckedPacker]) -> None:
     """Write a sentence about every method that ran at its defaults and as published, in place of earlier ones."""
     store.notes.replace(NOTES, differences(summarise(store.rows()), list(packers)))
 
 
-def differences(summaries: list[dict[str, Any]], packers: list[Packer]) -> dict[str, str]:
+def differences(summaries: list[dict[str, Any]], packers: list[CheckedPacker]) -> dict[str, str]:
     """By method, what its paper's parameters change by more than MATTERS. summaries: rows of summary.csv."""
-    ran = {(packer.name, variant_string(packer)) for packer in packers}
+    ran = {(packer.name, packer.variant) for packer in packers}
     found = {}
-    for kind in {packer.name: type(packer) for packer in packers}.values():
-        usual, published = kind(), kind(**published_values(kind))
-        variants = [variant_string(packer) for packer in (usual, published)]
-        if variants[0] != variants[1] and {(kind.name, variant) for variant in variants} <= ran:
-            found[kind.name] = _sentence(kind.name, *(_of_variant(summaries, kind.name, each) for each in variants))
+    for name, kind in {packer.name: type(packer.own) for packer in packers}.items():
+        usual = default_values(kind)
+        variants = [variant_of(values) for values in (usual, usual | published_values(kind))]
+        if variants[0] != variants[1] and {(name, variant) for variant in variants} <= ran:
+            found[name] = _sentence(name, *(_of_variant(summaries, name, each) for each in variants))
     return found
 
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from statistics import median
 from typing import TYPE_CHECKING, Any
@@ -10,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import draw_novel_view
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
+from shading_atlas_bench.harness.measure.returned import verdict_on
 from shading_atlas_bench.harness.workload.frames import FrameSource
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.session import Session, find_methods
@@ -49,10 +52,13 @@ class Probe:
         self.session = replace(session, settings=settings, scene=scene, source=source, forward=ForwardRenderer(scene))
         self.metrics = Metrics.asked_for(session.device, settings.metrics, scene.skips)
         self.applied = scene.skips.always | self.metrics.skipped
-        packers = [packer for packer in find_methods(settings) if packer.skip(scene.host) is None]
-        self.pipelines = [Pipeline(packer, scene, settings) for packer in packers]
+        self.pipelines = [Pipeline(packer, scene, settings) for packer in find_methods(settings)]
         for pipeline in self.pipelines:
-            pipeline.prepare()
+            with _guarded(pipeline):
+                reason = pipeline.packer.skip(scene.host)
+                pipeline.dead = ("skipped", reason) if reason else None
+                if not reason:
+                    pipeline.prepare()
 
     def measure(self) -> dict[str, float]:
         """Device time of drawing the visible set and the reference and of packing, in all and by each method, and host
@@ -73,12 +79,24 @@ class Probe:
             spent[PICTURE] += novel.milliseconds
             self.applied |= work.skipped
             for pipeline in self.pipelines:
-                packed = pipeline.pack(work.frame)
-                own = f"{PACKING} by {pipeline.method}"
-                spent[own] = spent.get(own, 0.0) + sum(packed.stages.values())
-                spent[PACKING] += sum(packed.stages.values())
-                self.applied |= packed.skipped
+                if pipeline.dead:
+                    continue
+                with _guarded(pipeline):
+                    packed = pipeline.pack(work.frame)
+                    own = f"{PACKING} by {pipeline.method}"
+                    spent[own] = spent.get(own, 0.0) + sum(packed.stages.values())
+                    spent[PACKING] += sum(packed.stages.values())
+                    self.applied |= packed.skipped
         return {part: milliseconds / count for part, milliseconds in spent.items()}
+
+
+@contextmanager
+def _guarded(pipeline: Pipeline) -> Iterator[None]:
+    """A packer that fails is left out from here on; why is in the rows of its run."""
+    try:
+        yield
+    except BaseException as error:
+        pipeline.dead = verdict_on(error)
 
 
 def explain(session: Session, progress: Callable[[str], None] = lambda text: None) -> list[Explained]:
@@ -95,6 +113,9 @@ def explain(session: Session, progress: Callable[[str], None] = lambda text: Non
         forced = Probe(session, (skip.name,))
         forced.measure()
         rounds = [(base.measure(), forced.measure()) for _ in range(ROUNDS)]
+        if any(part not in run for runs in rounds for run in runs for part in skip.parts):
+            found.append(Explained(skip, True))  # its method failed
+            continue
         with_ms, without_ms = (
             median(sum(run[part] for part in skip.parts) for run in runs) for runs in zip(*rounds, strict=True)
         )

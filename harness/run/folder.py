@@ -5,8 +5,6 @@ from __future__ import annotations
 import itertools
 import json
 import os
-import signal
-import threading
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from datetime import datetime
@@ -17,6 +15,7 @@ from filelock import FileLock, Timeout
 
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.progress import Progress
+from shading_atlas_bench.harness.watch.stops import stops_apart
 from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.results import FILE, Store
 
@@ -87,18 +86,11 @@ def _new_folder(stem: str) -> Path:
 def stops_kept(folder: Path) -> Iterator[None]:
     """Ctrl-C and SIGTERM end what runs in the block. Raises StoppedError, which says what is kept."""
 
-    def stop(_signal: int, _frame: object) -> None:
-        raise KeyboardInterrupt
-
-    main = threading.current_thread() is threading.main_thread()
-    before = signal.signal(signal.SIGTERM, stop) if main else None
     try:
-        yield
+        with stops_apart():
+            yield
     except KeyboardInterrupt:
         raise StoppedError(f"Finished frames are kept: the same command with --out {folder} goes on.") from None
-    finally:
-        if main:
-            signal.signal(signal.SIGTERM, before)
 
 
 def in_use(folder: Path) -> bool:

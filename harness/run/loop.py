@@ -20,6 +20,7 @@ from shading_atlas_bench.harness.measure.dump import dump_frame, dump_scene, wri
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import NovelView, draw_novel_view
 from shading_atlas_bench.harness.measure.pipeline import Drawn, Filled, Measured, Packed, Pipeline, stopped_rows
+from shading_atlas_bench.harness.measure.returned import verdict_on
 from shading_atlas_bench.harness.plugins import folder_name
 from shading_atlas_bench.harness.progress import Progress, Task
 from shading_atlas_bench.harness.run.as_published import note_as_published
@@ -27,11 +28,10 @@ from shading_atlas_bench.harness.run.full_atlas import note_full_atlas
 from shading_atlas_bench.harness.run.off_budget import note_off_budget
 from shading_atlas_bench.harness.run.plan import remember_pace
 from shading_atlas_bench.harness.run.rare import note_unseen
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import ended_steps, time_limit
 from shading_atlas_bench.harness.workload.frames import FrameWorkload
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.kernels.journal import journal
-from shading_atlas_bench.packers.interface import NotShippedError
 from shading_atlas_bench.reports.store import csv_files
 from shading_atlas_bench.reports.store.database import StoreFileError
 from shading_atlas_bench.reports.store.labels import NOTES as LABELS
@@ -93,10 +93,10 @@ class Run:
             for index in range(self.frames):
                 self._one_frame(index, done, finished, task)
             self.session.device.announce = lambda stage: None
-        note_unseen(self.store, (pipeline.packer for pipeline in self.pipelines))
+        note_unseen(self.store, {pipeline.packer: pipeline.rare_costs for pipeline in self.pipelines})
         note_off_budget(self.store)
         note_full_atlas(self.store)
-        note_as_published(self.store, (pipeline.packer for pipeline in self.pipelines))
+        note_as_published(self.store, [pipeline.packer for pipeline in self.pipelines])
         self.session.device.remember_programs(repr(self.settings))
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.pipelines))
 
@@ -133,13 +133,15 @@ class Run:
 
     def _prepare(self, pipeline: Pipeline, finished: int) -> None:
         """Prepare a pipeline that has frames left, and warm its kernels up."""
-        if pipeline.dead or finished == self.frames:
-            return
-        reason = pipeline.packer.skip(self.session.scene.host)
-        if reason:
-            pipeline.dead = ("skipped", reason)
+        if pipeline.dead:
             return
         with self._guarded(pipeline, "preparing"), self._limited(pipeline, "preparing", PREPARE):
+            pipeline.rare_costs = pipeline.packer.rare_costs()
+            if finished == self.frames:
+                return
+            if reason := pipeline.packer.skip(self.session.scene.host):
+                pipeline.dead = ("skipped", reason)
+                return
             self.store.notes[f"prepare_ms/{pipeline.method}[{pipeline.variant}]"] = f"{pipeline.prepare():.1f}"
         if not pipeline.dead:
             with self._guarded(pipeline, "warming up"), self._limited(pipeline, "warming up", packs=3):
@@ -216,7 +218,7 @@ class Run:
         pictured = index in self.pictured
         for pipeline in pipelines:
             doing = f"frame {index}"
-            with self._guarded(pipeline, doing), self._limited(pipeline, doing, packs=1 + len(pipeline.repeated)):
+            with self._guarded(pipeline, doing), self._limited(pipeline, doing, packs=self.settings.repeat):
                 packed[pipeline] = pipeline.pack(work.frame)
                 filled[pipeline] = pipeline.fill(packed[pipeline].payload)
         sent = self._in_threads(
@@ -280,27 +282,28 @@ class Run:
 
     @contextmanager
     def _guarded(self, pipeline: Pipeline, doing: str) -> Iterator[None]:
-        """A packer that fails stops its own pipeline, never the run."""
+        """A packer that fails stops its own pipeline, never the run, whatever it raises."""
         try:
             yield
-        except PackTimeoutError:
-            pipeline.dead = ("timeout", f"{doing}: it took longer than --timeout {self.settings.timeout:g} allows.")
         except StoreFileError:  # of no method: the disk is full, or the folder was deleted
             raise
-        except NotShippedError as error:
-            pipeline.dead = ("invalid", f"{doing}: {error}")
-        except (Exception, SystemExit) as error:  # whatever a method does, the others go on, and its rows say what
-            place = traceback.extract_tb(error.__traceback__)[-1]
-            where = f"{Path(place.filename).name}, line {place.lineno}"
-            pipeline.dead = ("failed", f"{doing}: {type(error).__name__}: {error} ({where})")
-            self.store.notes[f"traceback/{pipeline.method}[{pipeline.variant}]"] = traceback.format_exc()
+        except BaseException as error:
+            status, reason = verdict_on(error)
+            if status == "timeout":
+                reason = f"it took longer than --timeout {self.settings.timeout:g} allows."
+            pipeline.dead = (status, f"{doing}: {reason}")
+            if status == "failed":
+                lines = "".join(traceback.format_exception(error))
+                key = f"traceback/{pipeline.method}[{pipeline.variant}]"
+                self.store.notes[key] = lines.encode(errors="backslashreplace").decode()
 
     def _commit_stopped(self, pipeline: Pipeline, index: int, status: str, reason: str) -> None:
         rows = [{**self.common, "frame": index, **row} for row in stopped_rows(pipeline.keys(), status, reason)]
         self.store.commit_frame(pipeline.method, pipeline.variant, index, rows)
 
     def _write_pictures(self, measured: dict[Pipeline, Measured], work: FrameWorkload, novel: NovelView) -> None:
-        """The pictures of a frame, and its dump."""
+        """The pictures of a frame, and its dump. What methods gave for them was checked when they gave it: what fails
+        here is no method's fault."""
         index = work.frame.index
         groups = {pipeline: folder_name(pipeline.method, pipeline.variant) for pipeline in self.pipelines}
         named = [

@@ -27,7 +27,7 @@ def make_plan(session: Session, pipelines: list[Pipeline]) -> dict[str, Any]:
     return {
         "settings": settings,
         "methods": {
-            f"{pipeline.method}[{pipeline.variant}]": method_digest(type(pipeline.packer)) for pipeline in pipelines
+            f"{pipeline.method}[{pipeline.variant}]": method_digest(type(pipeline.packer.own)) for pipeline in pipelines
         },
         "scene_hash": session.scene.host.content_hash,
         "path_hash": session.path_hash,

@@ -2,28 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from typing import Any
 
-from shading_atlas_bench.harness.plugins import label_of, variant_string
-from shading_atlas_bench.packers.interface import Packer, RareCost
+from shading_atlas_bench.harness.measure.returned import CheckedPacker
+from shading_atlas_bench.packers.interface import RareCost
 from shading_atlas_bench.reports.store.results import Store
 
 NOTES = "rare"  # where the store keeps the sentences
 
 
-def note_unseen(store: Store, packers: Iterable[Packer]) -> None:
+Costs = Mapping[CheckedPacker, tuple[RareCost, ...]]  # of each packer, as it told them
+
+
+def note_unseen(store: Store, costs: Costs) -> None:
     """Write what no frame of a finished run holds into its notes, in place of what earlier frames did not hold."""
-    packers = list(packers)
-    own = tuple(f"{packer.name}[{variant_string(packer)}]/" for packer in packers)
+    own = tuple(f"{packer.name}[{packer.variant}]/" for packer in costs)
     for key in store.notes.under(NOTES):
         if key.startswith(own):
             del store.notes[f"{NOTES}/{key}"]
-    for key, text in unseen_costs(packers, store.statistics()).items():
+    for key, text in unseen_costs(costs, store.statistics()).items():
         store.notes[f"{NOTES}/{key}"] = text
 
 
-def unseen_costs(packers: Iterable[Packer], statistics: Iterable[dict[str, Any]]) -> dict[str, str]:
+def unseen_costs(costs: Costs, statistics: Iterable[dict[str, Any]]) -> dict[str, str]:
     """A sentence for each rare cost that no frame of a run holds, by METHOD[VARIANT]/COUNTER.
 
     statistics: rows of the run's statistics.csv. Methods without a value of the counter did not run, and are left out.
@@ -33,12 +35,12 @@ def unseen_costs(packers: Iterable[Packer], statistics: Iterable[dict[str, Any]]
         if row["value"] is not None:
             counts.setdefault((row["method"], row["variant"], row["name"]), []).append(row["value"])
     found = {}
-    for packer in packers:
-        variant = variant_string(packer)
-        for cost in packer.rare_costs():
-            values = counts.get((packer.name, variant, cost.counter), [])
+    for packer, known in costs.items():
+        for cost in known:
+            values = counts.get((packer.name, packer.variant, cost.counter), [])
             if values and max(values) == 0:
-                found[f"{packer.name}[{variant}]/{cost.counter}"] = _sentence(label_of(packer), cost, len(values))
+                key = f"{packer.name}[{packer.variant}]/{cost.counter}"
+                found[key] = _sentence(packer.label, cost, len(values))
     return found
 
 

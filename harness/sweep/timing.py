@@ -9,8 +9,9 @@ from pathlib import Path
 from statistics import median
 
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
+from shading_atlas_bench.harness.measure.returned import verdict_on
 from shading_atlas_bench.harness.sweep.grid import SweepCell
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import ended_steps, time_limit
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.reports.analysis.sweep import passes
 from shading_atlas_bench.reports.store.columns import MEASURED_STATUSES
@@ -88,11 +89,9 @@ class Timed:
             return False
         try:
             entries = _one_pass(self.cell, session, warm, ended)
-        except PackTimeoutError:
-            self._note("timeout")
-            return False
-        except Exception as error:  # whatever a method does, the other cells go on
-            self._note(f"failed: {type(error).__name__}: {error}")
+        except BaseException as error:  # whatever a method does, the other cells go on
+            status, reason = verdict_on(error)
+            self._note("timeout" if status == "timeout" else f"failed: {reason}")
             return False
         with Store(self.folder) as store:
             store.add_repetition(*self.cell.key, len(self.times), entries)

@@ -14,7 +14,7 @@ import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from statistics import fmean, median
+from statistics import fmean
 from typing import Annotated, Any, NotRequired, TypeAlias, TypedDict
 
 from msgspec import Meta
@@ -22,6 +22,7 @@ from msgspec import Meta
 from shading_atlas_bench.reports.store.columns import BY_NAME, CLAIM_KINDS, MEASURED_STATUSES, MEASURES
 from shading_atlas_bench.reports.store.csv_files import median_interval, read_csv
 from shading_atlas_bench.reports.store.data import DataError, read_toml
+from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 from shading_atlas_bench.reports.store.results import FILE, Store
 
@@ -44,6 +45,7 @@ OPTIONAL_OF_CAUSE = ("claims", "places", "instead", "runs", "measure", "rule", "
 Row = dict[str, Any]
 Variant = tuple[str, str]
 Key = tuple[Any, ...]  # of a value: its frame, and in an experiment with several models and sizes those before it
+BEYOND = "Its numbers are beyond floating point."
 
 
 Entry: TypeAlias = dict[str, Any]  # of claims and causes, whose values are checked one by one, for their sentences
@@ -465,7 +467,10 @@ def values_of(operand: Operand, run: RunRows, variants: Mapping[str, Variant]) -
     for row in rows:
         numbers = [number for name in operand.values if (number := _number(name, row, run)) is not None]
         if len(numbers) == len(operand.values) and row.get("frame", operand.start) >= operand.start:
-            found[_key(row, operand)] = math.fsum(numbers)
+            try:
+                found[_key(row, operand)] = math.fsum(numbers)
+            except OverflowError:
+                raise UnmeasuredError(BEYOND) from None
     if not found:
         of = operand.method or ", ".join(f"{name} {value}" for name, value in operand.where)
         at = f" at CRF {operand.crf}" if operand.crf is not None else ""
@@ -533,6 +538,8 @@ def measured(what: Measure, runs: Sequence[RunRows], variants: Mapping[str, Vari
         found = [tops[key] / others[key] for key in shared if others[key]]
     if not found:
         raise UnmeasuredError("No frame has both values." if not shared else "What it is compared with is 0.")
+    if not all(map(math.isfinite, found)):
+        raise UnmeasuredError(BEYOND)
     return found
 
 

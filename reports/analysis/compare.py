@@ -6,13 +6,13 @@ from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import fmean, median
 from typing import Any
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, MEASURES, Column, statistic_columns
 from shading_atlas_bench.reports.store.csv_files import after_keyframe, measure_statistics
 from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.labels import Labels, read_labels
+from shading_atlas_bench.reports.store.middle import mean, median
 from shading_atlas_bench.reports.store.results import Store, flat
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
@@ -186,7 +186,7 @@ def _pairs(metric: Column, a: Frames, b: Frames) -> list[tuple[float, float]]:
 
 
 def _judge(of: Named, coding: Coding, metric: Column, pairs: list[tuple[float, float]]) -> Comparison:
-    middle = fmean if metric is OK else median
+    middle = mean if metric is OK else median
     old, new = zip(*pairs, strict=True)
     a, b = float(middle(old)), float(middle(new))
     shift = float(middle([after - before for before, after in pairs]))
@@ -208,8 +208,8 @@ def _judge(of: Named, coding: Coding, metric: Column, pairs: list[tuple[float, f
         better=metric.better,
         a=a,
         b=b,
-        mean_a=None if metric is OK else fmean(old),
-        mean_b=None if metric is OK else fmean(new),
+        mean_a=None if metric is OK else mean(old),
+        mean_b=None if metric is OK else mean(new),
         change=shift / abs(a) if a else None,
         p=p,
         frames=len(pairs),

@@ -6,7 +6,6 @@ from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from statistics import median
 from typing import Annotated, Any, Literal, NotRequired, TypedDict
 
 from msgspec import Meta
@@ -25,6 +24,7 @@ from shading_atlas_bench.reports.store.csv_files import measure_statistics, spre
 from shading_atlas_bench.reports.store.data import DataError, read_json
 from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.labels import NOTES
+from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.records import Plain, row_type
 from shading_atlas_bench.reports.store.results import Store
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections import defaultdict
-from statistics import median
 from typing import Any
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, PICTURE_METRICS, Column
 from shading_atlas_bench.reports.store.labels import Key, Labels
+from shading_atlas_bench.reports.store.middle import median
 
 Row = dict[str, Any]
 Figure = dict[str, Any]

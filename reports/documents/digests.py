@@ -6,7 +6,6 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, product
 from pathlib import Path
-from statistics import fmean, median
 
 from shading_atlas_bench.reports.analysis import sweep
 from shading_atlas_bench.reports.analysis.claims import (
@@ -33,6 +32,7 @@ from shading_atlas_bench.reports.store.columns import (
 )
 from shading_atlas_bench.reports.store.csv_files import after_keyframe, read_csv, summarise
 from shading_atlas_bench.reports.store.data import read_json
+from shading_atlas_bench.reports.store.middle import mean, median
 from shading_atlas_bench.reports.store.records import RunFile
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
@@ -96,7 +96,7 @@ class RunResults:
 
 def _mean(values: Iterable[float | None]) -> float | None:
     known = [value for value in values if value is not None]
-    return fmean(known) if known else None
+    return mean(known) if known else None
 
 
 def _median(values: Iterable[float | None]) -> float | None:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from html import escape
-from statistics import fmean
 from typing import Any
 
 from shading_atlas_bench.reports.charts.figures import Figure, coding_label, displayed_codings, stacked_bars
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.columns import KEYFRAME, MEASURED_STATUSES
 from shading_atlas_bench.reports.store.labels import Key, Labels
+from shading_atlas_bench.reports.store.middle import mean
 
 Row = dict[str, Any]
 
@@ -68,7 +68,7 @@ def _mean(rows: list[Row], columns: tuple[str, ...]) -> float | None:
     """Mean over the rows of the sum of columns; rows that lack one do not count."""
     values = [[row[name] for name in columns] for row in rows]
     sums = [sum(each) for each in values if None not in each]
-    return fmean(sums) if sums else None
+    return mean(sums) if sums else None
 
 
 def budget_figure(found: list[Budget]) -> Figure | None:
@@ -97,8 +97,8 @@ def visible_set(rows: list[Row]) -> str:
     times = {row["frame"]: row["pvs_ms"] for row in rows if row["pvs_ms"] is not None and row["frame"] != KEYFRAME}
     if not times:
         return ""
-    mean = escape(number(fmean(times.values())))
-    return f"Finding the potentially visible set, the same work for all methods, is not in it: {mean} ms per frame."
+    usual = escape(number(mean(times.values())))
+    return f"Finding the potentially visible set, the same work for all methods, is not in it: {usual} ms per frame."
 
 
 def _text(value: float | None) -> str:

@@ -9,7 +9,6 @@ from html import escape
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
-from statistics import median
 from typing import Any
 
 from shading_atlas_bench.reports.charts import figures as charts
@@ -27,6 +26,7 @@ from shading_atlas_bench.reports.pages.tables import (
 )
 from shading_atlas_bench.reports.store.csv_files import measured_statistics, read_saved, replace_file, summarise
 from shading_atlas_bench.reports.store.labels import Key, Labels, read_labels
+from shading_atlas_bench.reports.store.middle import finite, median
 from shading_atlas_bench.reports.store.results import Store, flat
 
 NOTES = (
@@ -405,8 +405,17 @@ def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: Lab
 
 
 def _json(value: Any) -> str:
-    """JSON that may stand inside a script element."""
-    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":")).replace("<", "\\u003c")
+    """JSON that may stand inside a script element; what is beyond floating point is null."""
+    text = json.dumps(_finite(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(part) for name, part in value.items()}
+    if isinstance(value, (list, tuple)):
+        return [_finite(part) for part in value]
+    return finite(value) if isinstance(value, float) else value
 
 
 def _plotly() -> str:

@@ -209,8 +209,11 @@ def _wrap(head: list[str], body: list[str], kind: str) -> str:
 
 
 def number(value: float, whole: bool = False) -> str:
-    """A number with about four significant digits and grouped thousands, never in powers of ten; whole ones as such."""
+    """A number with about four significant digits and grouped thousands, in powers of ten from 1e15 on only; whole ones
+    as such."""
     size = abs(value)
+    if size >= 1e15:  # beyond what a float has whole digits for
+        return f"{value:.3e}"
     if value == 0 or (whole and value == int(value)) or size >= 1000:
         return f"{value:,.0f}".replace(",", THIN)
     if size < 0.0001:

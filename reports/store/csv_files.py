@@ -14,7 +14,6 @@ from glob import escape
 from itertools import groupby
 from math import comb
 from pathlib import Path
-from statistics import fmean, median
 from typing import Any, TypeVar
 
 import psutil
@@ -35,6 +34,7 @@ from shading_atlas_bench.reports.store.columns import (
 )
 from shading_atlas_bench.reports.store.data import DataError, decode_json, read_text
 from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
+from shading_atlas_bench.reports.store.middle import finite, mean, median
 from shading_atlas_bench.reports.store.records import SKIP_ROW, Row
 from shading_atlas_bench.reports.store.results import Store
 
@@ -169,9 +169,9 @@ def measure_statistics(measure: Column, rows: Sequence[dict[str, Any]]) -> dict[
     if name in KEYFRAME_APART:
         found["key"] = next((row[name] for row in valued if row["frame"] == KEYFRAME), None)
     if name in SENT:
-        found["total"] = sum(row[name] for row in valued) if valued else None
+        found["total"] = finite(sum(row[name] for row in valued)) if valued else None
         pace = valued[0]["frame_rate"] if valued else None
-        found["kbit_s"] = None if pace is None or found["mean"] is None else found["mean"] * 8 * pace / 1000
+        found["kbit_s"] = finite(None if pace is None or found["mean"] is None else found["mean"] * 8 * pace / 1000)
     return {f"{name}_{suffix}": value for suffix, value in found.items()}
 
 
@@ -193,7 +193,7 @@ def spread(values: Sequence[float]) -> dict[str, float | None]:
         "median": float(median(values)) if values else None,
         "low": low,
         "high": high,
-        "mean": fmean(values) if values else None,
+        "mean": mean(values) if values else None,
         "max": max(values, default=None),
     }
 

@@ -5,16 +5,19 @@ from __future__ import annotations
 import re
 import unicodedata
 
-ALLOWED = "letters, digits, spaces, and . _ + - between them"
+LONGEST = 100  # bytes: systems take 255, and more is put behind it
+ALLOWED = f"letters, digits, spaces, and . _ + - between them, up to {LONGEST} bytes in all"
 _FITTING = re.compile(r"\w(?:[\w .+-]*[\w+-])?")  # Windows drops dots and spaces at the end
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, formats, halves of letters, and Unicode's own line ends
 _KEPT = "\n\t\u200c\u200d"  # the last two are letters' joiners, as in emoji and in scripts of India
 _DEVICES = re.compile(r"(?:con|prn|aux|nul|com\d|lpt\d)(?:\..*)?", re.IGNORECASE)  # of Windows, in every folder
 
 
-def fits_everywhere(name: str) -> bool:
-    """Whether a file or folder may have this name on every system."""
-    return bool(_FITTING.fullmatch(name)) and not _DEVICES.fullmatch(name)
+def fits_everywhere(name: object) -> bool:
+    """Whether a file or folder may have this name on every system, with a few words behind it."""
+    if type(name) is not str or not _FITTING.fullmatch(name) or _DEVICES.fullmatch(name):
+        return False
+    return len(name.encode()) <= LONGEST
 
 
 def encodable(text: str) -> str:

@@ -78,7 +78,7 @@ class Store:
         self.close()
 
     def plan(self) -> Plan | None:
-        """The plan of this run, None before `set_plan`."""
+        """The plan of this run, None before `set_plan`. Raises StoreError for what is none."""
         found = self.read("plan", "SELECT content FROM plan", tuple[str])
         if not found:
             return None
@@ -166,7 +166,10 @@ class Store:
             self._database.insert("repeats", records)
 
     def rows(self) -> list[Row]:
-        """All rows, by column name, sorted by the key; absent values are None and sort first."""
+        """All rows, by column name, sorted by the key; absent values are None and sort first.
+
+        Raises StoreError for rows of a frame that is not finished, and as the others for values of wrong types.
+        """
         query = f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}"
         rows, finished = self.read("rows", query, FRAME_ROW), self.finished()
         for row in rows:

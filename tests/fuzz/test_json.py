@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
 import os
 import re
@@ -79,8 +78,12 @@ def written(folder: Path, name: str, content: object, raw: bytes | None) -> Path
 
 def for_people(read: Callable[[], object]) -> None:
     """What is read, or an error for people."""
-    with contextlib.suppress(*FOR_PEOPLE):
+    sentence = "."
+    try:
         read()
+    except FOR_PEOPLE as error:
+        sentence = str(error)
+    assert sentence.endswith((".", "?"))
 
 
 def contents(name: str) -> st.SearchStrategy[tuple[Any, bytes | None]]:

@@ -88,8 +88,12 @@ def seal(folder: Path) -> None:
 
 
 def for_people(show: Callable[[], None]) -> None:
-    with contextlib.suppress(InputError, StoreError):
+    sentence = "."
+    try:
         show()
+    except (InputError, StoreError) as error:
+        sentence = str(error)
+    assert sentence.endswith(".")
 
 
 @fuzzed

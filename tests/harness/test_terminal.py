@@ -19,6 +19,7 @@ PRINTING = {
     "harness/cli/main.py",
     "harness/cli/supervisor.py",
     "harness/experiments/exact_merge.py",
+    "harness/progress.py",
     "kernels/runtime/probe.py",
 }
 SOURCES = sources(*FLOORS)

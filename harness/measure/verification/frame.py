@@ -8,16 +8,16 @@ from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
+from shading_atlas_bench.harness.measure.returned import CheckedPacker
 from shading_atlas_bench.harness.measure.validity import Violation
 from shading_atlas_bench.harness.measure.verification import lists as of_lists
 from shading_atlas_bench.harness.measure.verification.payload import (
     check_launches,
-    check_plain,
     check_sample_count,
     check_texels,
 )
 from shading_atlas_bench.harness.measure.verification.truth import Truth, violation
-from shading_atlas_bench.packers.interface import Client, Frame, Owners, Packer, Payload
+from shading_atlas_bench.packers.interface import Client, Frame, Owners, Payload
 
 OLD = 0.25  # share of the fragments by which lists that may be old may differ from those that were shaded
 
@@ -36,7 +36,7 @@ class Verified:
 class Verifier:
     """Checks a method's frames, one after the other: how large lists may be depends on those before."""
 
-    def __init__(self, truth: Truth, packer: Packer) -> None:
+    def __init__(self, truth: Truth, packer: CheckedPacker) -> None:
         self.truth, self.packer, self.fragments = truth, packer, 0
         self.names: tuple[list[str], ...] | None = None  # of the parts of the first payload
 
@@ -66,7 +66,6 @@ class Verifier:
             result = self._of_lists(frame, payload, client, draw)
         result.draw = draw
         result.found += self._check_names(payload)
-        result.found += check_plain(frame, payload)
         if stages is not None:
             result.found += check_launches(stages, result.samples)
         result.milliseconds = (time.perf_counter() - start) * 1000
@@ -74,7 +73,7 @@ class Verifier:
 
     def _check_names(self, payload: Payload) -> Iterator[Violation]:
         """That the names of a payload's parts, which cost no bytes, say nothing: they are those of the first frame."""
-        names = tuple(sorted(map(str, parts)) for parts in (payload.planes, payload.blobs, payload.lists))
+        names = tuple(sorted(parts) for parts in (payload.planes, payload.blobs, payload.lists))
         self.names = self.names or names
         if names != self.names:
             sentence = "Planes, blobs and lists have other names than in the first frame: names cost no bytes."

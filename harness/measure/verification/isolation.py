@@ -13,6 +13,7 @@ from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
+from shading_atlas_bench.harness.measure.returned import CheckedPacker, Received, fields_of, verdict_on
 from shading_atlas_bench.harness.measure.validity import Violation
 from shading_atlas_bench.harness.measure.verification.lists import ListView, blended, list_views
 from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth, violation
@@ -70,7 +71,7 @@ def _forbidden_kind(value: object) -> str | None:
     return next((name for kind, name in kinds.items() if isinstance(value, kind)), None)
 
 
-def things_of(scene: ServerScene, packer: Packer, payload: Payload) -> dict[int, str]:
+def things_of(scene: ServerScene, packer: Packer, payload: Received) -> dict[int, str]:
     """What no client may hold, by id: the server's scene, the packer and the payload, and what they are made of."""
     triangles, host = scene.triangles, scene.host
     shipped = {id(value) for value in (scene.device, scene.shader.sky, scene.mask, None)}
@@ -79,9 +80,10 @@ def things_of(scene: ServerScene, packer: Packer, payload: Payload) -> dict[int,
     arrays = [value for value in vars(host).values() if isinstance(value, (np.ndarray, list)) and len(value)]
     things |= {id(value): "the scene's own data" for value in arrays}
     things |= {id(value): "the server's shader" for value in scene.shader.arguments}
-    things |= {id(packer): "its packer", id(payload): "the payload before it was sent"}
-    parts = [payload.planes, payload.blobs, payload.lists, payload.statistics, payload.unplaced, payload.samples]
-    things |= {id(part): "a part of the payload before it was sent" for part in parts}
+    things |= {id(packer): "its packer", id(payload.original): "the payload before it was sent"}
+    parts = fields_of(payload.original)
+    shared = (parts[name] for name in ("planes", "blobs", "lists", "statistics", "unplaced", "samples"))
+    things |= {id(part): "a part of the payload before it was sent" for part in shared}
     things |= {id(plane): "a plane before it was sent" for plane in payload.planes.values()}
     return {key: name for key, name in things.items() if key not in shipped}
 
@@ -207,21 +209,21 @@ def check_isolation(truth: Truth, make: Callable[[], Packer], frame: Frame, view
     that. Raises what the method raises; NotShippedError where a client asks for more than it is shipped with.
     """
     scene, shipped = truth.scene, truth.scene.shipped
-    packer = make()
-    before = shared_state((type(packer),))
+    packer = CheckedPacker(make())
+    before = shared_state((type(packer.own),))
     packer.prepare(scene)
     client = packer.client(shipped)
-    before |= {name: value for name, value in shared_state((type(client),)).items() if name not in before}
+    before |= {name: value for name, value in shared_state((type(client.own),)).items() if name not in before}
     payload = packer.pack(frame)
     first = decode_losslessly(payload)
     client.receive(replace(first, planes=dict(first.planes), blobs=dict(first.blobs)))
     shown = _Shown.by(client, view)
-    found = list(check_references(client, scene, things_of(scene, packer, payload)))
+    found = list(check_references(client.own, scene, things_of(scene, packer.own, payload)))
     client.receive(decode_losslessly(packer.pack(frame)))
     few = frame.pvs[::DECOY]
     client.receive(decode_losslessly(packer.pack(replace(frame, pvs=few, pvs_device=scene.device.upload(few)))))
     found += _check_decoy(truth, client, view, few)
-    found += check_shared_state(before, shared_state((type(packer), type(client))))
+    found += check_shared_state(before, shared_state((type(packer.own), type(client.own))))
     return found + list(_check_again(truth, packer, first, view, shown))
 
 
@@ -238,22 +240,25 @@ class _Shown:
         return cls(image.rgb.get()[..., :3], None if image.triangle is None else image.triangle.get())
 
     @classmethod
-    def of(cls, packer: Packer, shipped: ClientScene, payload: Decoded, view: View) -> _Shown:
+    def of(cls, packer: CheckedPacker, shipped: ClientScene, payload: Decoded, view: View) -> _Shown:
         """By a client of a packer that knows nothing else."""
         client = packer.client(shipped)
         client.receive(replace(payload, planes=dict(payload.planes), blobs=dict(payload.blobs)))
         return cls.by(client, view)
 
 
-def _check_again(truth: Truth, packer: Packer, payload: Decoded, view: View, shown: _Shown) -> Iterator[Violation]:
+def _check_again(
+    truth: Truth, packer: CheckedPacker, payload: Decoded, view: View, shown: _Shown
+) -> Iterator[Violation]:
     """What other clients show of a payload that one has shown already: the same, and inverted planes inverted."""
     shipped = truth.scene.shipped
     try:
         again = _Shown.of(packer, shipped, payload, view).rgb
         planes = {name: plane if name == ALPHA else fixed(255 - plane) for name, plane in payload.planes.items()}
         inverted = _Shown.of(packer, shipped, replace(payload, planes=planes), view).rgb if planes else None
-    except Exception as error:  # whatever it is, the first client did not meet it
-        sentence = f"Another client cannot show the same payload: {type(error).__name__}: {error}"
+    except BaseException as error:  # whatever it is, the first client did not meet it
+        _, reason = verdict_on(error)
+        sentence = f"Another client cannot show the same payload: {reason}"
         yield violation("isolated", 1, sentence)
         return
     if not np.array_equal(again, shown.rgb):

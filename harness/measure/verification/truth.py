@@ -19,7 +19,8 @@ from shading_atlas_bench.kernels.shade.shade import shade_twin
 from shading_atlas_bench.kernels.triangles import Triangles
 
 if TYPE_CHECKING:
-    from shading_atlas_bench.packers.interface import Packer, ServerScene
+    from shading_atlas_bench.harness.measure.returned import CheckedPacker
+    from shading_atlas_bench.packers.interface import ServerScene
 
 LEVELS = 2  # of 255, by which a colour may differ from what the shading function gives its surface point
 CHOSEN = 64  # texels, pixels or fragments examined per frame
@@ -48,7 +49,7 @@ class Truth:
         self.scene, self.seed = scene, seed
         self.drawing = Lock()  # the rasteriser's: methods are checked side by side
 
-    def of(self, packer: Packer) -> Truth:
+    def of(self, packer: CheckedPacker) -> Truth:
         """Of the scene as a method shades it."""
         return self if packer.scene_shaded(self.scene) is self.scene else self._finest
 
