@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Annotated, Any, Literal, TypeAlias, TypedDict
 
 from msgspec import Meta
@@ -41,9 +41,12 @@ class RunFile(TypedDict):
     settings: Values
 
 
-def row_type(name: str, columns: Iterable[Column], required: Collection[str]) -> type[Row]:
-    """The type of a row with these columns, for msgspec; those that are not required may be None."""
-    kinds = {column.name: _kind(column) for column in columns}
+def row_type(
+    name: str, columns: Iterable[Column], required: Collection[str], others: Mapping[str, Any] | None = None
+) -> type[Row]:
+    """The type of a row with these columns, for msgspec; those that are not required may be None. others: types of
+    columns that are not the usual ones, by name."""
+    kinds = {column.name: _kind(column) for column in columns} | dict(others or {})
     fields = {column: kind if column in required else kind | None for column, kind in kinds.items()}
     return _typed_dict(name, fields)
 

@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shading_atlas_bench.harness.cli.run import _settings_of
+from shading_atlas_bench.harness.conformance.stress import Log
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, needs
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, read_settings
@@ -23,6 +24,7 @@ from shading_atlas_bench.reports.analysis.sweep import read_sweep
 from shading_atlas_bench.reports.charts.pictures import PNG_END, embed, find_pictures
 from shading_atlas_bench.reports.documents.kept import DocumentError, read_kept
 from shading_atlas_bench.reports.pages.claims_report import read_state
+from shading_atlas_bench.reports.pages.stress import write_stress
 from shading_atlas_bench.reports.store.columns import SWEEP_SETTINGS
 from shading_atlas_bench.reports.store.data import DataError
 from shading_atlas_bench.reports.store.database import StoreError
@@ -41,6 +43,12 @@ CELL = {
     "settings": {name: SETTINGS[name] for name in SWEEP_SETTINGS},
 }  # fmt: skip
 RUN = {"command": "bench run", "folder": "one", "problem": None, "reused": False, "note": "", "made": ["x"]}
+TRIAL = {
+    "method": "sas", "variant": "a=1", "label": "sas", "folder": "sas-1a2b", "test": "screen-filling", "step": 0,
+    "magnitude": 1.0, "unit": "", "status": "ok", "reason": None, "passed": 1, "error": 0.1, "growth": 1.0,
+    "wrong_px": 0.0, "holes_px": 0.0, "samples": 3, "unplaced": 0, "seconds": 1.5,
+}  # fmt: skip
+STRESS_PLAN = {"tests": ["screen-filling"], "quick": True, "methods": {"sas[a=1]": "0"}, "device": "cpu"}
 VALID: dict[str, Any] = {
     "run.json": {"settings": SETTINGS, "plan": {"settings": {}}, "device": {"name": "cpu"}},
     "sweep.json": {
@@ -56,6 +64,7 @@ VALID: dict[str, Any] = {
                   "seconds": 1.5, "settings": [SETTINGS]},
         "parts": {"rows": [{"a": 1}]},
     },
+    "trial": TRIAL,
     "pictures.json": {"sas-1a2b": {"method": "sas", "variant": ""}},
 }  # fmt: skip
 
@@ -116,6 +125,19 @@ def test_a_sweep_json(folder: Path, content: tuple[Any, bytes | None]) -> None:
 def test_a_claims_json(folder: Path, content: tuple[Any, bytes | None]) -> None:
     written(folder, "claims.json", *content)
     for_people(lambda: read_state(folder))
+
+
+@fuzzed
+@given(contents("trial"), st.booleans())
+def test_a_log_of_a_stress_test(folder: Path, content: tuple[Any, bytes | None], whole: bool) -> None:
+    """Its trials, but for those that are none; a report is made of them."""
+    stress = folder / "stress"
+    shutil.rmtree(stress, ignore_errors=True)
+    trial = written(stress, "stress.jsonl", *content).read_bytes()
+    lines = [json.dumps(STRESS_PLAN).encode(), trial, json.dumps(TRIAL).encode()]
+    (stress / "stress.jsonl").write_bytes(b"\n".join(lines[not whole :]) + b"\n")
+    with nothing_beside(stress):
+        for_people(lambda: write_stress(stress, Log.open(stress, STRESS_PLAN).rows, {}, {}))
 
 
 @fuzzed
