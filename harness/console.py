@@ -8,10 +8,11 @@ from __future__ import annotations
 
 import re
 from string import Formatter
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich import progress as bars
-from rich.console import Console
+from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.style import Style
 from rich.table import Table
 from rich.text import Span, Text
 
@@ -33,9 +34,23 @@ class Terminal(Console):
         super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
         self.width = min(WIDEST, self.width)
 
-    def render_str(self, text: str, **how: Any) -> Text:
-        """Every text that is printed, alone or in a table, passes here."""
-        return super().render_str(visible(text), **how)
+    def render_str(
+        self,
+        text: str,
+        *,
+        style: str | Style = "",
+        justify: JustifyMethod | None = None,
+        overflow: OverflowMethod | None = None,
+        emoji: bool | None = None,
+        markup: bool | None = None,
+        highlight: bool | None = None,
+        highlighter: HighlighterType | None = None,
+    ) -> Text:
+        """Every text that is printed, alone or in a table, passes here: it is as it is, whatever is asked for."""
+        shown = visible(text)
+        return super().render_str(
+            shown, style=style, justify=justify, overflow=overflow, emoji=False, markup=False, highlight=False
+        )
 
 
 def make_console(stderr: bool = False) -> Terminal:

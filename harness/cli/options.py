@@ -80,7 +80,14 @@ OPTIONS = (
     Option("path", str, WORK, "walk, orbit, turntable, animation, or a file. Default: walk", "NAME|FILE"),
     Option("head_motion", str, WORK, "A recording of head motion. Default: synthetic", "FILE"),
     Option("frames", int, WORK, "Frames of the path. Default: 12", "N"),
-    Option("config", Path, WORK, "Replay this run.json; other options override it", "FILE", commands=(RUN,)),
+    Option(
+        "config",
+        Path,
+        WORK,
+        "Replay this run.json, but no code that it names; other options override it",
+        "FILE",
+        commands=(RUN,),
+    ),
     Option(
         "preset",
         str,

@@ -6,7 +6,7 @@ import re
 import stat
 import tomllib
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import msgspec
 
@@ -76,7 +76,7 @@ def read_toml(file: Path, kind: type[Kind]) -> Kind:
     return as_kind(content, kind, str(file))
 
 
-def as_kind(value: Any, kind: type[Kind], source: str) -> Kind:
+def as_kind(value: object, kind: type[Kind], source: str) -> Kind:
     """A value of plain types as one of a stated type; `source` names it in errors. Raises DataError where it is none,
     and whatever the type itself raises of its values."""
     try:

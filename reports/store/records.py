@@ -22,8 +22,8 @@ Row: TypeAlias = dict[str, Any]  # by column name, each value of its column's ty
 
 REQUIRED = (*(name for name in FRAME_KEY if name not in ("codec", "crf")), "status")
 
-# mypy knows only those that are written out.
-_typed_dict: Callable[[str, dict[str, Any]], type[Row]] = TypedDict  # type: ignore[assignment]
+_MakeType: TypeAlias = Callable[[str, dict[str, Any]], type[Row]]
+_typed_dict: _MakeType = TypedDict  # type: ignore[assignment]  # mypy knows only those that are written out
 _LARGEST = sys.float_info.max
 Finite = Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)]
 Frame = Annotated[int, Meta(ge=0)]

@@ -199,9 +199,9 @@ class Store:
         """
         is_tuple = issubclass(getattr(kind, "__origin__", kind), tuple)
         found = self._database.select(query, values) if is_tuple else self._database.select_named(query)
+        source = f"The table {table} of {self.folder / FILE}"
         try:
-            # mypy knows no type that is made as the program runs.
-            return as_kind(found, list[kind], f"The table {table} of {self.folder / FILE}")  # type: ignore[valid-type]
+            return as_kind(found, list[kind], source)  # type: ignore[valid-type]  # a type that is made when it runs
         except DataError as error:
             raise StoreError(f"{error} Run again into a new folder.") from error
 
