@@ -29,11 +29,11 @@ from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS, FRAME_KEY
 from shading_atlas_bench.reports.store.results import FILE, Store
 from tests.harness.commands import ROOT
 
-SMALL = ["--method", "sas", "--method", "ppll", "--size", "160x90", "--atlas", "128x128", "--frames", "3", "--codec",
-         "none", "--metrics", "psnr"]  # fmt: skip
+SMALL = ["--method", "sas", "--method", "ppll", "--size", "160x90", "--atlas", "128x128", "--frames", "3",
+         "--codec", "none"]  # fmt: skip
 GRID = [*SMALL, "--vary", "fit=0.5,0.9", "--repetitions", "2", "--precision", "100", "--budget", "600"]
 COMMANDS = {
-    "run": ["run", *SMALL],
+    "run": ["run", *SMALL, "--metrics", "psnr"],
     "sweep": ["sweep", *GRID],
     "workers": ["sweep", *GRID, "--workers", "2"],
     "report": ["report"],

@@ -55,8 +55,10 @@ def folder_for(plan: dict[str, Any], name: str, progress: Progress) -> Path:
             continue
         try:
             with Store(folder, must_exist=True, checked=False) as store:
-                if COMPLETE not in store.notes and store.plan() == wanted and not in_use(folder):
-                    return folder
+                if COMPLETE in store.notes or store.plan() != wanted or in_use(folder):
+                    continue
+            Store(folder, must_exist=True).close()
+            return folder
         except StoreError as error:
             if not (folder / "report.html").is_file():
                 unreadable.append(error)

@@ -46,9 +46,9 @@ FORMULA = re.compile(r"'*[=+\-@\t\r]")
 _HINTS = {
     errno.ENOSPC: "make room, and run again.",
     errno.EDQUOT: "make room, and run again.",
+    errno.EROFS: "give another folder.",
     errno.EIO: "is the disk full, or failing?",
     errno.ENOENT: "was its folder deleted? Run again.",
-    errno.EACCES: "make it writable, and close it in other programs.",  # which is what Windows says of open files
 }
 
 SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
@@ -129,7 +129,7 @@ def written(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        hint = _HINTS.get(error.errno or 0, "give another folder.")
+        hint = _HINTS.get(error.errno or 0, "is it open in another program?")
         raise StoreFileError(f"{path} cannot be written ({error.strerror or error}): {hint}") from error
 
 

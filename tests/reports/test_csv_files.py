@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
+import errno
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 from statistics import NormalDist, median
 
@@ -13,9 +17,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS, FRAME_KEY, KEYFRAME_APART, MEASURES
-from shading_atlas_bench.reports.store.csv_files import median_interval, read_csv, summarise, write_all, write_csv
+from shading_atlas_bench.reports.store.csv_files import (
+    median_interval,
+    read_csv,
+    replace_file,
+    summarise,
+    write_all,
+    write_csv,
+    written,
+)
 from shading_atlas_bench.reports.store.data import DataError
-from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
 from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, make_store
 
@@ -121,9 +133,9 @@ def test_no_text_is_a_formula_and_all_are_read_back(text: str, tmp_path: Path) -
     row = dict.fromkeys((column.name for column in FRAME_COLUMNS), None) | {"reason": text, "psnr": -1.5}
     write_csv(tmp_path / "frames.csv", FRAME_COLUMNS, [row])
     with (tmp_path / "frames.csv").open(encoding="utf-8", newline="") as file:
-        (written,) = csv.DictReader(file)
-    assert not written["reason"].startswith(("=", "+", "-", "@", "\t", "\r"))
-    assert written["psnr"] == "-1.5"
+        (cells,) = csv.DictReader(file)
+    assert not cells["reason"].startswith(("=", "+", "-", "@", "\t", "\r"))
+    assert cells["psnr"] == "-1.5"
     assert read_csv(tmp_path / "frames.csv")[0]["reason"] == " ".join(text.splitlines())
 
 
@@ -132,3 +144,27 @@ def test_a_damaged_csv_file_is_a_sentence(tmp_path: Path) -> None:
         (tmp_path / "a.csv").write_bytes(content)
         with pytest.raises(DataError, match=r"a\.csv is n"):
             read_csv(tmp_path / "a.csv")
+
+
+def test_what_a_killed_process_left_half_written_goes_and_that_of_others_stays(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        pass
+    parts = [f".report.html.{ended.pid}", f".report.html.{os.getppid()}", f".frames.csv.{ended.pid}"]
+    names = [*parts, ".report.html.kept"]
+    for name in names:
+        (tmp_path / name).write_bytes(b"half")
+    replace_file(tmp_path / "report.html", "whole")
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", *names[1:]}
+
+
+@pytest.mark.parametrize(
+    ("code", "hint"), [(errno.ENOSPC, "make room"), (errno.ENOENT, "was its folder deleted"), (errno.EBUSY, "another")]
+)
+def test_a_file_that_cannot_be_written_is_named_with_what_to_do(code: int, hint: str) -> None:
+    with pytest.raises(StoreFileError, match=rf"^a\.csv cannot be written \(.*\): .*{hint}"), written(Path("a.csv")):
+        raise OSError(code, os.strerror(code))
+
+
+def test_a_folder_that_is_gone_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(StoreFileError, match="was its folder deleted"):
+        replace_file(tmp_path / "gone" / "frames.csv", "")

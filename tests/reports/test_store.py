@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -14,8 +15,8 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.store.columns import DOCUMENT, FRAME_COLUMNS, document
-from shading_atlas_bench.reports.store.database import StoreError
-from shading_atlas_bench.reports.store.results import Store
+from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
+from shading_atlas_bench.reports.store.results import FILE, Store
 from tests.reports.synthetic import COMMON, METHODS, PLAN, alter, frame_rows, make_store
 
 ISSUE_ORDER = """scene,scene_hash,path,path_hash,frame_rate,method,variant,codec,crf,frame,status,reason,width,height,
@@ -160,7 +161,7 @@ def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from shading_atlas_bench.reports.store.results import Store
+from shading_atlas_bench.reports.store.results import FILE, Store
 from tests.reports.synthetic import frame_rows
 frame, moment = 0, int(sys.argv[2])
 store = Store(Path(sys.argv[1]))
@@ -267,3 +268,85 @@ def test_text_that_utf_8_lacks_is_kept_as_escapes(tmp_path: Path) -> None:
         store.notes["scene/\ud800"] = "\udce9"
         assert store.rows()[0]["reason"] == "caf\\udce9 \\ud800"
         assert store.notes["scene/\\ud800"] == "\\udce9"
+
+
+def test_a_store_that_was_written_twice_at_once_holds_both(tmp_path: Path):
+    """The sum of the digests is of all that is in the file, whoever wrote it."""
+    with closing(Store(tmp_path / "both")) as one, closing(Store(tmp_path / "both")) as other:
+        for number in range(4):
+            one.notes[f"one/{number}"] = "a"
+            other.notes[f"other/{number}"] = "b"
+            del one.notes[f"one/{number}"]
+        one.set_plan({"a": 1})
+        with pytest.raises(StoreError, match="holds another run"):
+            other.set_plan({"a": 2}, begun=True)
+    with Store(tmp_path / "both", must_exist=True) as store:
+        assert dict(store.notes) == {f"other/{number}": "b" for number in range(4)}
+
+
+@pytest.mark.parametrize(("old", "new"), [(b"out of memory", b"out of nothing"[:13]), (b"cpu-skylake", b"cpu-skylark")])
+def test_a_text_that_was_changed_in_the_file_is_noticed(tmp_path: Path, old: bytes, new: bytes) -> None:
+    make_store(tmp_path)
+    data = (tmp_path / FILE).read_bytes()
+    assert old in data
+    (tmp_path / FILE).write_bytes(data.replace(old, new, 1))
+    with pytest.raises(StoreFileError, match="its checksum does not hold"):
+        Store(tmp_path)
+
+
+def test_zeros_of_either_sign_and_names_of_numpy_are_what_was_written(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [ROW | {"flip": -0.0}], statistics={np.str_("a"): np.float32(0.1)})
+    with Store(tmp_path) as store:
+        assert [row["flip"] for row in store.rows()] == [0.0]
+
+
+@pytest.mark.parametrize("gone", ["file", "folder"])
+def test_a_store_that_is_deleted_while_it_is_written_is_one_sentence(tmp_path: Path, gone: str) -> None:
+    with Store(tmp_path / "run") as store:
+        store.commit_frame("sas", "", 0, [ROW])
+        if gone == "file":
+            (tmp_path / "run" / FILE).unlink()
+        else:
+            shutil.rmtree(tmp_path / "run")
+        with pytest.raises(StoreFileError, match="was deleted or moved while it was in use"):
+            store.commit_frame("sas", "", 1, [ROW])
+
+
+def test_a_full_disk_keeps_whole_frames_and_is_told(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="files can be limited under Unix only")
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [ROW])
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / FILE).stat().st_size + 8192, hard))
+        try:
+            with pytest.raises(StoreFileError, match=r"cannot be (read or )?written"):
+                store.commit_frame("sas", "", 1, [ROW], [(f"stage {i}", 1.0, 1) for i in range(5000)])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert store.finished() == {("sas", "", 0)}
+        store.commit_frame("sas", "", 1, [ROW])
+    with Store(tmp_path) as store:
+        assert store.finished() == {("sas", "", 0), ("sas", "", 1)}
+
+
+@pytest.mark.parametrize("what", ["folder", "link", "pipe"])
+def test_what_is_no_file_is_no_store(tmp_path: Path, what: str) -> None:
+    if what == "folder":
+        (tmp_path / FILE).mkdir()
+    elif what == "link":
+        (tmp_path / FILE).symlink_to(tmp_path / "elsewhere")
+    elif hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / FILE)
+    else:
+        pytest.skip("there are no pipes with names here")
+    with pytest.raises(StoreFileError, match="is no file"):
+        Store(tmp_path)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_reading_needs_no_right_to_write(tmp_path: Path) -> None:
+    """A reader takes no lock that another process holds, and none that a read-only disk refuses."""
+    make_store(tmp_path)
+    with Store(tmp_path) as writer, writer._database.transaction(), Store(tmp_path, must_exist=True) as reader:
+        assert len(reader.rows()) == 3 * 12 * 5
