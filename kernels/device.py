@@ -436,8 +436,8 @@ class Device:
         if form != (np.dtype(dtype), shape, 0, True) or value.base_data is None:
             return False
         with SPEAKING:
-            needed = np.dtype(dtype).itemsize * math.prod(shape)
-            return bool(value.queue == self.queue and value.base_data.size >= needed)
+            there = value.base_data.size or 0
+            return bool(value.queue == self.queue) and there >= np.dtype(dtype).itemsize * math.prod(shape)
 
     def finish(self) -> None:
         """Wait until everything launched has run."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields, replace
 from math import isfinite
-from typing import TYPE_CHECKING, TypeVar, get_args
+from typing import TYPE_CHECKING, Any, TypeVar, get_args
 
 import numpy as np
 
@@ -103,39 +103,43 @@ def read_payload(returned: object, frame: Frame) -> Received:
     held = fields_of(returned)
     if lacking := [field.name for field in fields(Payload) if field.name not in held]:
         raise ReturnedError(f"What pack() returned as a Payload lacks {', '.join(lacking)}.")
-    device = frame.scene.device
+    given, device = Payload(**{field.name: held[field.name] for field in fields(Payload)}), frame.scene.device
+    has_planes = type(given.planes) is dict and len(given.planes) > 0
+    statistics = _of_named(
+        "statistics", "statistic", given.statistics, _number_objection, LONGEST_STATISTIC, OWN_STATISTICS
+    )
     objections = [
-        *_of_planes(held["planes"], frame),
-        *_of_named("blobs", "blob", held["blobs"], _bytes_objection),
-        *_of_named("lists", "list", held["lists"], _bytes_objection),
-        *([] if type(held["geometry"]) in BYTES else [f"geometry is no bytes but {shown(held['geometry'])}"]),
-        *_of_samples(held["samples"], device, type(held["planes"]) is dict and len(held["planes"]) > 0),
-        *_of_count("sample_count", held["sample_count"]),
-        *_of_count("raw_bytes", held["raw_bytes"]),
-        *_of_unplaced(held["unplaced"], frame.scene.triangles.count),
-        *_of_named("statistics", "statistic", held["statistics"], _number_objection, LONGEST_STATISTIC, OWN_STATISTICS),
+        *_of_planes(given.planes, frame),
+        *_of_named("blobs", "blob", given.blobs, _bytes_objection),
+        *_of_named("lists", "list", given.lists, _bytes_objection),
+        *([] if type(given.geometry) in BYTES else [f"geometry is no bytes but {shown(given.geometry)}"]),
+        *_of_samples(given.samples, device, has_planes),
+        *_of_count("sample_count", given.sample_count),
+        *_of_count("raw_bytes", given.raw_bytes),
+        *_of_unplaced(given.unplaced, frame.scene.triangles.count),
+        *statistics,
     ]
-    if not (objections or held["planes"] or held["lists"]):
+    if not (objections or given.planes or given.lists):
         objections = ["it has neither planes nor lists, so that there is nothing to draw"]
     _refuse("What pack() returned", objections)
-    planes = held["planes"]
     return Received(
-        planes={name: planes[name] for name in sorted(planes, key=lambda name: name == ALPHA)},
-        blobs={name: bytes(data) for name, data in held["blobs"].items()},
-        geometry=bytes(held["geometry"]),
-        sample_count=int(held["sample_count"]),
-        samples=None if held["samples"] is None else replace(held["samples"], count=int(held["samples"].count)),
-        unplaced={int(triangle): reason for triangle, reason in held["unplaced"].items()},
-        statistics={name: float(value) for name, value in held["statistics"].items()},
-        lists={name: bytes(data) for name, data in held["lists"].items()},
-        raw_bytes=int(held["raw_bytes"]),
+        planes=dict(sorted(given.planes.items(), key=lambda plane: plane[0] == ALPHA)),
+        blobs={name: bytes(data) for name, data in given.blobs.items()},
+        geometry=bytes(given.geometry),
+        sample_count=int(given.sample_count),
+        samples=given.samples and replace(given.samples, count=int(given.samples.count)),
+        unplaced={int(triangle): reason for triangle, reason in given.unplaced.items()},
+        statistics={name: float(value) for name, value in given.statistics.items()},
+        lists={name: bytes(data) for name, data in given.lists.items()},
+        raw_bytes=int(given.raw_bytes),
         original=returned,
     )
 
 
-def fields_of(payload: Payload) -> dict[str, object]:
-    """What a payload, of Payload or a class derived from it, has as values; what it would compute is not among it."""
-    found: dict[str, object] = _FIELDS.__get__(payload)
+def fields_of(payload: Payload) -> dict[str, Any]:
+    """What a payload, of Payload or a class derived from it, has as values, whatever they are; what it would compute is
+    not among them."""
+    found: dict[str, Any] = _FIELDS.__get__(payload)
     return found
 
 
@@ -155,7 +159,7 @@ def read_launches(stages: Iterable[object], left_out: Iterable[object]) -> None:
 
 
 class CheckedPacker:
-    """A packer of whose answers nobody needs to be afraid; each raises ReturnedError where it is none.
+    """A packer of whose answers nobody needs to be afraid.
 
     own: the packer itself, to be asked by clocks, whose answers are then read by `read_payload`. name, atlas, variant
     and label: as they were in the beginning.
@@ -166,14 +170,14 @@ class CheckedPacker:
         self.variant, self.label = variant_string(own), label_of(own)
 
     def scene_shaded(self, scene: ServerScene) -> ServerScene:
-        """The scene as it shades it: that itself, or with the finest level of its textures."""
+        """The scene as it shades it: that itself, or with the finest level of its textures. Raises ReturnedError."""
         shaded = self.own.scene_shaded(scene)
         if shaded is not scene and not ("finest" in vars(scene) and shaded is scene.finest):
             raise ReturnedError(f"scene_shaded() is {shown(shaded)}: it must be the scene, or its `finest`.")
         return shaded
 
     def skip(self, scene: Scene) -> str | None:
-        """Why it has nothing to do there, or None."""
+        """Why it has nothing to do there, or None. Raises ReturnedError."""
         reason = self.own.skip(scene)
         if reason is not None and not _is_text(reason, LONGEST_TEXT):
             raise ReturnedError(f"skip() is {shown(reason)}: it must be None or a line of text.")
@@ -184,35 +188,35 @@ class CheckedPacker:
         self.own.prepare(scene)
 
     def client(self, scene: ClientScene) -> CheckedClient:
-        """A fresh client."""
+        """A fresh client. Raises ReturnedError."""
         client = self.own.client(scene)
         if Client not in type(client).__mro__ or not isinstance(client, Client):
             raise ReturnedError(f"client() is {shown(client)}, and no Client.")
         return CheckedClient(client, scene.device)
 
     def pack(self, frame: Frame) -> Received:
-        """The frame's payload."""
+        """The frame's payload. Raises ReturnedError."""
         return read_payload(self.own.pack(frame), frame)
 
     def settled(self) -> bool:
-        """Whether the same work would give the same payload."""
+        """Whether the same work would give the same payload. Raises ReturnedError."""
         return _exactly(bool, "settled()", self.own.settled())
 
     @property
     def leaves_unwritten(self) -> bool:
-        """Whether it leaves out texels that lookups touch."""
+        """Whether it leaves out texels that lookups touch. Raises ReturnedError."""
         return _exactly(bool, "leaves_unwritten", self.own.leaves_unwritten)
 
     @property
     def holds(self) -> Holds:
-        """What its lists hold."""
+        """What its lists hold. Raises ReturnedError."""
         holds = self.own.holds
         if type(holds) is not str or holds not in get_args(Holds):
             raise ReturnedError(f"holds is {shown(holds)}: it must be one of {', '.join(get_args(Holds))}.")
         return holds
 
     def rare_costs(self) -> tuple[RareCost, ...]:
-        """What it does in a few frames only."""
+        """What it does in a few frames only. Raises ReturnedError."""
         costs = _exactly(tuple, "rare_costs()", self.own.rare_costs())
         for cost in costs:
             _exactly(RareCost, "one of rare_costs()", cost)
@@ -222,7 +226,7 @@ class CheckedPacker:
         return costs
 
     def pictures(self, payload: Received) -> dict[str, Bytes]:
-        """Its pictures of a payload that it packed: uint8 (h, w, 3), by name."""
+        """Its pictures of a payload that it packed: uint8 (h, w, 3), by name. Raises ReturnedError."""
         pictures = self.own.pictures(payload.original)
         _refuse(
             "What pictures() returned",
@@ -231,7 +235,7 @@ class CheckedPacker:
         return {name: np.ascontiguousarray(rgb) for name, rgb in pictures.items()}
 
     def details(self, payload: Received) -> dict[str, arrays.Array]:
-        """Its arrays for `--dump`, of any shape and numbers, by name."""
+        """Its arrays for `--dump`, of any shape and numbers, by name. Raises ReturnedError."""
         details = self.own.details(payload.original)
         wrong = [*_of_named("they", "detail", details, _array_objection, LONGEST_STATISTIC, OWN_DETAILS)]
         if not wrong and sum(array.nbytes for array in details.values()) > MOST_BYTES:
@@ -241,7 +245,7 @@ class CheckedPacker:
 
 
 class CheckedClient(Client):
-    """A client of whose answers nobody needs to be afraid; each raises ReturnedError where it is none.
+    """A client of whose answers nobody needs to be afraid.
 
     own: the client itself, to be asked by clocks, whose pictures are then read by `read_image`.
     """
@@ -254,11 +258,11 @@ class CheckedClient(Client):
         self.own.receive(payload)
 
     def draw(self, view: View) -> Image:
-        """Draw `view`."""
+        """Draw `view`. Raises ReturnedError."""
         return self.read_image(self.own.draw(view), view)
 
     def read_image(self, returned: object, view: View) -> Image:
-        """What its `draw` returned for a view."""
+        """What its `draw` returned for a view. Raises ReturnedError."""
         if type(returned) is not Image:
             raise ReturnedError(f"What the client draws is {shown(returned)}, and no Image.")
         size = (view.height, view.width)
@@ -275,7 +279,7 @@ class CheckedClient(Client):
         return replace(returned)
 
     def fragments(self) -> tuple[HeldLists, ...]:
-        """The lists that it holds."""
+        """The lists that it holds. Raises ReturnedError."""
         held = _exactly(tuple, "fragments()", self.own.fragments())
         for part in held:
             lists = _exactly(HeldLists, "one of fragments()", part)
@@ -283,7 +287,7 @@ class CheckedClient(Client):
         return held
 
     def locate(self, triangles: Ints, bary: Floats) -> Doubles | None:
-        """Atlas positions of surface points, as Client has them."""
+        """Atlas positions of surface points, as Client has them. Raises ReturnedError."""
         places = self.own.locate(triangles, bary)
         if places is not None and not _is_host(places, np.float64, (len(triangles), 2)):
             what = f"{shown(places)}: it must be None, or one column and row, in float64, for each point"
@@ -428,9 +432,10 @@ def _number_objection(value: object) -> str | None:
 
 
 def _picture_objection(rgb: object) -> str | None:
-    picture = type(rgb) is np.ndarray and rgb.dtype == np.uint8 and rgb.ndim == 3 and rgb.shape[2] == 3
-    if picture and all(0 < side <= LONGEST_SIDE for side in rgb.shape[:2]):
-        return None
+    if type(rgb) is np.ndarray and rgb.dtype == np.uint8 and rgb.ndim == 3 and rgb.shape[2] == 3:
+        height, width, _ = rgb.shape
+        if min(height, width) > 0 and max(height, width) <= LONGEST_SIDE:
+            return None
     return f"is {shown(rgb)}, and no uint8 (h, w, 3) of 1 to {LONGEST_SIDE} pixels a side"
 
 

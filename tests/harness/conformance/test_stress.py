@@ -67,7 +67,7 @@ def test_a_sound_packer_passes(stage):
         (faulty.WrongTexel, "invalid", ["Frame 0: 1 texels differ by up to 128 levels", "of triangle"]),
         (faulty.UnwrittenTexel, "invalid", ["touch 1 texels that were not written", "triangles ", "texels ("]),
         (faulty.Unsteady, "nondeterministic", ["packed a second time: other bytes in the blob noise"]),
-        (faulty.NotANumber, "invalid", ["the statistics waste are not finite"]),
+        (faulty.NotANumber, "invalid", ["the statistic 'waste' is nan, and no finite number"]),
         (faulty.Elsewhere, "invalid", ["find another surface", "First: triangles 0, 1"]),
     ],
 )
