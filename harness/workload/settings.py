@@ -11,6 +11,7 @@ from typing import Any
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS, PRESETS
 from shading_atlas_bench.harness.workload.views import ViewCell
 from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
+from shading_atlas_bench.scenes.raw import MAX_TEXTURE
 from shading_atlas_bench.scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
@@ -35,7 +36,9 @@ class Settings:
     """One run. Lengths are metres, angles degrees, times milliseconds unless said otherwise.
 
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
-    opaque: whether see-through materials are made opaque.
+    opaque: whether see-through materials are made opaque. max_texture: texels of a side that textures are reduced to.
+    allow_outside: whether a scene may name files outside of its folder; it is what a user allows, so files of settings
+        do not say it.
     samples_per_pixel: shading samples per pixel of the client's picture for every method with an atlas; None for its
         own rule.
     pvs_density: pixels of the PVS views per client pixel, along each axis; one view is denser for tiny triangles.
@@ -51,6 +54,8 @@ class Settings:
     repair: bool = False
     decimate: float | None = None
     opaque: bool = False
+    max_texture: int = MAX_TEXTURE
+    allow_outside: bool = False
     path: str = "walk"
     head_motion: str | None = None
     frames: int = 12
@@ -128,6 +133,7 @@ class Settings:
                 self.decimate is None or 0 < self.decimate < 1,
                 f"--decimate is {self.decimate}: give the share of triangles to keep, between 0 and 1.",
             ),
+            (self.max_texture >= 1, f"--max-texture is {self.max_texture}: give at least 1 texel."),
             (0 <= self.seed < 2**32, f"--seed is {self.seed}: give a whole number from 0 to {2**32 - 1}."),
             (bool(self.scene), "--scene is empty: give a built-in scene or a file."),
             (self.repeat >= 1, f"--repeat is {self.repeat}: give at least 1."),
@@ -192,10 +198,10 @@ def preset_settings(name: str) -> Settings:
 
 
 def read_settings(path: Path) -> Settings:
-    """The settings saved in a run.json. Raises SettingsError if it cannot be read."""
+    """The settings saved in a run.json, but for what its user allows. Raises SettingsError if it cannot be read."""
     try:
         content = json.loads(path.read_text(encoding="utf-8"))
-        return Settings.from_json(content["settings"], str(path))
+        return Settings.from_json(content["settings"] | {"allow_outside": False}, str(path))
     except OSError as error:
         raise SettingsError(f"{path} cannot be read: {error.strerror}.") from error
     except (UnicodeDecodeError, json.JSONDecodeError) as error:
