@@ -52,9 +52,11 @@ def scene_key(options: Mapping[str, object], files: Iterable[Path]) -> str:
     digest = hashlib.blake2b(json.dumps(options, sort_keys=True).encode(), digest_size=16)
     sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__path__[0]).glob("*.py"))]
     for file in [*sources, *files]:
-        content = file.read_bytes() if is_file(file) else b"missing"
-        digest.update(os.fsencode(f"\n{file.name} {len(content)}\n"))
-        digest.update(content)
+        digest.update(os.fsencode(f"\n{file.name} {file.stat().st_size if is_file(file) else 'missing'}\n"))
+        if is_file(file):
+            with file.open("rb") as stream:
+                while block := stream.read(_BLOCK):
+                    digest.update(block)
     return digest.hexdigest()
 
 

@@ -77,6 +77,8 @@ OPTIONS = (
     Option("repair", bool, WORK, "Remove duplicate and degenerate faces and non-manifold edges first"),
     Option("decimate", float, WORK, "Keep this share of the triangles", "RATIO"),
     Option("opaque", bool, WORK, "Make see-through materials opaque"),
+    Option("max_texture", int, WORK, "Longest side of a texture; larger ones are reduced. Default: 8192", "TEXELS"),
+    Option("allow_outside", bool, WORK, "Read files outside of its folder that a scene names, too"),
     Option("path", str, WORK, "walk, orbit, turntable, animation, or a file. Default: walk", "NAME|FILE"),
     Option("head_motion", str, WORK, "A recording of head motion. Default: synthetic", "FILE"),
     Option("frames", int, WORK, "Frames of the path. Default: 12", "N"),

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from rich.console import Console
 from rich.segment import Segment, Segments
@@ -23,13 +25,13 @@ COLUMNS = 60  # of a terminal that the picture fills at most
 UPPER_HALF = "\N{UPPER HALF BLOCK}"
 
 
-def show_scene(scene_name: str, unit: float | None) -> None:
+def show_scene(wanted: Settings) -> None:
     """Print what a scene is and why, its unit and where its path starts, and draw and write the view from there.
 
     The picture is a PNG in the cache folder; a terminal shows it too. Raises SceneError, PathError and SettingsError,
     and InputError where it cannot be written.
     """
-    session = open_session(Settings(scene=scene_name, unit=unit, width=WIDTH, height=HEIGHT))
+    session = open_session(replace(wanted, width=WIDTH, height=HEIGHT))
     tell_passed_over(session.device)
     scene, path, console = session.scene.host, session.path, make_console()
     low, high = scene.bounds

@@ -54,21 +54,23 @@ from shading_atlas_bench.scenes.paths import PathError
 
 # The settings that scene, path and head motion follow from.
 WORKLOAD = (
-    "scene", "unit", "detail", "repair", "decimate", "opaque", "path", "frames", "head_motion", "latency", "seed",
-    "cell_radius",
+    "scene", "unit", "detail", "repair", "decimate", "opaque", "max_texture", "allow_outside", "path", "frames",
+    "head_motion", "latency", "seed", "cell_radius",
 )  # fmt: skip
 COLOURS = {"confirmed": "green", "not confirmed": "red", "undecided": "yellow"}
 
 
 @dataclass(frozen=True)
 class ClaimsRequest:
-    """What `bench claims` is asked for. file: claims other than those that come with the suite."""
+    """What `bench claims` is asked for. file: claims other than those that come with the suite.
+    allow_outside: whether scenes may name files outside of their folders, which the claims themselves cannot say."""
 
     ids: tuple[str, ...] = ()
     quick: bool = False
     reuse: tuple[Path, ...] = ()
     file: Path | None = None
     device: str | None = None
+    allow_outside: bool = False
 
 
 @dataclass(frozen=True)
@@ -120,6 +122,8 @@ def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:
         claims = chosen(read_claims(file), wanted.ids)
     except ClaimsError as error:
         raise InputError(str(error)) from error
+    if any("allow_outside" in options for options in (*claims.runs.values(), claims.quick)):
+        raise InputError(f"{file} has allow_outside, which only a command line may say: take it out.")
     methods = [options["method"] for options in (*claims.runs.values(), claims.quick) if "method" in options]
     operands = [operand.method for claim in claims.measured() for operand in claim.operands()]
     refuse_code([*chain.from_iterable(methods), *operands], str(file), "install it as a package (packers/README.md)")
@@ -129,9 +133,13 @@ def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:
         ids = tuple(dict.fromkeys(claim.id for claim in asking))
         specs = {method for claim in asking for run, method in claim.asked() if run == name}
         if ids:
-            device = {"device": wanted.device} if wanted.device else {}
+            ours: dict[str, Any] = {"device": wanted.device} if wanted.device else {}
+            if "allow_outside" in options:
+                raise InputError(f"The run {name} of {file} allows files outside: only --allow-outside may do that.")
+            if wanted.allow_outside and options.get("preset") != LINKED_LISTS:
+                ours["allow_outside"] = True
             quick = claims.quick if wanted.quick else {}
-            found.append(NamedRun(name, _shortened(_in_threads(file, options) | device, quick, specs), ids))
+            found.append(NamedRun(name, _shortened(_in_threads(file, options) | ours, quick, specs), ids))
     for named in found:
         _check(named)
     return claims, found

@@ -14,6 +14,7 @@ from shading_atlas_bench.harness.workload.views import ViewCell
 from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
 from shading_atlas_bench.reports.store.data import DataError, as_kind, read_json
 from shading_atlas_bench.reports.store.records import RunFile
+from shading_atlas_bench.scenes.raw import MAX_TEXTURE
 from shading_atlas_bench.scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
@@ -60,6 +61,7 @@ RANGES = {  # of settings; those that are None are not given
     "latency": Range("--latency", 0, 1000, "milliseconds"),
     "bandwidth": Range("--bandwidth", 0.001, 1_000_000, "megabits per second"),
     "unit": Range("--unit", 1e-6, 1_000_000, f"metres per unit, or one of {', '.join(UNITS)}"),
+    "max_texture": Range("--max-texture", 1, 65_536, "texels"),
     "display_crf": Range("--display-crf", 0, 51),
     "seed": Range("--seed", 0, 2**32 - 1),
     "repeat": Range("--repeat", 1, 10_000),
@@ -73,7 +75,9 @@ class Settings:
     """One run. Lengths are metres, angles degrees, times milliseconds unless said otherwise.
 
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
-    opaque: whether see-through materials are made opaque.
+    opaque: whether see-through materials are made opaque. max_texture: texels of a side that textures are reduced to.
+    allow_outside: whether a scene may name files outside of its folder; it is what a user allows, so files of settings
+        do not say it.
     samples_per_pixel: shading samples per pixel of the client's picture for every method with an atlas; None for its
         own rule.
     pvs_density: pixels of the PVS views per client pixel, along each axis; one view is denser for tiny triangles.
@@ -89,6 +93,8 @@ class Settings:
     repair: bool = False
     decimate: float | None = None
     opaque: bool = False
+    max_texture: int = MAX_TEXTURE
+    allow_outside: bool = False
     path: str = "walk"
     head_motion: str | None = None
     frames: int = 12
@@ -218,9 +224,10 @@ def preset_settings(name: str) -> Settings:
 
 
 def read_settings(path: Path) -> Settings:
-    """The settings saved in a run.json. Raises SettingsError if it cannot be read."""
+    """The settings saved in a run.json, but for what its user allows. Raises SettingsError if it cannot be read."""
     try:
-        return Settings.from_json(read_json(path, RunFile)["settings"], str(path))
+        saved = read_json(path, RunFile)["settings"] | {"allow_outside": False}
+        return Settings.from_json(saved, str(path))
     except DataError as error:
         raise SettingsError(f"{error} Give the run.json of an earlier run.") from error
 

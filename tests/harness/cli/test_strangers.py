@@ -71,6 +71,13 @@ def test_code_that_a_file_of_claims_names_does_not_run(tmp_path: Path) -> None:
     assert not (tmp_path / "ran").exists()
 
 
+def test_a_file_of_claims_allows_nothing_outside(tmp_path: Path) -> None:
+    text = (HEAD + CLAIM).replace("[runs.two]", "allow_outside = true\n[runs.two]")
+    (tmp_path / "claims.toml").write_text(text, encoding="utf-8")
+    with pytest.raises(InputError, match="which only a command line may say"):
+        needs(ClaimsRequest(file=tmp_path / "claims.toml"))
+
+
 def test_installed_methods_are_no_code_of_a_file() -> None:
     for spec in ("all", "sas", "sas@published", "tss[strategy=a:b]", "odd[", ""):
         assert refuse_code([spec], "run.json", "") is None

@@ -208,6 +208,16 @@ def test_options_that_the_thesis_experiment_does_not_take_are_refused(tmp_path: 
         needs(ClaimsRequest(("bilateral-grows",), file=file))
 
 
+def test_claims_do_not_allow_what_only_their_user_may(tmp_path: Path):
+    file = tmp_path / "claims.toml"
+    file.write_text(TINY, encoding="utf-8")
+    _, runs = needs(ClaimsRequest(file=file, allow_outside=True))
+    assert all(run.settings().allow_outside for run in runs if run.name == "tiny")
+    file.write_text(TINY.replace("[runs.tiny]\n", "[runs.tiny]\nallow_outside = true\n"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"The run tiny of .* allows files outside"):
+        needs(ClaimsRequest(file=file))
+
+
 def test_damaged_states_are_one_sentence(whole: Path, claims: Path):
     folder = claims.parent / "damaged"
     folder.mkdir()

@@ -128,6 +128,13 @@ def test_a_saved_run_reads_back_the_same(tmp_path):
     assert read_settings(file) == wanted
 
 
+def test_a_saved_run_does_not_allow_what_only_its_user_may(tmp_path):
+    file = tmp_path / "run.json"
+    file.write_text(json.dumps({"settings": Settings(allow_outside=True).to_json()}), encoding="utf-8")
+    assert not read_settings(file).allow_outside
+    assert settings_of({"allow_outside": True}, read_settings(file).to_json()).allow_outside
+
+
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"settings": {"colour": 1}}', '{"settings": {"frames": "many"}}'])
 def test_a_damaged_run_file_is_one_sentence(tmp_path, content):
     file = tmp_path / "run.json"
