@@ -9,7 +9,7 @@ import shlex
 from dataclasses import dataclass, replace
 from datetime import datetime
 from functools import cache
-from itertools import chain, groupby
+from itertools import groupby
 from pathlib import Path
 from typing import Any
 
@@ -39,6 +39,7 @@ from shading_atlas_bench.reports.analysis.claims import (
 from shading_atlas_bench.reports.pages.claims_report import (
     COPY,
     FILE,
+    RunState,
     counts_text,
     is_claims,
     measured_text,
@@ -124,9 +125,10 @@ def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:
         raise InputError(str(error)) from error
     if any("allow_outside" in options for options in (*claims.runs.values(), claims.quick)):
         raise InputError(f"{file} has allow_outside, which only a command line may say: take it out.")
-    methods = [options["method"] for options in (*claims.runs.values(), claims.quick) if "method" in options]
+    given = [options.get("method") for options in (*claims.runs.values(), claims.quick)]
+    methods = [spec for specs in given if isinstance(specs, list) for spec in specs]
     operands = [operand.method for claim in claims.measured() for operand in claim.operands()]
-    refuse_code([*chain.from_iterable(methods), *operands], str(file), "install it as a package (packers/README.md)")
+    refuse_code([*methods, *operands], str(file), "install it as a package (packers/README.md)")
     found = []
     for name, options in claims.runs.items():
         asking = [claim for claim in claims.measured() if any(name in place for place in claim.runs)]
@@ -244,20 +246,21 @@ class ClaimRuns:
         fitting = self._reusable()
         text = (self.wanted.file or DEFAULT_FILE).read_text(encoding="utf-8")
         replace_file(self.folder / COPY, text)
-        waiting = {
-            "problem": "It has not been run yet: the same command goes on.",
-            "reused": False,
-            "note": "",
-            "made": None,
-        }
         entries = {}
         for named in self.runs:
-            entry = waiting | {"folder": named.name, "command": named.command}
-            old = before.get(named.name, {})
-            if named.name in fitting:
-                folder = fitting[named.name]
-                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": _older(named, folder)}
-            elif old.get("made") == self._made(named) and not old["problem"]:
+            entry: RunState = {
+                "folder": named.name,
+                "command": named.command,
+                "problem": "It has not been run yet: the same command goes on.",
+                "reused": False,
+                "note": "",
+                "made": None,
+            }
+            old = before.get(named.name)
+            if folder := fitting.get(named.name):
+                note = _older(named, folder)
+                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": note}
+            elif old and old["made"] == self._made(named) and not old["problem"]:
                 entry = old
             entries[named.name] = entry
         self.state = {
@@ -364,8 +367,10 @@ def _older(named: NamedRun, folder: Path) -> str:
     with Store(folder, must_exist=True) as store:
         plan = store.plan() or {}
     packers = find_methods(Settings(methods=named.methods()))
-    made = {(f"{packer.name}[{variant_string(packer)}]", method_digest(type(packer))) for packer in packers}
-    same = plan.get("suite") == suite_digest() and made <= set(plan.get("methods", {}).items())
+    made = {f"{packer.name}[{variant_string(packer)}]": method_digest(type(packer)) for packer in packers}
+    known = plan.get("methods")
+    same_methods = isinstance(known, dict) and known | made == known
+    same = plan.get("suite") == suite_digest() and same_methods
     return "" if same and plan.get("version") == VERSION else "made by another program"
 
 

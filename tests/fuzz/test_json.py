@@ -110,7 +110,7 @@ def test_a_run_json(folder: Path, content: tuple[Any, bytes | None]) -> None:
         settings = _settings_of({"config": file})
     except FOR_PEOPLE:
         return
-    assert not any(".py" in method for method in settings.methods), "code of a file that nobody named"
+    assert not any(".py:" in method for method in settings.methods), "code of a file that nobody named"
 
 
 @fuzzed
@@ -222,4 +222,4 @@ def test_a_file_of_claims(folder: Path, text: bytes) -> None:
         _, runs = needs(ClaimsRequest(file=file))
     except FOR_PEOPLE:
         return
-    assert not any(".py" in str(run.options) for run in runs), "code of a file that nobody named"
+    assert not any(".py:" in str(run.options) for run in runs), "code of a file that nobody named"
