@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
@@ -11,6 +12,7 @@ from shading_atlas_bench.harness.console import make_console, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.watch.memory import ran_out
 
+UNUSABLE_NAMES = {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES}  # wherever a path is looked up
 SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
 
 
@@ -42,6 +44,12 @@ def guarded() -> Iterator[None]:
         DocumentError,
     ) as error:
         make_console(stderr=True).print(styled("[bold red]bench:[/] {}", error), soft_wrap=True)
+        raise typer.Exit(UNUSABLE) from None
+    except OSError as error:
+        if error.errno not in UNUSABLE_NAMES:
+            raise
+        sentence = f"{error.filename} cannot be used: {error.strerror}. Give another one."
+        make_console(stderr=True).print(styled("[bold red]bench:[/] {}", sentence), soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
     except MemoryError:
         make_console(stderr=True).print(styled("[bold red]bench:[/] {}", ran_out()), soft_wrap=True)

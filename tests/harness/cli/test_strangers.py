@@ -71,16 +71,17 @@ def test_code_that_a_file_of_claims_names_does_not_run(tmp_path: Path) -> None:
     assert not (tmp_path / "ran").exists()
 
 
-def test_a_file_of_claims_allows_nothing_outside(tmp_path: Path) -> None:
-    text = (HEAD + CLAIM).replace("[runs.two]", "allow_outside = true\n[runs.two]")
-    (tmp_path / "claims.toml").write_text(text, encoding="utf-8")
-    with pytest.raises(InputError, match="which only a command line may say"):
-        needs(ClaimsRequest(file=tmp_path / "claims.toml"))
-
-
 def test_installed_methods_are_no_code_of_a_file() -> None:
     for spec in ("all", "sas", "sas@published", "tss[strategy=a:b]", "odd[", ""):
         assert refuse_code([spec], "run.json", "") is None
+
+
+@pytest.mark.parametrize("name", ["9" * 5000, "a/" * 5000])
+def test_a_name_that_no_file_can_have_is_one_sentence(name: str) -> None:
+    for arguments in (["report", name], ["compare", name, name], ["run", "--config", name], ["run", "--out", name]):
+        code, output = told(*arguments)
+        assert (code, "Traceback" in output) == (2, False)
+        assert "cannot be" in output
 
 
 def test_a_report_of_a_stranger_s_folder_runs_nothing(tmp_path: Path) -> None:

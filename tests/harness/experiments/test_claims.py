@@ -4,7 +4,6 @@ import csv
 import json
 import re
 import shutil
-import sqlite3
 from pathlib import Path
 
 import pytest
@@ -12,7 +11,9 @@ import pytest
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, needs, variants_of
 from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, FEWEST
+from shading_atlas_bench.reports.store.results import Store
 from tests.harness.commands import bench
+from tests.reports.synthetic import alter
 
 TINY = """
 [papers]
@@ -110,11 +111,9 @@ def test_a_run_of_a_scene_or_path_that_was_edited_since_is_not_reused(
     name: str, whole: Path, claims: Path, tmp_path: Path
 ):
     shutil.copytree(whole / "tiny", tmp_path / "tiny")
-    with sqlite3.connect(tmp_path / "tiny" / "results.sqlite") as connection:
-        (plan,) = connection.execute("SELECT content FROM plan").fetchone()
-        other = json.dumps(json.loads(plan) | {name: "another"}, sort_keys=True)
-        connection.execute("UPDATE plan SET content = ?", (other,))
-    connection.close()
+    with Store(tmp_path / "tiny") as store:
+        plan = store.plan() | {name: "another"}
+    alter(tmp_path / "tiny", "UPDATE plan SET content = ?", json.dumps(plan, sort_keys=True))
     done = bench("claims", "--file", str(claims), "--reuse", str(tmp_path / "tiny"), "--out", str(tmp_path / "out"))
     assert done.returncode == 2
     assert "another scene or path of the same name" in " ".join(done.stderr.split())
