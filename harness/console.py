@@ -1,34 +1,94 @@
-"""How what is printed looks: at most 80 columns, tables without frames, progress with the time left."""
+"""How what is printed looks: at most 80 columns, tables without frames, progress with the time left.
+
+All text that others wrote, such as names, reasons and paths, goes through here: a text is printed as it is, never read
+as markup, and what would steer the terminal is shown as an escape. Markup is in the templates of `styled` only.
+"""
 
 from __future__ import annotations
 
 import re
+from string import Formatter
 from typing import TYPE_CHECKING
 
 from rich import progress as bars
-from rich.console import Console
-from rich.markup import escape
+from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.style import Style
 from rich.table import Table
+from rich.text import Span, Text
 
 from shading_atlas_bench.harness.progress import Progress, Task
+from shading_atlas_bench.reports.store.names import visible
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
 WIDEST = 80
 NARROWEST = 12  # columns of a method's name where a table needs the room
+HOLE = "\N{OBJECT REPLACEMENT CHARACTER}"  # stands for each letter of a value in markup
 
 
-def make_console(stderr: bool = False) -> Console:
-    """A console of at most 80 columns, so that output reads the same everywhere."""
-    console = Console(stderr=stderr, highlight=False)
-    return Console(stderr=stderr, highlight=False, width=min(WIDEST, console.width))
+class Terminal(Console):
+    """A console of at most 80 columns, so that output reads the same everywhere, that takes no text for markup."""
+
+    def __init__(self, stderr: bool = False) -> None:
+        super().__init__(stderr=stderr, highlight=False, markup=False, emoji=False)
+        self.width = min(WIDEST, self.width)
+
+    def render_str(
+        self,
+        text: str,
+        *,
+        style: str | Style = "",
+        justify: JustifyMethod | None = None,
+        overflow: OverflowMethod | None = None,
+        emoji: bool | None = None,
+        markup: bool | None = None,
+        highlight: bool | None = None,
+        highlighter: HighlighterType | None = None,
+    ) -> Text:
+        """Every text that is printed, alone or in a table, passes here: it is as it is, whatever is asked for."""
+        shown = visible(text)
+        return super().render_str(
+            shown, style=style, justify=justify, overflow=overflow, emoji=False, markup=False, highlight=False
+        )
+
+
+def make_console(stderr: bool = False) -> Terminal:
+    """The console that everything is printed to."""
+    return Terminal(stderr)
+
+
+def styled(template: str, *values: object, style: str = "") -> Text:
+    """A template in rich's markup, its fields `{}` filled with values, each as it is or, of a Text, in its own style.
+
+    Fields may have format specifications. `[{style}]` is the style that is given.
+    """
+    markup = ""
+    filled: list[Text] = []
+    given = iter(values)
+    for literal, field, specification, _ in Formatter().parse(template):
+        markup += literal
+        if field == "style":
+            markup += style
+        elif field is not None:
+            value = next(given)
+            filled.append(value if isinstance(value, Text) else Text(visible(format(value, specification or ""))))
+            markup += HOLE * len(filled[-1])
+    text = Text.from_markup(markup, emoji=False)
+    places = [place for place, letter in enumerate(text.plain) if letter == HOLE]
+    letters = dict(zip(places, "".join(piece.plain for piece in filled), strict=True))
+    for piece in filled:
+        start = places[0] if places else 0
+        text.spans += [Span(span.start + start, span.end + start, span.style) for span in piece.spans]
+        places = places[len(piece) :]
+    text.plain = "".join(letters.get(place, letter) for place, letter in enumerate(text.plain))
+    return text
 
 
 def tell_passed_over(device: Device) -> None:
     """Say on stderr which device is used where better ones were passed over, and why."""
     for reason in device.passed_over:
-        text = f"[yellow]warning[/] {escape(reason)} Used instead: {escape(device.name)}."
+        text = styled("[yellow]warning[/] {} Used instead: {}.", reason, device.name)
         make_console(stderr=True).print(text, soft_wrap=True)
 
 
@@ -42,19 +102,19 @@ def make_table(title: str, *columns: str) -> Table:
 
 
 def folded(label: str, room: int) -> str:
-    """A method's label as markup, in lines of at most `room` characters as far as its parts are no longer."""
+    """A method's label, in lines of at most `room` characters as far as its parts are no longer."""
     lines = [""]
     for part in re.split(r"(?=[@\[=])|(?<=,)", label):
         if lines[-1] and len(lines[-1] + part) > room:
             lines.append("")
         lines[-1] += part
-    return escape("\n".join(lines))
+    return "\n".join(lines)
 
 
 def progress_bars(console: Console) -> bars.Progress:
     """A live display of bars that goes when its work is done."""
     columns = (
-        bars.TextColumn("{task.description}"),
+        _What(),
         bars.BarColumn(bar_width=20),
         bars.MofNCompleteColumn(),
         bars.TextColumn("left:"),
@@ -63,16 +123,23 @@ def progress_bars(console: Console) -> bars.Progress:
     return bars.Progress(*columns, console=console, transient=True)
 
 
+class _What(bars.ProgressColumn):
+    """What is being done."""
+
+    def render(self, task: bars.Task) -> Text:
+        return Text(visible(task.description))
+
+
 class Bar(Task):
     """A bar of a live display, which ends with the last of them."""
 
     def __init__(self, shown: bars.Progress, what: str, steps: int | None) -> None:
         self._shown = shown
-        self._id = shown.add_task(escape(what), total=steps)
+        self._id = shown.add_task(what, total=steps)
 
     def doing(self, what: str) -> None:
         """Show this as the bar's description."""
-        self._shown.update(self._id, description=escape(what))
+        self._shown.update(self._id, description=what)
 
     def advance(self, steps: int = 1) -> None:
         """Move the bar on by so many steps."""
@@ -97,11 +164,11 @@ class TerminalProgress(Progress):
 
     def say(self, sentence: str) -> None:
         """Print the sentence dimmed."""
-        self._console.print(f"[dim]{escape(sentence)}[/]")
+        self._console.print(styled("[dim]{}[/]", sentence))
 
     def warn(self, sentence: str) -> None:
         """Print the sentence as a warning."""
-        self._console.print(f"[yellow]warning[/] {escape(sentence)}", soft_wrap=True)
+        self._console.print(styled("[yellow]warning[/] {}", sentence), soft_wrap=True)
 
     def task(self, what: str, steps: int | None = None) -> Bar:
         """A bar of so many steps; without their number it only shows that work goes on."""

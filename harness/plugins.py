@@ -9,15 +9,16 @@ import importlib.util
 import inspect
 import os
 import re
+import shlex
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from math import isfinite
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from shading_atlas_bench.harness.errors import is_stop, plain, text_of, told
+from shading_atlas_bench.harness.errors import InputError, is_stop, plain, text_of, told
 from shading_atlas_bench.packers.interface import COMMON, Packer, Paper, Parameter, Value
 from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 
@@ -99,6 +100,21 @@ def _objection(parameter: Parameter, value: object) -> str | None:
     if not (value.isprintable() if isinstance(value, str) else isfinite(value)):
         return "is no line of text and no finite number"
     return parameter.objection(value)
+
+
+def refuse_code(specs: Iterable[str], source: str, instead: str) -> None:
+    """Raise InputError for a method whose code lies in a file or module, not in an installed package.
+
+    What a file names is data, and may be a stranger's: code is run where the command line names it. instead: what to do
+    with code that one trusts, with `{}` for the method.
+    """
+    for spec in specs:
+        parts = SPEC.fullmatch(spec.strip())
+        if parts is not None and ":" in parts["target"]:
+            raise InputError(
+                f"{source} names the code {spec}, and code that a file names is not run: if you trust it, "
+                f"{instead.format(shlex.quote(spec))}."
+            )
 
 
 def _malformed(spec: str) -> str:

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from typing import Self
+import sys
+import warnings
+from typing import Self, TextIO
+
+from shading_atlas_bench.reports.store.names import visible
 
 
 class Task:
@@ -33,3 +37,23 @@ class Progress:
     def task(self, what: str, steps: int | None = None) -> Task:
         """Begin a piece of work of so many steps, where their number is known."""
         return Task()
+
+
+def warnings_as_sentences() -> None:
+    """Have warnings that are for users printed on stderr without the line of source that they come from."""
+    in_full = warnings.showwarning
+
+    def show(
+        message: Warning | str,
+        category: type[Warning],
+        filename: str,
+        lineno: int,
+        file: TextIO | None = None,
+        line: str | None = None,
+    ) -> None:
+        if category is UserWarning:
+            print(f"bench: {visible(message)}", file=file or sys.stderr, flush=True)
+        else:
+            in_full(message, category, filename, lineno, file, line)
+
+    warnings.showwarning = show

@@ -2,20 +2,22 @@
 
 One file per scene, named after a digest of everything that went into it: the bytes of all input files, the options and
 the source of this package and of `arithmetic`. A checksum over all of it tells a damaged file, which is as good as a
-missing one. It is written beside and renamed over what is there, so that concurrent runs see a whole one or none.
+missing one; a warning says so. It is written beside and renamed over what is there, so that concurrent runs see a whole
+one or none.
 """
 
 from __future__ import annotations
 
-import contextlib
 import hashlib
 import json
 import os
 import shutil
 import tempfile
+import warnings
 import zlib
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -50,16 +52,19 @@ def scene_key(options: Mapping[str, object], files: Iterable[Path]) -> str:
     digest = hashlib.blake2b(json.dumps(options, sort_keys=True).encode(), digest_size=16)
     sources = [file for module in (arithmetic, scenes) for file in sorted(Path(module.__path__[0]).glob("*.py"))]
     for file in [*sources, *files]:
-        content = file.read_bytes() if is_file(file) else b"missing"
-        digest.update(os.fsencode(f"\n{file.name} {len(content)}\n"))
-        digest.update(content)
+        digest.update(os.fsencode(f"\n{file.name} {file.stat().st_size if is_file(file) else 'missing'}\n"))
+        if is_file(file):
+            with file.open("rb") as stream:
+                while block := stream.read(_BLOCK):
+                    digest.update(block)
     return digest.hexdigest()
 
 
 def store(path: Path, scene: Scene) -> None:
     """Write a scene as the file `path`, replacing what is there.
 
-    Where it cannot be written (a full disk, a folder without permission) it is only loaded again next time.
+    Where it cannot be written (a full disk, a folder without permission) a warning says so, and it is only loaded again
+    next time.
     """
     arrays = _arrays(scene)
     places, end = {}, 0
@@ -74,7 +79,7 @@ def store(path: Path, scene: Scene) -> None:
     checksum = _start(path)
     for part in parts:
         checksum = zlib.crc32(part, checksum)
-    with contextlib.suppress(OSError):
+    try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, temporary = tempfile.mkstemp(dir=path.parent, suffix=".part")
         try:
@@ -86,6 +91,8 @@ def store(path: Path, scene: Scene) -> None:
         except BaseException:
             Path(temporary).unlink(missing_ok=True)
             raise
+    except OSError as error:
+        _warn_once(f"Scenes cannot be kept in {path.parent} ({error.strerror}): they are loaded anew each time.")
 
 
 def fetch(path: Path) -> Scene | None:
@@ -125,17 +132,28 @@ def _checked(path: Path) -> Bytes | None:
 
     It is read for that, not looked at through the mapping: where a disk fails, reading is an error that can be caught.
     """
-    try:
-        if not path.is_file():  # other things might block
-            return None
-        with path.open("rb", buffering=0) as file:
-            expected, found = file.read(_NUMBER), _start(path)
-            block = memoryview(bytearray(_BLOCK))
-            while length := file.readinto(block):
-                found = zlib.crc32(block[:length], found)
-            return np.memmap(file, np.uint8, "r") if expected == found.to_bytes(_NUMBER, "little") else None
-    except (OSError, ValueError):  # a file emptied just now cannot be mapped
+    if not os.path.lexists(path):
         return None
+    try:
+        if path.is_file():  # other things might block
+            with path.open("rb", buffering=0) as file:
+                expected, found = file.read(_NUMBER), _start(path)
+                block = memoryview(bytearray(_BLOCK))
+                while length := file.readinto(block):
+                    found = zlib.crc32(block[:length], found)
+                if expected == found.to_bytes(_NUMBER, "little"):
+                    return np.memmap(file, np.uint8, "r")
+    except FileNotFoundError:  # the cache was deleted just now
+        return None
+    except (OSError, ValueError):  # a file emptied just now cannot be mapped
+        pass
+    _warn_once(f"The scene {path} was damaged: it is loaded again.")
+    return None
+
+
+@cache  # the filters of `warnings` forget what was said whenever somebody changes them
+def _warn_once(sentence: str) -> None:
+    warnings.warn(sentence, stacklevel=2)
 
 
 def _start(path: Path) -> int:

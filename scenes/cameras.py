@@ -17,6 +17,8 @@ from shading_atlas_bench.arithmetic.functions import arctan, tan
 from shading_atlas_bench.scenes.model import Camera, SceneError
 from shading_atlas_bench.scenes.units import UNITS
 
+CAMERAS = "cameras.json"
+
 
 def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
     """The cameras, in file coordinates, and metres per unit where stated; nothing where the file is missing.

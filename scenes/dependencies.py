@@ -4,26 +4,28 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from shading_atlas_bench.scenes.files import file_text, named_file
+from shading_atlas_bench.scenes.cameras import CAMERAS
+from shading_atlas_bench.scenes.files import SceneFiles, file_text
 from shading_atlas_bench.scenes.gltf_document import named_files
 from shading_atlas_bench.scenes.mtl import map_files
 from shading_atlas_bench.scenes.obj import library_files
 from shading_atlas_bench.scenes.ply import ply_textures
 
 
-def input_files(path: Path) -> list[Path]:
+def input_files(path: Path, files: SceneFiles) -> list[Path]:
     """The file itself, `cameras.json` beside it, and every buffer, image and material library that it names.
 
-    They need not exist. Damaged files name nothing: loading them says what is wrong.
+    They need not exist. Damaged files name nothing: loading them says what is wrong. Raises SceneError for names that
+    `files` does not allow.
     """
-    files = [path, path.parent / "cameras.json"]
+    found = [path, files.own(CAMERAS)]
     suffix = path.suffix.lower()
     if suffix in (".gltf", ".glb"):
-        files += named_files(path)
+        found += named_files(path, files)
     elif suffix == ".obj":
-        for name, library in library_files(path, file_text(path)):
-            library = library or named_file(path, name)
-            files += [library, *map_files(library)]
+        for name, library in library_files(path, file_text(path), files):
+            library = library or files.named(path, name)
+            found += [library, *map_files(library, files)]
     elif suffix == ".ply":
-        files += ply_textures(path)
-    return list(dict.fromkeys(files))
+        found += ply_textures(path, files)
+    return list(dict.fromkeys(found))

@@ -7,39 +7,86 @@ import os
 import unicodedata
 from pathlib import Path, PurePosixPath
 
+from shading_atlas_bench.scenes.memory import check_memory
+from shading_atlas_bench.scenes.model import SceneError
+
 # Encodings in which programs have written file names into OBJ, MTL and PLY files, besides UTF-8 and the file system's.
 _ENCODINGS = ("cp1252", "cp932", "gb18030", "big5", "cp949", "cp1251")
 _MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
 _LINE_ENDS = bytes.maketrans(bytes(range(32)), b" " * 10 + b"\n" + b" " * 2 + b"\n" + b" " * 18)
 
 
-def beside(scene_file: Path, name: str) -> Path:
-    """The file that `scene_file` names relative to itself; programs on Windows write backslashes between folders."""
-    return scene_file.parent / name.replace("\\", "/")
+class SceneFiles:
+    """The files that a scene file may name: those in its own folder and below, wherever links lead, or with
+    `allow_outside` any.
 
-
-def find_beside(scene_file: Path, name: bytes) -> Path | None:
-    """The file that `scene_file` names in an unknown encoding, relative to itself; None where none or several match.
-
-    As it is written comes first, then with backslashes between folders, in other encodings, without quotation marks or
-    what may be a comment, and last without regard to upper and lower case.
+    Names count from the file that has them, which may lie in a folder below. A name of a file elsewhere raises
+    SceneError; one of nothing is just that of a missing file.
     """
-    forms = _forms(name)
-    for some in (forms[:1], forms):
-        exact = {path for path in (scene_file.parent / form for form in some) if is_file(path)}
-        if len(exact) == 1:
-            return exact.pop()
-    alike = {path for form in forms for path in _alike(scene_file.parent, form) if is_file(path)}
-    return alike.pop() if len(alike) == 1 else None
 
+    def __init__(self, scene_file: Path, allow_outside: bool = False) -> None:
+        self._scene_file, self._allow_outside = scene_file, allow_outside
+        self._folder = scene_file.parent.resolve()
+        self._listed: dict[Path, dict[str, list[Path]]] = {}
 
-def named_file(scene_file: Path, name: bytes) -> Path:
-    """As `find_beside`, but where nothing matches, a path by that name."""
-    return find_beside(scene_file, name) or beside(scene_file, _forms(name)[0])
+    def own(self, name: str) -> Path:
+        """The file of this name in the scene's folder; it need not be there."""
+        return self.beside(self._scene_file, name)
+
+    def beside(self, file: Path, name: str) -> Path:
+        """The file that `file` names; programs on Windows write backslashes between folders. It need not be there."""
+        return self._allowed(file.parent / name.replace("\\", "/"), name)
+
+    def find(self, file: Path, name: bytes) -> Path | None:
+        """The file that `file` names in an unknown encoding; None where none or several match.
+
+        As it is written comes first, then with backslashes between folders, in other encodings, without quotation marks
+        or what may be a comment, and last without regard to upper and lower case.
+        """
+        forms = _forms(name)
+        for some in (forms[:1], forms):
+            exact = {path for path in (file.parent / form for form in some) if is_file(path)}
+            if len(exact) == 1:
+                return self._allowed(exact.pop(), name)
+        alike = {path for form in forms for path in self._alike(file.parent, form) if is_file(path)}
+        return self._allowed(alike.pop(), name) if len(alike) == 1 else None
+
+    def named(self, file: Path, name: bytes) -> Path:
+        """As `find`, but where nothing matches, a path by that name."""
+        return self.find(file, name) or self.beside(file, _forms(name)[0])
+
+    def _allowed(self, path: Path, name: bytes | str) -> Path:
+        """The path. Raises SceneError for a file elsewhere, and for one that no memory holds."""
+        if not is_file(path):
+            return path
+        check_memory(path.stat().st_size, f"The file {shown(path.name)}")
+        if self._allow_outside or path.resolve().is_relative_to(self._folder):
+            return path
+        sentence = f"{self._scene_file} names {shown(name)}, a file outside of its folder"
+        raise SceneError(f"{sentence}: --allow-outside reads such files too.")
+
+    def _alike(self, folder: Path, form: str) -> list[Path]:
+        """Paths below a folder whose names differ from the form's by upper and lower case or composed accents only."""
+        places = [folder]
+        for part in PurePosixPath(form).parts:
+            if part == "..":
+                places = [place / part for place in places]
+            else:
+                places = [child for place in places for child in self._children(place).get(_key(part), [])]
+        return places
+
+    def _children(self, folder: Path) -> dict[str, list[Path]]:
+        """What is in a folder, by `_key`, listed once; nothing where it cannot be listed."""
+        if folder not in self._listed:
+            found = self._listed[folder] = {}
+            with contextlib.suppress(OSError, ValueError):
+                for child in folder.iterdir():
+                    found.setdefault(_key(child.name), []).append(child)
+        return self._listed[folder]
 
 
 def written_differently(name: bytes, file: Path) -> bool:
-    """Whether a file that `find_beside` found has another name than it was named by, slashes and quotes aside."""
+    """Whether a file that `SceneFiles.find` found has another name than it was named by, slashes and quotes aside."""
     plain = name.strip(b"\"'").replace(b"\\", b"/").removeprefix(b"./")
     return not shown(file.as_posix()).endswith(shown(plain))
 
@@ -86,24 +133,6 @@ def _forms(name: bytes) -> list[str]:
     bare = [text[1:-1] for text in texts if len(text) > 2 and text[0] == text[-1] and text[0] in "\"'"]
     bare += [text.partition(" #")[0].rstrip() for text in texts if text.partition(" #")[0].strip()]
     return list(dict.fromkeys(form for text in [*texts, *bare] for form in (text, text.replace("\\", "/"))))
-
-
-def _alike(folder: Path, form: str) -> list[Path]:
-    """Paths below a folder whose names differ from the form's by upper and lower case or composed accents only."""
-    places = [folder]
-    for part in PurePosixPath(form).parts:
-        if part == "..":
-            places = [place / part for place in places]
-        else:
-            places = [child for place in places for child in _children(place) if _key(child.name) == _key(part)]
-    return places
-
-
-def _children(folder: Path) -> list[Path]:
-    try:
-        return list(folder.iterdir())
-    except (OSError, ValueError):
-        return []
 
 
 def _key(name: str) -> str:

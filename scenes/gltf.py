@@ -16,24 +16,26 @@ import numpy as np
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, tan
 from shading_atlas_bench.arithmetic.matrices import matvec, product
+from shading_atlas_bench.scenes.files import SceneFiles
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
 from shading_atlas_bench.scenes.gltf_materials import GltfMaterials, UvSource
 from shading_atlas_bench.scenes.gltf_motion import camera_animations
 from shading_atlas_bench.scenes.gltf_nodes import AT_REST, GltfNodes
-from shading_atlas_bench.scenes.gltf_values import JsonObject, number, numbers, picked
+from shading_atlas_bench.scenes.gltf_values import JsonObject, number, numbers, picked, whole
 from shading_atlas_bench.scenes.gltf_vertices import Vertices, attribute
 from shading_atlas_bench.scenes.model import Camera, Indices, Light
 from shading_atlas_bench.scenes.raw import Part, RawScene
 from shading_atlas_bench.scenes.transforms import compose, normal_matrices
 
+_INSTANCE_BYTES = 8 * (16 + 10)  # of a matrix, and of what it is made of
 
-def read_gltf(path: Path) -> RawScene:
+
+def read_gltf(path: Path, files: SceneFiles, raw: RawScene) -> None:
     """All triangles, materials, textures, cameras, camera animations and lights of a glTF file, at rest pose.
 
     Raises SceneError for what cannot be read at all, and KeyError, IndexError, TypeError or ValueError for damage.
     """
-    document = GltfDocument(path)
-    raw = RawScene()
+    document = GltfDocument(path, files, raw)
     for name in document.ignored_extensions():
         raw.note(f"The file uses {name}, which is not supported and ignored.")
     materials = GltfMaterials(document, raw)
@@ -47,7 +49,6 @@ def read_gltf(path: Path) -> RawScene:
         raw.note(
             "Animations in the file, of which only those of cameras are used: {}.", len(document.items("animations"))
         )
-    return raw
 
 
 def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterials, raw: RawScene) -> None:
@@ -61,12 +62,12 @@ def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterial
             joints = _joint_matrices(document, nodes, entry["skin"])
             raw.parts += _primitives(document, materials, raw, entry["mesh"], entry.get("weights"), joints)
         elif "weights" in entry:
-            instances = _instances(document, entry, nodes.world[node])
+            instances = _instances(document, entry, nodes.world[node], raw)
             for part in _primitives(document, materials, raw, entry["mesh"], entry["weights"], None):
                 part.transforms = instances
                 raw.parts.append(part)
         else:
-            placed.setdefault(entry["mesh"], []).append(_instances(document, entry, nodes.world[node]))
+            placed.setdefault(entry["mesh"], []).append(_instances(document, entry, nodes.world[node], raw))
     for mesh, transforms in placed.items():
         stacked = np.concatenate(transforms)
         for part in _primitives(document, materials, raw, mesh, None, None):
@@ -74,13 +75,14 @@ def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterial
             raw.parts.append(part)
 
 
-def _instances(document: GltfDocument, node: JsonObject, world: Doubles) -> Doubles:
+def _instances(document: GltfDocument, node: JsonObject, world: Doubles, raw: RawScene) -> Doubles:
     """World matrices (N, 4, 4) of a node's instances (EXT_mesh_gpu_instancing), or its own one."""
     extension = node.get("extensions", {}).get("EXT_mesh_gpu_instancing")
     if extension is None:
         return world[None]
     attributes = extension["attributes"]
-    count = max((document.entry("accessors", index)["count"] for index in attributes.values()), default=0)
+    count = max((whole(document.entry("accessors", index), "count", 0) for index in attributes.values()), default=0)
+    raw.take(count * _INSTANCE_BYTES, f"{count:,} instances")
     at_rest = {name: np.tile(np.array(value, np.float64), (count, 1)) for name, value in AT_REST.items()}
     placed = (attribute(document, attributes, name.upper(), count) for name in AT_REST)
     values = (rest if own is None else own for own, rest in zip(placed, at_rest.values(), strict=True))
@@ -122,6 +124,7 @@ def _primitives(
             raw.note("Primitives of points or lines, left out: {}.")
             continue
         part = _part(document, materials, Vertices(document, primitive, shares, raw))
+        raw.take(part.own_bytes, "all its primitives")
         if joints is not None and "JOINTS_0" in primitive["attributes"]:
             _skin(document, primitive["attributes"], joints, part)
         parts.append(part)

@@ -12,14 +12,14 @@ from urllib.parse import unquote
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array
-from shading_atlas_bench.scenes.files import beside
+from shading_atlas_bench.scenes.files import SceneFiles, is_file
 from shading_atlas_bench.scenes.gltf_values import JsonObject, picked, whole
 from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.raw import RawScene
 
 _COMPONENTS = {5120: "i1", 5121: "u1", 5122: "i2", 5123: "u2", 5125: "u4", 5126: "f4"}
 _WIDTHS = {"SCALAR": (1, 1), "VEC2": (1, 2), "VEC3": (1, 3), "VEC4": (1, 4), "MAT2": (2, 2), "MAT3": (3, 3)}
 _WIDTHS["MAT4"] = (4, 4)
-_ENTRIES_LIMIT = 1 << 29  # of an accessor without data of its own; more is a damaged count
 
 _LISTS = (
     *("accessors", "animations", "bufferViews", "buffers", "cameras", "images", "materials", "meshes", "nodes"),
@@ -48,13 +48,13 @@ class GltfDocument:
     which the caller turns into one sentence.
     """
 
-    def __init__(self, path: Path) -> None:
-        self._path = path
+    def __init__(self, path: Path, files: SceneFiles, raw: RawScene) -> None:
+        self._path, self._files, self._raw = path, files, raw
         self.json, self._chunk = _parsed(path.read_bytes())
         version = str(self.json.get("asset", {}).get("version", "2.0"))
         if not version.startswith("2"):
             raise SceneError(f"{path} is glTF {version}; only glTF 2.0 can be read, so convert it first.")
-        missing = [name for name in self.json.get("extensionsRequired", []) if name not in _READ]
+        missing = [name for name in self._names("extensionsRequired") if name not in _READ]
         if missing:
             raise SceneError(f"{path} needs {' and '.join(missing)}, which cannot be read; export it without.")
         self._buffers: dict[int, bytes | memoryview] = {}
@@ -62,7 +62,13 @@ class GltfDocument:
 
     def ignored_extensions(self) -> list[str]:
         """Names of the extensions that the file uses and that are not read."""
-        return [name for name in self.json.get("extensionsUsed", []) if name not in _READ]
+        return [name for name in self._names("extensionsUsed") if name not in _READ]
+
+    def _names(self, key: str) -> list[str]:
+        names = self.json.get(key, [])
+        if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
+            raise ValueError(f"its {key} is not a list of names")
+        return list(dict.fromkeys(names))
 
     def items(self, kind: str) -> list[JsonObject]:
         """A top-level list such as "nodes"; empty where the file has none."""
@@ -107,11 +113,14 @@ class GltfDocument:
         return self._fetch(image["uri"])
 
     def _fetch(self, uri: str) -> bytes:
+        if not isinstance(uri, str):
+            raise ValueError(f"the name of a file is {uri!r:.60}, not text")
         if uri.startswith("data:"):
             return base64.b64decode(uri.partition(",")[2])
-        file = beside(self._path, unquote(uri))
-        if not file.is_file():
+        file = self._files.beside(self._path, unquote(uri))
+        if not is_file(file):
             raise FileNotFoundError(f"the file {uri} beside it is missing")
+        self._raw.take(file.stat().st_size, f"the file {uri}")
         return file.read_bytes()
 
     def _view(self, index: int) -> memoryview:
@@ -138,10 +147,11 @@ class GltfDocument:
             stride = self.entry("bufferViews", accessor["bufferView"]).get("byteStride")
             view = self._view(accessor["bufferView"])[whole(accessor, "byteOffset", 0) :]
             values = _strided(view, component, columns, rows, count, stride)
-        elif count < _ENTRIES_LIMIT:
-            values = np.zeros((count, columns, rows), component)
         else:
-            raise ValueError(f"an accessor claims {count} entries")
+            self._raw.take(
+                count * columns * rows * component.itemsize, f"an accessor of {count:,} entries without data"
+            )
+            values = np.zeros((count, columns, rows), component)
         if "sparse" in accessor:
             values = self._with_sparse(values.copy(), accessor["sparse"], component)
         if accessor.get("normalized"):
@@ -179,7 +189,7 @@ def _strided(
     return np.ndarray((count, columns, rows), component, view, 0, (stride, column_bytes, component.itemsize))
 
 
-def named_files(path: Path) -> list[Path]:
+def named_files(path: Path, files: SceneFiles) -> list[Path]:
     """The buffers and images that a glTF file of either kind names; none where it is damaged."""
     try:
         document, _ = _parsed(path.read_bytes())
@@ -187,7 +197,7 @@ def named_files(path: Path) -> list[Path]:
     except (OSError, ValueError):
         return []
     names = [entry["uri"] for entry in entries if isinstance(entry.get("uri"), str)]
-    return [beside(path, unquote(name)) for name in names if not name.startswith("data:")]
+    return [files.beside(path, unquote(name)) for name in names if not name.startswith("data:")]
 
 
 def _parsed(data: bytes) -> tuple[JsonObject, memoryview | None]:
@@ -195,6 +205,8 @@ def _parsed(data: bytes) -> tuple[JsonObject, memoryview | None]:
     text, chunk = _split_glb(memoryview(data)) if data[:4] == b"glTF" else (data, None)
     try:
         document = json.loads(bytes(text))
+        if b"\\u" in bytes(text):  # escapes of half a character, which nothing can write again
+            document = json.loads(json.dumps(document, ensure_ascii=False).encode(errors="replace"))
     except RecursionError as error:
         raise ValueError("its JSON is nested too deeply") from error
     if not isinstance(document, dict):

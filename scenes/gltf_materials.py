@@ -13,8 +13,8 @@ from shading_atlas_bench.arithmetic.functions import sin_cos
 from shading_atlas_bench.arithmetic.matrices import transform
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
 from shading_atlas_bench.scenes.gltf_values import JsonObject, number, numbers, whole
-from shading_atlas_bench.scenes.images import decode_image
-from shading_atlas_bench.scenes.model import Material, Texture
+from shading_atlas_bench.scenes.images import read_texture
+from shading_atlas_bench.scenes.model import Material, SceneError, Texture
 from shading_atlas_bench.scenes.raw import RawScene
 
 _NEAREST = {"magFilter": (9728,), "minFilter": (9728, 9984, 9986)}
@@ -47,7 +47,7 @@ class GltfMaterials:
 
     def __init__(self, document: GltfDocument, raw: RawScene) -> None:
         self._document, self._raw = document, raw
-        self._images: dict[int, Bytes | None] = {}
+        self._images: dict[tuple[int, bool], Bytes | None] = {}
         self._textures: dict[tuple[int, str, str, bool], int] = {}
         self.sources: list[list[UvSource]] = []
         for entry in document.items("materials"):
@@ -128,7 +128,7 @@ class GltfMaterials:
     def _transmission(self, glass: JsonObject) -> float:
         """The share of light let through; a texture of it is replaced by its mean."""
         factor, info = number(glass, "transmissionFactor", 0.0), glass.get("transmissionTexture")
-        texels = self._image_of(info) if info and factor else None
+        texels = self._image_of(info, False) if info and factor else None
         if texels is not None:
             self._raw.note("Textures of transmission, replaced by their mean: {}.")
             factor *= float(texels[..., 0].mean()) / 255
@@ -149,7 +149,7 @@ class GltfMaterials:
 
     def _index(self, info: JsonObject, srgb: bool) -> int:
         """Index of a texture, read where it is new; -1 where its image cannot be read (noted)."""
-        entry, texels = self._document.entry("textures", info["index"]), self._image_of(info)
+        entry, texels = self._document.entry("textures", info["index"]), self._image_of(info, srgb)
         image = _image_index(entry)
         if texels is None or image is None:
             return -1
@@ -160,8 +160,7 @@ class GltfMaterials:
             nearest = any(sampler.get(name) in values for name, values in _NEAREST.items())
             self._raw.note("Textures whose sampler asks for the nearest texel, interpolated all the same: {}.", nearest)
             self._textures[key] = len(self._raw.textures)
-            name = self._document.entry("images", image).get("name") or f"image {image}"
-            self._raw.textures.append(Texture(str(name), texels, srgb, wrap_s, wrap_t))
+            self._raw.textures.append(Texture(self._name(image), texels, srgb, wrap_s, wrap_t))
         return self._textures[key]
 
     def _known(self, values: Mapping[Any, str], entry: JsonObject, key: str, default: str) -> str:
@@ -170,19 +169,24 @@ class GltfMaterials:
             self._raw.note(f"An unknown {key} of {entry[key]} is taken for {default}.")
         return values.get(entry.get(key), default)
 
-    def _image_of(self, info: JsonObject) -> Bytes | None:
-        """The texels of a texture's image, decoded once; None where it is missing or unreadable (noted)."""
+    def _image_of(self, info: JsonObject, srgb: bool) -> Bytes | None:
+        """The texels of a texture's image, read once as colours or as what is none; None where that fails (noted)."""
         index = _image_index(self._document.entry("textures", info["index"]))
         if index is None:
             self._raw.note(f"Texture {info['index']} names no image and is left out.")
             return None
-        if index not in self._images:
-            self._images[index] = self._decoded(index)
-        return self._images[index]
+        if (index, srgb) not in self._images:
+            self._images[index, srgb] = self._decoded(index, srgb)
+        return self._images[index, srgb]
 
-    def _decoded(self, index: int) -> Bytes | None:
+    def _name(self, image: int) -> str:
+        return str(self._document.entry("images", image).get("name") or f"image {image}")
+
+    def _decoded(self, index: int, srgb: bool) -> Bytes | None:
         try:
-            return decode_image(self._document.image_bytes(index))
+            return read_texture(self._document.image_bytes(index), self._name(index), srgb, self._raw)
+        except SceneError:
+            raise
         except (OSError, KeyError, ValueError) as error:
             reason = f"it lacks {error}" if isinstance(error, KeyError) else error
             self._raw.note(f"Image {index} is left out: {reason}.")

@@ -5,21 +5,24 @@ from __future__ import annotations
 import difflib
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 
 from shading_atlas_bench.scenes.assemble import assemble
 from shading_atlas_bench.scenes.cache import fetch, scene_key, store
-from shading_atlas_bench.scenes.cameras import read_cameras
+from shading_atlas_bench.scenes.cameras import CAMERAS, read_cameras
 from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.features import content_digest, find_features
+from shading_atlas_bench.scenes.files import SceneFiles
 from shading_atlas_bench.scenes.gltf import read_gltf
 from shading_atlas_bench.scenes.lights import add_lights
+from shading_atlas_bench.scenes.memory import check_memory
 from shading_atlas_bench.scenes.mesh_files import read_mesh_file
 from shading_atlas_bench.scenes.model import Scene, SceneError
-from shading_atlas_bench.scenes.raw import RawScene
+from shading_atlas_bench.scenes.raw import MAX_TEXTURE, RawScene
 from shading_atlas_bench.scenes.standing import NARROWEST, Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
@@ -54,6 +57,8 @@ def load_scene(
     decimate: float | None = None,
     seed: int = 0,
     cache: Path | None = None,
+    allow_outside: bool = False,
+    max_texture: int = MAX_TEXTURE,
 ) -> Scene:
     """A built-in scene by name, or a .glb, .gltf, .obj, .ply, .stl or .off file, here or among the real scenes.
 
@@ -61,10 +66,12 @@ def load_scene(
         metre for glTF; of other files it is guessed, with a note.
     detail: triangles of a built-in scene, made from `seed`.
     repair: drop duplicate and degenerate faces and faces at non-manifold edges. decimate: ratio of triangles to keep.
+    allow_outside: whether a file may name others that are not in its folder or below. max_texture: texels of a side
+        that its textures are reduced to, with a note.
     cache: folder of loaded scenes; without it nothing is kept. Arrays of cached scenes are read-only.
     Raises SceneError, one sentence, for everything that cannot be loaded.
     """
-    _check_options(unit, detail, decimate)
+    _check_options(unit, detail, decimate, max_texture)
     options: dict[str, object] = {"name": name_or_path, "unit": unit, "repair": repair, "decimate": decimate}
     if name_or_path in _PROCEDURAL:
         if repair or decimate is not None:
@@ -72,15 +79,21 @@ def load_scene(
         options |= {"detail": detail, "seed": seed}
         return _through_cache(cache, options, [], lambda: _make(name_or_path, detail, seed))
     path = _existing(name_or_path)
-    options["name"] = _scene_name(path)
-    return _through_cache(cache, options, input_files(path), lambda: _load_file(path, unit, repair, decimate))
+    options |= {"name": _scene_name(path), "max_texture": max_texture}
+    check_memory(path.stat().st_size, f"The file {path}")
+    files, raw = SceneFiles(path, allow_outside), RawScene(max_texture=max_texture)
+    with _in_words(path):
+        inputs = input_files(path, files) if cache else []
+    return _through_cache(cache, options, inputs, lambda: _load_file(path, files, raw, unit, repair, decimate))
 
 
-def _check_options(unit: float | None, detail: int | None, decimate: float | None) -> None:
+def _check_options(unit: float | None, detail: int | None, decimate: float | None, max_texture: int) -> None:
     if unit is not None and not (np.isfinite(unit) and unit > 0):
         raise SceneError(f"The unit must be a positive number of metres, not {unit}.")
     if detail is not None and not 1 <= detail <= _MOST_DETAIL:
         raise SceneError(f"The detail must be between 1 and {_MOST_DETAIL:,} triangles, not {detail}.")
+    if max_texture < 1:
+        raise SceneError(f"The longest side of textures must be 1 texel or more, not {max_texture}.")
     if decimate is not None and not 0 < decimate <= 1:
         raise SceneError(f"The ratio of triangles to keep must be above 0 and at most 1, not {decimate}.")
 
@@ -142,11 +155,15 @@ def _scene_name(path: Path) -> str:
     return path.resolve().parent.name if path.stem.lower() == "scene" else path.stem
 
 
-def _load_file(path: Path, unit: float | None, repair: bool, decimate: float | None) -> Scene:
-    raw = _read(path)
-    cameras, stated_unit = read_cameras(path.parent / "cameras.json")
-    raw.cameras = cameras + raw.cameras
-    scene = assemble(_scene_name(path), raw, repair, decimate, str(path))
+def _load_file(
+    path: Path, files: SceneFiles, raw: RawScene, unit: float | None, repair: bool, decimate: float | None
+) -> Scene:
+    """Read a file into the empty `raw`, and make a scene of it."""
+    with _in_words(path):
+        _READERS[path.suffix.lower()](path, files, raw)
+        cameras, stated_unit = read_cameras(files.own(CAMERAS))
+        raw.cameras = cameras + raw.cameras
+        scene = assemble(_scene_name(path), raw, repair, decimate, str(path))
     standing = _scaled(scene, path, unit, stated_unit)
     scene.place, scene.because = standing.place, standing.reason
     if not scene.cameras and min((scene.bounds[1] - scene.bounds[0])[[0, 2]]) * scene.metres_per_unit >= NARROWEST:
@@ -212,12 +229,13 @@ def _see_through(scene: Scene) -> list[str]:
     return [sentences[kind].format(count) for kind, count in triangles.items() if count]
 
 
-def _read(path: Path) -> RawScene:
-    """The file's content; whatever a reader raises becomes one sentence."""
+@contextmanager
+def _in_words(path: Path) -> Iterator[None]:
+    """Whatever is raised while a file is read becomes one sentence."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")
-            return _READERS[path.suffix.lower()](path)
+            yield
     except SceneError as error:
         raise error if str(path) in str(error) else SceneError(f"{path} cannot be read: {error}") from error
     except Exception as error:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Doubles
-from shading_atlas_bench.scenes.files import file_text, find_beside, is_file, named_file, shown, written_differently
-from shading_atlas_bench.scenes.images import read_image
+from shading_atlas_bench.scenes.files import SceneFiles, file_text, is_file, shown, written_differently
+from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Material, Texture
 from shading_atlas_bench.scenes.raw import RawScene
 
@@ -89,23 +89,23 @@ class LibraryMaterial:
         return np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)
 
 
-def map_files(library: Path) -> list[Path]:
+def map_files(library: Path, files: SceneFiles) -> list[Path]:
     """Image files that a material library names; they need not exist."""
     if not is_file(library):
         return []
     entries = [statements for _, statements in _entries(library)]
     names = (map_statement(entry[key]).name for entry in entries for key in _MAPS if key in entry)
-    return [named_file(library, name) for name in dict.fromkeys(names) if name]
+    return [files.named(library, name) for name in dict.fromkeys(names) if name]
 
 
-def read_mtl(library: Path, raw: RawScene) -> dict[bytes, LibraryMaterial]:
+def read_mtl(library: Path, files: SceneFiles, raw: RawScene) -> dict[bytes, LibraryMaterial]:
     """The library's materials by name; their textures go into the raw scene.
 
     Understood: Kd, Ke, Ns, d, Tr, map_Kd, map_Ke, map_d (as a cut-out mask in the colour texture's alpha), and of the
     options of maps -s, -o and -clamp; what else changes the look is noted. Colours are taken as linear. OBJ has no
     notion of single-sided surfaces, so all are double-sided. Of several definitions of a name the first counts.
     """
-    reader = _Reader(library, raw)
+    reader = _Reader(library, files, raw)
     found: dict[bytes, LibraryMaterial] = {}
     unused: Counter[str] = Counter()
     for name, statements in _entries(library):
@@ -151,8 +151,8 @@ def _pair(values: list[float | bytes], default: float) -> tuple[float, float]:
 class _Reader:
     """Makes materials of one library; each picture is read once."""
 
-    def __init__(self, library: Path, raw: RawScene) -> None:
-        self.library, self.raw = library, raw
+    def __init__(self, library: Path, files: SceneFiles, raw: RawScene) -> None:
+        self.library, self.files, self.raw = library, files, raw
         self.textures: dict[tuple[Path | None, Path | None, bool], int] = {}
 
     def material(self, name: str, statements: dict[str, bytes]) -> LibraryMaterial:
@@ -216,7 +216,7 @@ class _Reader:
 
     def _found(self, statement: MapStatement) -> FoundMap | None:
         """The statement with its file; None where that is missing."""
-        file = find_beside(self.library, statement.name)
+        file = self.files.find(self.library, statement.name)
         if file is None:
             self.raw.note(f"The texture {shown(statement.name)} is left out: the file is missing.")
             return None
@@ -233,7 +233,8 @@ class _Reader:
             mask = None  # the picture's own alpha
         key = (picture.file if picture else None, mask.file if mask else None, first.statement.clamped)
         if key not in self.textures:
-            colours, alpha = (self._texels(used.file) if used else None for used in (picture, mask))
+            colours = self._texels(picture.file, True) if picture else None
+            alpha = self._texels(mask.file, False) if mask else None
             texels = None if picture and colours is None else _masked(colours, alpha)
             self.textures[key] = -1
             if texels is not None:
@@ -242,10 +243,10 @@ class _Reader:
                 self.raw.textures.append(Texture(shown(first.file.name), texels, True, wrap, wrap))
         return self.textures[key]
 
-    def _texels(self, file: Path) -> Bytes | None:
+    def _texels(self, file: Path, srgb: bool) -> Bytes | None:
         try:
-            return read_image(file)
-        except ValueError as error:
+            return read_texture(file, shown(file.name), srgb, self.raw)
+        except ImageError as error:
             self.raw.note(f"The texture {shown(file.name)} is left out: {error}.")
         return None
 

@@ -17,7 +17,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Longs
 from shading_atlas_bench.scenes.file_colours import linear_colours, whole
-from shading_atlas_bench.scenes.files import file_text, find_beside, shown, written_differently
+from shading_atlas_bench.scenes.files import SceneFiles, file_text, shown, written_differently
 from shading_atlas_bench.scenes.model import Indices, Material
 from shading_atlas_bench.scenes.mtl import LibraryMaterial, read_mtl
 from shading_atlas_bench.scenes.polygons import distinct, triangulated
@@ -31,7 +31,7 @@ _NUMERIC = (b"v", b"vt", b"vn", b"f")
 _SILENT = b"g o mg lod bevel c_interp d_interp shadow_obj trace_obj end mtllib".split()
 
 
-def read_obj(path: Path, raw: RawScene) -> None:
+def read_obj(path: Path, files: SceneFiles, raw: RawScene) -> None:
     """All faces of an OBJ file with their materials and textures.
 
     Raises ValueError or IndexError for damaged files.
@@ -43,12 +43,11 @@ def read_obj(path: Path, raw: RawScene) -> None:
     lines, kinds = _without_comments(TextLines(text))
     try:
         tables = [_table(lines, np.flatnonzero(kinds == number), kind) for number, kind in enumerate(_NUMERIC[:3])]
-        fields = _corners(lines, np.flatnonzero(kinds == 3))
+        faces = _faces(lines, kinds, [len(counts) for _, counts in tables], raw)
     except _LineError as error:
         raise ValueError(f"{_place(original, error.line)}: {error}") from error
     used, smoothing = _statements(lines, np.flatnonzero(kinds == len(_NUMERIC)), raw)
-    materials = _Materials(path, text, used, raw)
-    faces = _faces(lines, kinds, fields, [len(counts) for _, counts in tables], raw)
+    materials = _Materials(path, text, used, files, raw)
     if not len(faces.lines):
         return
     positions, colours = _positions(*tables[0], raw)
@@ -57,7 +56,7 @@ def read_obj(path: Path, raw: RawScene) -> None:
     raw.note("Triangles in smoothing groups, made smooth by their angles instead: {}.", rough * smoothing)
 
 
-def library_files(path: Path, text: bytes) -> list[tuple[bytes, Path | None]]:
+def library_files(path: Path, text: bytes, files: SceneFiles) -> list[tuple[bytes, Path | None]]:
     """Names after `mtllib` in an OBJ file's text, in order, each once, with the files; None where there is none.
 
     A line may name several, and names may hold blanks: as many words are one name as make the name of a file.
@@ -69,11 +68,11 @@ def library_files(path: Path, text: bytes) -> list[tuple[bytes, Path | None]]:
         rest = match[1].strip()
         while rest:
             ends = [m.start() for m in re.finditer(rb"[ \t]+|$", rest)][::-1]
-            whole = next((end for end in ends if find_beside(path, rest[:end])), None)
+            whole = next((end for end in ends if files.find(path, rest[:end])), None)
             if whole is None:
                 first = re.search(rb"\.mtl(?=[ \t]|$)", rest, re.IGNORECASE)
                 whole = first.end() if first else len(rest)
-            found.setdefault(rest[:whole], find_beside(path, rest[:whole]))
+            found.setdefault(rest[:whole], files.find(path, rest[:whole]))
             rest = rest[whole:].strip()
     return list(found.items())
 
@@ -218,10 +217,12 @@ class _Materials:
     Index 0 is grey, for faces without a material.
     """
 
-    def __init__(self, path: Path, text: bytes, used: list[tuple[int, bytes]], raw: RawScene) -> None:
+    def __init__(
+        self, path: Path, text: bytes, used: list[tuple[int, bytes]], files: SceneFiles, raw: RawScene
+    ) -> None:
         self.entries, self.index = [LibraryMaterial(raw.materials[0])], {b"": 0}
         self._used = used
-        defined = _defined(path, text, raw)
+        defined = _defined(path, text, files, raw)
         undefined: list[str] = []
         plain = Counter(_plain(key) for key in defined)
         by_plain = {_plain(key): entry for key, entry in defined.items() if plain[_plain(key)] == 1}
@@ -245,16 +246,16 @@ class _Materials:
         return np.array([0, *(self.index[name] for _, name in self._used)])[current]
 
 
-def _defined(path: Path, text: bytes, raw: RawScene) -> dict[bytes, LibraryMaterial]:
+def _defined(path: Path, text: bytes, files: SceneFiles, raw: RawScene) -> dict[bytes, LibraryMaterial]:
     """The materials of all libraries by name; the first definition of a name counts, as the format's text says."""
     defined: dict[bytes, LibraryMaterial] = {}
-    for name, file in library_files(path, text):
+    for name, file in library_files(path, text, files):
         if file is None:
             raw.note(f"The material library {shown(name)} is missing; its materials are grey.")
             continue
         if written_differently(name, file):
             raw.note(f"The material library {shown(name)} is read from {shown(file.name)}.")
-        entries = read_mtl(file, raw)
+        entries = read_mtl(file, files, raw)
         for twice in entries.keys() & defined.keys():
             raw.note(f"The material {shown(twice)} is defined in several libraries; the first of them counts.")
         defined = entries | defined
@@ -281,12 +282,14 @@ class _Faces:
     vn: Longs
 
 
-def _faces(lines: TextLines, kinds: Indices, fields: Longs, sizes: list[int], raw: RawScene) -> _Faces:
-    """The file's faces from their `_fields`; `sizes` counts v, vt and vn lines.
+def _faces(lines: TextLines, kinds: Indices, sizes: list[int], raw: RawScene) -> _Faces:
+    """The file's faces; `sizes` counts v, vt and vn lines.
 
-    Raises IndexError for vertices that are not there.
+    Raises _LineError for what are no numbers, and for vertices that are not there.
     """
     rows = np.flatnonzero(kinds == 3)
+    fields = _corners(lines, rows)
+    given = fields[0].copy()
     counts = lines.counts[rows] - 1
     for kind, field in enumerate(fields):
         back = field < 0
@@ -298,9 +301,12 @@ def _faces(lines: TextLines, kinds: Indices, fields: Longs, sizes: list[int], ra
     raw.note("Faces of fewer than three corners, dropped: {}.", np.count_nonzero(~full))
     corners = np.repeat(full, counts)
     v, vt, vn = (field[corners] - 1 for field in fields)
-    outside = (v < 0) | (v >= sizes[0])
-    if outside.any():
-        raise IndexError(f"a face uses vertex {v[outside][0] + 1} of {sizes[0]}")
+    outside = np.flatnonzero((v < 0) | (v >= sizes[0]))
+    if len(outside):
+        number = given[corners][outside[0]]
+        why = f"which the file does not have: it has {sizes[0]:,}" if number else "but OBJ files count from 1"
+        line = np.repeat(rows, counts)[corners][outside[0]]
+        raise _LineError(ValueError(f"a face uses vertex {number}, {why}"), lines.line(line))
     return _Faces(rows[full], counts[full], v, vt, vn)
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.scenes.file_colours import linear_colours, whole
-from shading_atlas_bench.scenes.files import file_text
+from shading_atlas_bench.scenes.files import SceneFiles, file_text
 from shading_atlas_bench.scenes.model import Indices, SceneError
 from shading_atlas_bench.scenes.polygons import triangulated, usable_polygons, vertex_numbers
 from shading_atlas_bench.scenes.raw import Part, RawScene
@@ -39,7 +39,7 @@ class Faces:
     text: bytes
 
 
-def read_off(path: Path, raw: RawScene) -> None:
+def read_off(path: Path, _files: SceneFiles, raw: RawScene) -> None:
     """All faces of an OFF file, with what its first word tells of vertices: ST, C and N before OFF.
 
     Numbers may stand in any lines, but for colours of faces: those end with the line.

@@ -16,8 +16,8 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Floats, Longs
 from shading_atlas_bench.scenes.file_colours import linear_colours
-from shading_atlas_bench.scenes.files import find_beside, named_file, shown, written_differently
-from shading_atlas_bench.scenes.images import read_image
+from shading_atlas_bench.scenes.files import SceneFiles, shown, written_differently
+from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Indices, Material, Texture
 from shading_atlas_bench.scenes.polygons import distinct, triangulated, usable_polygons, vertex_numbers
 from shading_atlas_bench.scenes.raw import Part, RawScene
@@ -76,7 +76,7 @@ class Element:
         return None
 
 
-def read_ply(path: Path, raw: RawScene) -> None:
+def read_ply(path: Path, files: SceneFiles, raw: RawScene) -> None:
     """All faces and strips of a PLY file with colours, texture coordinates and textures.
 
     Raises ValueError or struct.error for damaged files.
@@ -100,15 +100,15 @@ def read_ply(path: Path, raw: RawScene) -> None:
         raw.parts += _faces(tables["face"], whole, len(pictures), raw)
     if "tristrips" in tables:
         raw.parts.append(_strips(tables["tristrips"], whole))
-    _add_materials(path, pictures, raw)
+    _add_materials(path, pictures, files, raw)
     _note_unused(elements, raw)
 
 
-def ply_textures(path: Path) -> list[Path]:
+def ply_textures(path: Path, files: SceneFiles) -> list[Path]:
     """The images named in a PLY file's header; they need not exist."""
     with path.open("rb") as file:
         header = file.read(1 << 16).partition(b"end_header")[0]
-    return [named_file(path, name) for name in _pictures(header)]
+    return [files.named(path, name) for name in _pictures(header)]
 
 
 def _pictures(header: bytes) -> list[bytes]:
@@ -322,21 +322,21 @@ def _strips(element: Element, whole: Part) -> Part:
     return replace(whole, indices=triangles[drawn])
 
 
-def _add_materials(path: Path, pictures: list[bytes], raw: RawScene) -> None:
+def _add_materials(path: Path, pictures: list[bytes], files: SceneFiles, raw: RawScene) -> None:
     """A material for each picture, the first one being the default, and one without for faces that have none."""
     default = raw.materials.pop()
     for name in pictures:
-        raw.materials.append(_material(path, name, raw))
+        raw.materials.append(_material(path, name, files, raw))
     raw.materials.append(default)
 
 
-def _material(path: Path, name: bytes, raw: RawScene) -> Material:
-    material, file = Material(name=shown(name), double_sided=True), find_beside(path, name)
+def _material(path: Path, name: bytes, files: SceneFiles, raw: RawScene) -> Material:
+    material, file = Material(name=shown(name), double_sided=True), files.find(path, name)
     try:
         if file is None:
-            raise ValueError("the file is missing")
-        raw.textures.append(Texture(shown(file.name), read_image(file)))
-    except ValueError as error:
+            raise ImageError("the file is missing")
+        raw.textures.append(Texture(shown(file.name), read_texture(file, shown(file.name), True, raw)))
+    except ImageError as error:
         raw.note(f"The texture {shown(name)} is left out: {error}.")
         return material
     raw.note(f"The texture {shown(name)} is read from {shown(file.name)}.", written_differently(name, file))

@@ -9,7 +9,10 @@ from typing import SupportsInt
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles
+from shading_atlas_bench.scenes.memory import check_memory
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Indices, Light, Material, Texture
+
+MAX_TEXTURE = 8192  # texels, of a side: what OpenCL devices take as an image at least
 
 
 @dataclass
@@ -31,6 +34,12 @@ class Part:
     tangents: Array | None = None
     transforms: Doubles = field(default_factory=lambda: np.eye(4)[None])
     further_uvs: tuple[Array | None, ...] = ()
+
+    @property
+    def own_bytes(self) -> int:
+        """Bytes of its arrays that are no views of others."""
+        arrays = (self.positions, self.indices, self.normals, self.uvs, self.colours, self.tangents, *self.further_uvs)
+        return sum(array.nbytes for array in arrays if array is not None and array.flags.owndata)
 
     def taking(self, vertices: Indices, indices: Indices) -> Part:
         """The part with only these vertices, int (n), repeats allowed, and triangles of them, indices int (T, 3)."""
@@ -55,6 +64,7 @@ class RawScene:
     """Everything read from a file, in world coordinates of the file (float64), with what was found wanting.
 
     counts: sentence with `{}` for the number -> how often it happened; they become the scene's notes.
+    max_texture: the longest side that its textures may have, in texels. taken: bytes of memory, see `take`.
     """
 
     parts: list[Part] = field(default_factory=list)
@@ -64,6 +74,13 @@ class RawScene:
     animations: list[CameraAnimation] = field(default_factory=list)
     lights: list[Light] = field(default_factory=list)
     counts: Counter[str] = field(default_factory=Counter)
+    max_texture: int = MAX_TEXTURE
+    taken: int = 0
+
+    def take(self, size: int, what: str, remedy: str = "use a larger machine") -> None:
+        """Count bytes that the scene is about to take. Raises SceneError where they do not fit into memory."""
+        self.taken += size
+        check_memory(self.taken, f"The scene, with {what},", remedy)
 
     def note(self, sentence: str, count: SupportsInt = 1) -> None:
         """Count something for the report; nothing is noted for a count of 0."""

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.scenes.files import SceneFiles
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.raw import Part, RawScene
 
@@ -14,7 +15,7 @@ _HEAD, _TRIANGLE = 84, 50  # bytes: 80 of any text and the count; a normal, thre
 _MARKS = (b"\xff\xfe", b"\xfe\xff")  # of UTF-16, a text with zeros
 
 
-def read_stl(path: Path, raw: RawScene) -> None:
+def read_stl(path: Path, _files: SceneFiles, raw: RawScene) -> None:
     """All triangles of an STL file, text or bytes; colours, which programs keep in various ways, are noted only.
 
     Raises SceneError where triangles of a text cannot be read, or bytes are of another number than their count tells,

@@ -8,7 +8,7 @@ import typer
 from rich.padding import Padding
 
 from shading_atlas_bench.harness.cli.guard import guarded
-from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError
 
 
@@ -17,6 +17,8 @@ def list_everything(
         str | None, typer.Option(help="Only a scene: a built-in one or a file", metavar="NAME|FILE")
     ] = None,
     unit: Annotated[str | None, typer.Option(help="Of the file, as for bench run", metavar="UNIT")] = None,
+    max_texture: Annotated[int | None, typer.Option(help="As for bench run", metavar="TEXELS")] = None,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help="As for bench run")] = False,
 ) -> None:
     """Show the packers with their parameters, the scenes, paths, devices and metrics.
 
@@ -25,11 +27,12 @@ def list_everything(
     with guarded():
         if scene is not None:
             from shading_atlas_bench.harness.cli.scene_view import show_scene
-            from shading_atlas_bench.harness.workload.settings import parse_unit
+            from shading_atlas_bench.harness.workload.settings import settings_of
 
-            show_scene(scene, None if unit is None else parse_unit(unit))
-        elif unit is not None:
-            raise InputError("--unit is for bench list --scene FILE: give both.")
+            given = {"scene": scene, "unit": unit, "max_texture": max_texture, "allow_outside": allow_outside}
+            show_scene(settings_of({name: value for name, value in given.items() if value is not None}))
+        elif unit is not None or max_texture is not None or allow_outside:
+            raise InputError("--unit, --max-texture and --allow-outside are for bench list --scene FILE: give both.")
         else:
             show_catalogue()
 
@@ -46,14 +49,12 @@ def show_catalogue() -> None:
 
     console = make_console()
     for name, packer in find_packers().items():
-        console.print(f"[bold]{name}[/]  {packer.paper.title} ({packer.paper.year})")
+        console.print(styled("[bold]{}[/]  {} ({})", name, packer.paper.title, packer.paper.year))
         table = make_table("", "parameter", "default", "sweep", "meaning")
         for key, parameter in packer.parameters.items():
             unit = f" [{parameter.unit}]" if parameter.unit else ""
             sweep = ", ".join(map(value_text, parameter.sweep))
-            table.add_row(
-                f"  {key}", value_text(parameter.default), sweep, parameter.meaning + unit.replace("[", "\\[")
-            )
+            table.add_row(f"  {key}", value_text(parameter.default), sweep, parameter.meaning + unit)
         console.print(table)
         published = ", ".join(f"{key}={value_text(value)}" for key, value in published_values(packer).items())
         console.print(Padding(f"{name}@published: {published or 'as the defaults'}", (0, 0, 0, 2)))

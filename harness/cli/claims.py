@@ -32,6 +32,7 @@ def claims(
         Path | None, typer.Option(help="Other claims, in the form of reports/claims.toml", metavar="FILE")
     ] = None,
     device: Annotated[str | None, typer.Option(help="Part of an OpenCL device's name", metavar="NAME")] = None,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help="As for bench run")] = False,
     dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run for which claims")] = False,
 ) -> None:
     """Measure what the papers claim about the methods, and say which claims hold here.
@@ -41,7 +42,7 @@ def claims(
     with guarded():
         from shading_atlas_bench.harness.experiments.claims import ClaimsRequest, run_claims, show_needs
 
-        wanted = ClaimsRequest(tuple(only or ()), quick, tuple(reuse or ()), file, device)
+        wanted = ClaimsRequest(tuple(only or ()), quick, tuple(reuse or ()), file, device, allow_outside)
         if dry_run:
             show_needs(wanted, out)
             return

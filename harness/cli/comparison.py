@@ -6,10 +6,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.markup import escape
 
 from shading_atlas_bench.harness.cli.guard import guarded
-from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,21 +43,21 @@ def show_comparison(first: Path, second: Path) -> None:
     for row in rows:
         groups.setdefault((row.label, row.variant, row.codec, row.crf), []).append(row)
     for text in differences(first, second):
-        console.print(f"[yellow]differs[/] {escape(text)}")
+        console.print(styled("[yellow]differs[/] {}", text))
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
     for (label, variant, codec, crf), group in groups.items():
         coding = "every coding" if codec == ALL else coding_label(codec, crf)
         table = make_table(
-            f"{escape(label)}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A",
+            f"{label}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A",
             "median B", "B is", "p",
         )  # fmt: skip
         for column in table.columns[1:5]:
             column.justify = "right"
         if variant:
-            console.print(f"[dim]{escape(variant)}[/]")
+            console.print(styled("[dim]{}[/]", variant))
         for row in group:
             p = "" if row.p is None else f"{row.p:.1g}"
-            verdict = f"[{colours[row.verdict]}]{row.verdict}[/]"
+            verdict = styled("[{style}]{}[/]", row.verdict, style=colours[row.verdict])
             numbers = [row.mean_a, row.mean_b, row.a, row.b]
             if row.mean_a is None:  # one value for the run, neither mean nor median of anything
                 numbers = [row.a, row.b, None, None]

@@ -5,9 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from rich.console import Console
-from rich.markup import escape
 
-from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.run.folder import check_folder
@@ -32,7 +31,9 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     count = len(path.times_ms[: settings.frames])
     frames = f"{count} frame{'s' * (count != 1)}"
     console = make_console()
-    console.print(f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {frames}")
+    console.print(
+        styled("[bold]{}[/]  {:,} triangles, path {}, {}", scene.name, scene.triangle_count, path.name, frames)
+    )
     console.print(
         f"client {settings.width}x{settings.height} at {settings.fov:g} degrees, cell {settings.cell_radius:g} m / "
         f"{settings.cell_fov:g} degrees, atlas {settings.atlas_width}x{settings.atlas_height}, {settings.latency:g} ms"
@@ -42,7 +43,7 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     rates = ", ".join(str(crf) for crf in settings.crfs)
     console.print(f"codec {settings.codec}" + (f", CRF {rates}, shown at {settings.display_crf}" if rates else ""))
     for note in [*scene.notes, *path.notes, *_beyond_budget(settings, packers)]:
-        console.print(f"[yellow]note[/] {note}", markup=True)
+        console.print(styled("[yellow]note[/] {}", note))
     _print_methods(console, packers, scene, frames + f" x {settings.repeat}" * (settings.repeat > 1))
     table = make_table("skipped for this scene", "stage", "why")
     for name, reason in skipped_stages(scene.features, settings.no_skip).items():
@@ -67,5 +68,5 @@ def _print_methods(console: Console, packers: list[Packer], scene: Scene, work: 
     for packer in packers:
         reason = told_skip(packer, scene)
         parameters = variant_string(packer).replace(",", ", ")
-        table.add_row(escape(label_of(packer)), parameters, f"skipped: {escape(reason)}" if reason else work)
+        table.add_row(label_of(packer), parameters, f"skipped: {reason}" if reason else work)
     console.print(table)

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from shading_atlas_bench.harness.cli.guard import SOME_FAILED, guarded
-from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError
 
 
@@ -41,10 +41,10 @@ def show_examination() -> bool:
     """Print what the doctor found; False if something needed is missing or wrong."""
     from shading_atlas_bench.harness.doctor.examine import examine
 
-    marks = {True: "[green]ok[/]", False: "[red]no[/]", None: "[yellow]--[/]"}
+    marks = {True: styled("[green]ok[/]"), False: styled("[red]no[/]"), None: styled("[yellow]--[/]")}
     table = make_table("bench doctor", "", "what", "found")
     findings = examine()
     for finding in findings:
-        table.add_row(marks[finding.ok], finding.name, finding.detail.replace("[", "\\["))
+        table.add_row(marks[finding.ok], finding.name, finding.detail)
     make_console().print(table)
     return all(finding.ok is not False for finding in findings)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Iterator
 from contextlib import contextmanager
 
 import typer
-from rich.markup import escape
 
-from shading_atlas_bench.harness.console import make_console
+from shading_atlas_bench.harness.console import make_console, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
+from shading_atlas_bench.harness.watch.memory import ran_out
 
+UNUSABLE_NAMES = {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES}  # wherever a path is looked up
 SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
 
 
@@ -22,7 +24,8 @@ def guarded() -> Iterator[None]:
     from shading_atlas_bench.kernels.runtime.opencl import DeviceError
     from shading_atlas_bench.reports.analysis.claims import ClaimsError
     from shading_atlas_bench.reports.documents.kept import DocumentError
-    from shading_atlas_bench.reports.store.results import StoreError
+    from shading_atlas_bench.reports.store.data import DataError
+    from shading_atlas_bench.reports.store.database import StoreError
     from shading_atlas_bench.scenes.model import SceneError
     from shading_atlas_bench.scenes.paths import PathError
 
@@ -33,14 +36,24 @@ def guarded() -> Iterator[None]:
         SettingsError,
         CacheError,
         DeviceError,
+        DataError,
         StoreError,
         SceneError,
         PathError,
         ClaimsError,
         DocumentError,
     ) as error:
-        make_console(stderr=True).print(f"[bold red]bench:[/] {escape(str(error))}", soft_wrap=True)
+        make_console(stderr=True).print(styled("[bold red]bench:[/] {}", error), soft_wrap=True)
+        raise typer.Exit(UNUSABLE) from None
+    except OSError as error:
+        if error.errno not in UNUSABLE_NAMES:
+            raise
+        sentence = f"{error.filename} cannot be used: {error.strerror}. Give another one."
+        make_console(stderr=True).print(styled("[bold red]bench:[/] {}", sentence), soft_wrap=True)
+        raise typer.Exit(UNUSABLE) from None
+    except MemoryError:
+        make_console(stderr=True).print(styled("[bold red]bench:[/] {}", ran_out()), soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
     except StoppedError as stopped:
-        make_console(stderr=True).print(f"Stopped. {escape(str(stopped))}", soft_wrap=True)
+        make_console(stderr=True).print(f"Stopped. {stopped!s}", soft_wrap=True)
         raise typer.Exit(INTERRUPTED) from None

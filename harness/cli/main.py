@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import io
+import os
 import sys
+import unicodedata
 from collections.abc import Callable
 from typing import Annotated
 
@@ -21,7 +24,9 @@ from shading_atlas_bench.harness.cli.run import run
 from shading_atlas_bench.harness.cli.stress import stress
 from shading_atlas_bench.harness.cli.sweep import sweep
 from shading_atlas_bench.harness.cli.tables import tables
+from shading_atlas_bench.harness.progress import warnings_as_sentences
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
+from shading_atlas_bench.reports.store.names import visible
 
 app = typer.Typer(
     name="bench",
@@ -29,6 +34,7 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,
 )
+FULL = {errno.ENOSPC, errno.EDQUOT}  # of a disk; whatever was to be written, that is no bug
 COMMANDS: dict[str, Callable[..., None]] = {
     "run": run,
     "sweep": sweep,
@@ -65,22 +71,54 @@ for name, command in COMMANDS.items():
     app.command(name)(command)
 
 
+def _refuse(argument: str, why: str) -> None:
+    print(f"bench: {visible(argument)} {why}", file=sys.stderr)
+    sys.exit(UNUSABLE)
+
+
 def main() -> None:
     """Run the command line in this process."""
     end_with_supervisor()
+    warnings_as_sentences()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape
             stream.reconfigure(errors="backslashreplace")
     for argument in sys.argv[1:]:
-        if any("\ud800" <= letter <= "\udfff" for letter in argument):  # bytes that Python could not decode
-            encoding = sys.getfilesystemencoding()
-            print(f"bench: {argument} is not a name in {encoding}: rename it, or use a UTF-8 locale.", file=sys.stderr)
-            sys.exit(UNUSABLE)
+        kinds = {unicodedata.category(letter) for letter in argument}
+        if "Cs" in kinds:  # bytes that Python could not decode
+            _refuse(argument, f"is not a name in {sys.getfilesystemencoding()}: rename it, or use a UTF-8 locale.")
+        if "Cc" in kinds:
+            _refuse(argument, "has a control character: rename it.")
     try:
-        app(prog_name="bench")
+        try:
+            app(prog_name="bench")
+        finally:
+            sys.stdout.flush()  # here, where its failing can be told
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(130)
+    except OSError as error:
+        unheard = error.filename is None and _give_up_streams()
+        if not unheard and error.errno not in FULL:
+            raise
+        if error.errno != errno.EPIPE:  # who closes a pipe has read enough
+            what = "standard output" if unheard else error.filename or "a file"
+            print(f"bench: {what} cannot be written ({error.strerror}): make room, and run again.", file=sys.stderr)
+        sys.exit(UNUSABLE)
+
+
+def _give_up_streams() -> bool:
+    """Whether standard output or error cannot be written; one that cannot leads nowhere from now on."""
+    failing = []
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.write("\n")
+            stream.flush()
+        except OSError:
+            failing.append(stream)
+            with open(os.devnull, "w", encoding="utf-8") as nowhere:  # else Python tries once more as it ends
+                os.dup2(nowhere.fileno(), stream.fileno())
+    return bool(failing)
 
 
 if __name__ == "__main__":

@@ -54,6 +54,7 @@ def _linked_lists(given: Given, out: Path, dry_run: bool) -> None:
 
 def _settings_of(given: Given) -> Settings:
     """The settings that the options mean, over those of `--config`, over the defaults. Raises SettingsError."""
+    from shading_atlas_bench.harness.plugins import refuse_code
     from shading_atlas_bench.harness.workload.settings import SettingsError, read_settings, settings_of
 
     config = given.pop("config", None)
@@ -61,4 +62,7 @@ def _settings_of(given: Given) -> Settings:
         return settings_of(given)
     if "preset" in given:
         raise SettingsError("--config and --preset both say what to run: give one of them.")
-    return settings_of(given, read_settings(config).to_json(), str(config))
+    saved = read_settings(config)
+    if "method" not in given:
+        refuse_code(saved.methods, str(config), "name it yourself with --method {}")
+    return settings_of(given, saved.to_json(), str(config))

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.segment import Segment, Segments
 from rich.style import Style
 
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
-from shading_atlas_bench.harness.console import make_console, tell_passed_over
+from shading_atlas_bench.harness.console import make_console, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.dump import write_png
 from shading_atlas_bench.harness.workload.session import open_session
@@ -24,13 +25,13 @@ COLUMNS = 60  # of a terminal that the picture fills at most
 UPPER_HALF = "\N{UPPER HALF BLOCK}"
 
 
-def show_scene(scene_name: str, unit: float | None) -> None:
+def show_scene(wanted: Settings) -> None:
     """Print what a scene is and why, its unit and where its path starts, and draw and write the view from there.
 
     The picture is a PNG in the cache folder; a terminal shows it too. Raises SceneError, PathError and SettingsError,
     and InputError where it cannot be written.
     """
-    session = open_session(Settings(scene=scene_name, unit=unit, width=WIDTH, height=HEIGHT))
+    session = open_session(replace(wanted, width=WIDTH, height=HEIGHT))
     tell_passed_over(session.device)
     scene, path, console = session.scene.host, session.path, make_console()
     low, high = scene.bounds
@@ -42,9 +43,9 @@ def show_scene(scene_name: str, unit: float | None) -> None:
         f"{path.name} starts": _start(path, scene.origin),
     }
     for name, text in lines.items():
-        console.print(f"[bold]{escape(name)}[/]  {escape(text)}", soft_wrap=True)
+        console.print(styled("[bold]{}[/]  {}", name, text), soft_wrap=True)
     for note in [*scene.notes, *path.notes]:
-        console.print(f"[yellow]note[/] {escape(note)}", soft_wrap=True)
+        console.print(styled("[yellow]note[/] {}", note), soft_wrap=True)
     pose = Pose(path.positions[0], path.orientations[0])
     image, _ = session.forward.draw(client_view(pose, session.settings.fov, WIDTH, HEIGHT, session.source.near))
     rgb = image.rgb.get()[..., :3]
@@ -67,7 +68,7 @@ def _write(rgb: Bytes, name: str, console: Console) -> None:
         write_png(file, rgb)
     except OSError as error:
         raise InputError(f"The picture {file} cannot be written: {error}.") from error
-    console.print(f"[bold]{escape(str(file))}[/]", soft_wrap=True)
+    console.print(styled("[bold]{}[/]", file), soft_wrap=True)
 
 
 def half_blocks(rgb: Bytes, columns: int) -> Segments:

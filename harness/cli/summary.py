@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
-from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table
+from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.run.explain import FRAMES, ROUNDS
 from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.results import Store
@@ -64,19 +63,21 @@ def _show(store: Store, folder: Path) -> None:
     by_view = [row["view_dependence"] for row in rows if row["view_dependence"] is not None]
     if by_view:
         console.print(
-            f"[dim]references for the server's and the client's eye differ by a FLIP of {median(by_view):.4f}[/]"
+            styled(
+                "[dim]references for the server's and the client's eye differ by a FLIP of {:.4f}[/]", median(by_view)
+            )
         )
     speed = _speed_lines(measured_statistics(rows, store.statistics()), labels)
     if speed:
         console.print(_fitting("speed ratios", ["method", *(heading for _, heading, _ in SPEED)], speed, console))
-        console.print("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]")
+        console.print(styled("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]"))
     for status, count, reason in _troubles(rows, labels):
         colour = "dim" if status == "skipped" else "red"
-        console.print(f"[{colour}]{status}[/] {count} rows: {escape(reason)}")
+        console.print(styled("[{style}]{}[/] {} rows: {}", status, count, reason, style=colour))
     for prefix, colour in (("scene", "dim"), ("published", "dim"), ("rare", "yellow"), ("warning", "yellow")):
         for text in dict.fromkeys(store.notes.under(prefix).values()):
-            console.print(f"[{colour}]{NOTE_WORDS[prefix]}[/] {escape(text)}")
-    console.print(f"[bold]{folder}/report.html[/]  frames.csv  summary.csv", soft_wrap=True)
+            console.print(styled("[{style}]{}[/] {}", NOTE_WORDS[prefix], text, style=colour))
+    console.print(styled("[bold]{}/report.html[/]  frames.csv  summary.csv", folder), soft_wrap=True)
 
 
 def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str], console: Console) -> None:
@@ -97,7 +98,7 @@ def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]
     ):
         console.print(_fitting(title, ["method", "codec", *(column[1] for column in columns)], lines, console))
     for line in _uneven(rows, labels):
-        console.print(f"[yellow]frames[/] {escape(line)}")
+        console.print(styled("[yellow]frames[/] {}", line))
 
 
 def _uneven(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str]) -> list[str]:
@@ -175,12 +176,16 @@ def show_explained(rows: list[dict[str, Any]]) -> None:
     table = make_table("skips", "skip", "leaves out", "here", "with", "without")
     for row in rows:
         times = ["" if row[name] is None else f"{row[name]:.2f}" for name in ("with_ms", "without_ms")]
-        here = f"[green]applies[/]: {row['reason']}" if row["applies"] else f"no: {row['reason']}"
+        here = styled("[green]applies[/]: {}" if row["applies"] else "no: {}", row["reason"])
         table.add_row(row["skip"], row["what"], here, *times)
     for column in table.columns[3:]:
         column.justify, column.no_wrap = "right", True
     console.print(table)
     console.print(
-        f"[dim]with, without: milliseconds per frame of the work that the skip shortens, all methods together; median "
-        f"of {ROUNDS} rounds over {FRAMES} frames in turn. --no-skip NAME forces one off in a run.[/]"
+        styled(
+            "[dim]with, without: milliseconds per frame of the work that the skip shortens, all methods together; "
+            "median of {} rounds over {} frames in turn. --no-skip NAME forces one off in a run.[/]",
+            ROUNDS,
+            FRAMES,
+        )
     )

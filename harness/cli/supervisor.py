@@ -22,8 +22,10 @@ from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.harness.watch.ends import KILLED, SWITCH, TICK, crashed, ended_by, name_of, overdue_steps
+from shading_atlas_bench.harness.watch.memory import too_little
 from shading_atlas_bench.harness.watch.processes import python
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
+from shading_atlas_bench.reports.store.names import visible
 
 # `bench tables` runs these as processes of their own, each of which is watched.
 WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "list")
@@ -32,7 +34,8 @@ HARMLESS = {"--help", "--dry-run", "--list"}
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
 # Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
 PATIENCE: dict[int, float] = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
-FAILED, INTERRUPTED = 1, 130
+LONGEST = 4.0  # seconds that a process has to end then: what is finished is in the store
+FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 MOST_DEATHS = 2  # of one device's compiler
 ILLEGAL = {getattr(signal, "SIGILL", 4)}  # instructions that the processor lacks: always the compiler's fault
 
@@ -45,6 +48,9 @@ def main() -> None:
 
         run_here()
         return
+    if short := too_little():
+        _say(short)
+        sys.exit(UNUSABLE)
     sys.exit(Supervisor(arguments).run())
 
 
@@ -89,14 +95,16 @@ class Supervisor:
         child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
         waiting = threading.Thread(target=child.wait, daemon=True)  # `wait` with a timeout sleeps beyond the end
         waiting.start()
-        told = False
+        told: float | None = None
         while True:
             waiting.join(TICK)
             if not waiting.is_alive():
                 return child.returncode, []
             if self.stopped and not told and time.monotonic() > self.stopped[1] + PATIENCE[self.stopped[0]]:
-                told = True
+                told = time.monotonic()
                 child.terminate()
+            if told and time.monotonic() > told + LONGEST:
+                child.kill()
             if overdue := overdue_steps(read_journal(journal)):
                 child.kill()
                 waiting.join()
@@ -105,6 +113,8 @@ class Supervisor:
     def _judge(self, code: int, overdue: list[dict[str, Any]], state: dict[str, Any]) -> int | None:
         """What the end of a process means: the exit code of the command, or None to start it again."""
         if self.stopped:
+            if code < 0 and self.again:
+                _say("Stopped. Finished results are kept: the same command goes on from there.")
             return code if code >= 0 else INTERRUPTED
         building, device = list(state["building"].values()), state["device"]
         steps = list(state["steps"].values())
@@ -147,6 +157,10 @@ class Supervisor:
         from shading_atlas_bench.kernels.runtime.opencl import note_death, pocl_cache
 
         sentence = f"{device['name']} died while it built {what}."
+        if refused := kernel_cache.refuses(pocl_cache()):
+            hint = "make room, or set XDG_CACHE_HOME to another folder"
+            _say(f"{sentence} Its kernel cache {pocl_cache()} cannot be written ({refused}): {hint}.")
+            return FAILED
         self.deaths[device["key"]] += 1
         kernel_cache.discard(pocl_cache())
         if self.deaths[device["key"]] == 1:
@@ -187,7 +201,7 @@ def _passed_on(code: int) -> int:
 
 
 def _say(sentence: str) -> None:
-    print(f"bench: {sentence}", file=sys.stderr, flush=True)
+    print(f"bench: {visible(sentence)}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

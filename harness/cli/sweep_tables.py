@@ -6,9 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
-
-from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table
+from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
@@ -41,13 +39,19 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> None:
         scene = open_scene(settings)
         path = open_path(settings, scene)
         console.print(
-            f"[bold]{scene.name}[/]  {scene.triangle_count:,} triangles, path {path.name}, {settings.frames} "
-            f"frame{'s' * (settings.frames != 1)}"
+            styled(
+                "[bold]{}[/]  {:,} triangles, path {}, {} frame{}",
+                scene.name,
+                scene.triangle_count,
+                path.name,
+                settings.frames,
+                "s" * (settings.frames != 1),
+            )
         )
         for name, reason in {cell.packer.name: told_skip(cell.packer, scene) for cell in cells}.items():
             if reason:
-                console.print(f"[dim]{name} is skipped:[/] {escape(reason)}")
-        console.print(f"[dim]needs no[/] {', '.join(skipped_stages(scene.features))}")
+                console.print(styled("[dim]{} is skipped:[/] {}", name, reason))
+        console.print(styled("[dim]needs no[/] {}", ", ".join(skipped_stages(scene.features))))
         running = [cell for cell in cells if told_skip(cell.packer, scene) is None]
         seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")
@@ -67,12 +71,12 @@ def _show_axes(console: Console, grid: SweepGrid) -> None:
         for axis, text in (item for cell in own for item in cell.varied.items()):
             axes.setdefault(axis, {})[text] = None
         varied = "; ".join(f"{axis} {', '.join(texts)}" for axis, texts in axes.items())
-        table.add_row(escape(contender), str(len(own)), escape(varied or "as it is"))
+        table.add_row(contender, str(len(own)), varied or "as it is")
     console.print(table)
     if grid.left_out:
         left = make_table("left out", "what", "why")
         for what, why in grid.left_out:
-            left.add_row(escape(what), escape(why))
+            left.add_row(what, why)
         console.print(left)
 
 
@@ -86,15 +90,15 @@ def show_sweep(points: list[Point], folder: Path) -> None:
         if not lines:
             continue
         what = ", ".join(filter(None, (condition, CODING_NAMES[coding])))
-        console.print(f"[bold]Pareto fronts of FLIP over {COST_NAMES[cost][0]}, {escape(what)}[/]")
+        console.print(styled("[bold]Pareto fronts of FLIP over {}, {}[/]", COST_NAMES[cost][0], what))
         console.print(_front_table(lines, cost, timed, console))
-        console.print(escape(verdict(candidates(own, cost, "flip")[1], cost, "flip")))
+        console.print(verdict(candidates(own, cost, "flip")[1], cost, "flip"))
         console.print()
     _show_troubles(console, points)
     for prefix, word in (*((told, "warning") for told in TOLD), ("rare", "not seen")):
         for text in read_told(folder, prefix):
-            console.print(f"[yellow]{word}[/] {escape(text)}")
-    console.print(f"[bold]{folder}/report.html[/]  sweep.csv", soft_wrap=True)
+            console.print(styled("[yellow]{}[/] {}", word, text))
+    console.print(styled("[bold]{}/report.html[/]  sweep.csv", folder), soft_wrap=True)
 
 
 def _front_table(points: list[Point], cost: str, timed: bool, console: Console) -> Table:
@@ -116,7 +120,7 @@ def _front_table(points: list[Point], cost: str, timed: bool, console: Console) 
     widths = [max(map(len, column)) for column in zip(headings, *found, strict=True)]
     room = console.width - sum(widths[1:]) - 2 * (len(widths) - 1)
     for contender, label, *cells in found:
-        table.add_row(folded(contender, max(room, NARROWEST)), escape(label), *cells)
+        table.add_row(folded(contender, max(room, NARROWEST)), label, *cells)
     return table
 
 
@@ -127,6 +131,6 @@ def _show_troubles(console: Console, points: list[Point]) -> None:
     for (contender, status), count in counts.items():
         reason = next(row["reason"] for row in cells if (row["contender"], row["status"]) == (contender, status))
         colour = "dim" if status == "skipped" else "red"
-        console.print(f"[{colour}]{status}[/] {count} cells of {escape(contender)}: {escape(reason or '')}")
+        console.print(styled("[{style}]{}[/] {} cells of {}: {}", status, count, contender, reason or "", style=colour))
     stops = Counter(row["stop"].partition(":")[0] for row in cells if row["stop"])
     console.print("timing stopped: " + ", ".join(f"{count} {stop}" for stop, count in stops.most_common()))

@@ -15,7 +15,6 @@ from statistics import median
 from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from rich.markup import escape
 
 from shading_atlas_bench.harness.cases import MODULE, against_twin, own_cases
 from shading_atlas_bench.harness.conformance.catalogue import (
@@ -37,7 +36,7 @@ from shading_atlas_bench.harness.conformance.trial import (
     try_isolation,
     try_method,
 )
-from shading_atlas_bench.harness.console import make_console, tell_passed_over
+from shading_atlas_bench.harness.console import make_console, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.machine import load
 from shading_atlas_bench.harness.measure.returned import CheckedPacker, read_payload
@@ -328,22 +327,22 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
 
 def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bool:
     console = make_console()
-    console.print(f"[bold]{kit.kind.name}[/]  {len(CHECKS) + 2} checks")
+    console.print(styled("[bold]{}[/]  {} checks", kit.kind.name, len(CHECKS) + 2))
     failed = late = 0
     for name, found in _results(kit, out, thorough, timeout):
         failed += not found.good
         late += found.status == "timeout"
-        mark = "[green]pass[/]" if found.good else "[bold red]FAIL[/]"
-        console.print(f"{mark} {escape(name)}" + (f": {escape(found.sentence)}" if found.sentence else ""))
+        mark = styled("[green]pass[/]") if found.good else styled("[bold red]FAIL[/]")
+        console.print(styled("{} {}", mark, f"{name}: {found.sentence}" if found.sentence else name))
         for path in _write_pictures(out, kit.kind.name, name, found):
-            console.print(f"     [dim]{path}[/]", soft_wrap=True)
+            console.print(styled("     [dim]{}[/]", path), soft_wrap=True)
     if late:
         busy = f"In the last minute {load():.1f} processes wanted to run on {os.cpu_count()} cores."
-        console.print(f"[dim]--timeout SECONDS gives a check more than {timeout:g} s. {busy}[/]")
+        console.print(styled("[dim]--timeout SECONDS gives a check more than {:g} s. {}[/]", timeout, busy))
     if failed and out is None:
-        console.print("[dim]--out DIR writes pictures of what failed.[/]")
-    verdict = "[green]all checks passed[/]" if not failed else f"[bold red]{failed} checks failed[/]"
-    console.print(f"[bold]{kit.kind.name}[/]  {verdict}")
+        console.print(styled("[dim]--out DIR writes pictures of what failed.[/]"))
+    verdict = styled("[bold red]{} checks failed[/]", failed) if failed else styled("[green]all checks passed[/]")
+    console.print(styled("[bold]{}[/]  {}", kit.kind.name, verdict))
     return not failed
 
 

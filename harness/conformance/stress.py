@@ -7,13 +7,13 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from rich.markup import escape
+from msgspec import Meta
 
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, StressTest
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult, try_method, try_rasteriser
-from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
+from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
@@ -23,6 +23,9 @@ from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.pages.stress import magnitude, matrix, picture_stem, write_stress
+from shading_atlas_bench.reports.store.columns import STRESS_COLUMNS, STRESS_STATUSES
+from shading_atlas_bench.reports.store.data import DataError, Kind, decode_json
+from shading_atlas_bench.reports.store.records import Frame, Plan, row_type
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
@@ -32,6 +35,19 @@ if TYPE_CHECKING:
 
 RUNS = Path("runs")
 RASTER = "raster"
+FOLDER_NAME = Annotated[str, Meta(pattern=r"\A\w[\w.-]*\Z")]  # which is part of the names of pictures
+TRIAL = row_type(
+    "Trial",
+    STRESS_COLUMNS,
+    ("method", "variant", "label", "folder", "test", "step", "magnitude", "unit", "status", "passed"),
+    {
+        "label": str,
+        "folder": FOLDER_NAME,
+        "test": FOLDER_NAME,
+        "step": Frame,
+        "status": Literal[STRESS_STATUSES],
+    },
+)
 # Where a test must not change the picture: this much more error than at the first magnitude is another picture.
 DRIFT = (1.5, 0.005)  # factor, and FLIP on top
 
@@ -105,7 +121,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
     log = Log.open(out or _folder_for(plan), plan)
     journal().note(again=["--out", str(log.folder)])
     console = make_console(stderr=True)
-    console.print(f"Results go to [bold]{log.folder}[/]; the same command with --out {log.folder} resumes.")
+    console.print(styled("Results go to [bold]{}[/]; the same command with --out {} resumes.", log.folder, log.folder))
     try:
         with stops_apart():
             StressRun(opened, chosen, rows, log, quick, timeout).everything()
@@ -131,7 +147,7 @@ class Log:
         file = folder / "stress.jsonl"
         if file.is_file():
             first, *lines = file.read_text(encoding="utf-8", errors="replace").splitlines() or [""]
-            before = _whole(first)
+            before = _whole(first, Plan)
             if before is None:
                 raise InputError(f"{file} does not begin with what its trials are of: give another --out.")
             other = [name for name in plan if before.get(name) != plan[name]]
@@ -140,7 +156,7 @@ class Log:
                 return cls(folder, [])
             if other:
                 raise InputError(f"{folder} holds a stress test with other {' and '.join(other)}: give another --out.")
-            rows = [row for line in lines if (row := _whole(line))]  # a kill may have cut the last one off
+            rows = [row for line in lines if (row := _whole(line, TRIAL))]  # a kill may have cut the last one off
             if len(rows) < len(lines):
                 file.write_text("".join(json.dumps(row) + "\n" for row in [before, *rows]), encoding="utf-8")
             return cls(folder, rows)
@@ -172,13 +188,12 @@ class Log:
             file.write(json.dumps(values) + "\n")
 
 
-def _whole(line: str) -> dict[str, Any] | None:
-    """What a line of the log holds; None where it was cut off."""
+def _whole(line: str, kind: type[Kind]) -> Kind | None:
+    """What a line of the log holds; None where it was cut off, or is something else."""
     try:
-        values = json.loads(line)
-    except json.JSONDecodeError:
+        return decode_json(line, kind, "A line of the log")
+    except DataError:
         return None
-    return values if isinstance(values, dict) else None
 
 
 def _folder_for(plan: dict[str, Any]) -> Path:
@@ -187,7 +202,7 @@ def _folder_for(plan: dict[str, Any]) -> Path:
         file = folder / "stress.jsonl"
         if file.is_file() and not (folder / "stress.html").is_file():
             with open(file, encoding="utf-8", errors="replace") as lines:
-                if _whole(lines.readline()) == json.loads(json.dumps(plan)):
+                if _whole(lines.readline(), Plan) == json.loads(json.dumps(plan)):
                     return folder
     stem = RUNS / f"{datetime.now():%Y%m%d-%H%M%S}-stress"
     return next(folder for n in range(1000) if not (folder := stem if n == 0 else Path(f"{stem}-{n}")).exists())
@@ -309,15 +324,18 @@ def show_matrix(rows: list[dict[str, Any]], folder: Path) -> None:
         column.justify = "right"
     for test, cells in found.items():
         colour = {label: "red" if cells[label].broken else "green" for label in cells}
-        texts = [f"[{colour[label]}]{cells[label].text}[/]" if label in cells else "" for label in labels]
+        texts = [
+            styled("[{style}]{}[/]", cells[label].text, style=colour[label]) if label in cells else ""
+            for label in labels
+        ]
         table.add_row(test, magnitude(next(iter(cells.values())).hardest), *texts)
     console.print(table)
     for test, cells in found.items():
         for label, reach in cells.items():
             if row := reach.broken:
-                where = f"{escape(label)}, {test} {magnitude(row['magnitude'])}"
-                console.print(f"[red]{row['status']}[/] {where}: {escape(_shortened(row['reason']))}")
-    console.print(f"[bold]{folder}/stress.html[/]  stress.csv  pictures/", soft_wrap=True)
+                where = f"{label}, {test} {magnitude(row['magnitude'])}"
+                console.print(styled("[red]{}[/] {}: {}", row["status"], where, _shortened(row["reason"])))
+    console.print(styled("[bold]{}/stress.html[/]  stress.csv  pictures/", folder), soft_wrap=True)
 
 
 def _shortened(text: str, length: int = 300) -> str:

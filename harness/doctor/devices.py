@@ -16,11 +16,9 @@ from pathlib import Path
 from statistics import fmean
 from typing import TYPE_CHECKING, Any
 
-from rich.markup import escape
-
 from shading_atlas_bench.arithmetic.functions import exp, log
 from shading_atlas_bench.harness.cases import find_cases
-from shading_atlas_bench.harness.console import make_console, make_table, progress_bars
+from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled
 from shading_atlas_bench.harness.doctor.worker import CaseOutcome
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.watch.ends import SWITCH, TICK, name_of, overdue_steps
@@ -190,15 +188,17 @@ def show_reports(reports: list[Report], default: str | None) -> None:
             failed = f"{len(report.wrong)} of {len(report.findings)}"
             cells = [f"{total - len(report.missing)}/{total}", failed, over, "" if speed is None else f"{speed:.2f}"]
         name = f"{report.device.device.name.strip()}\n{report.device.platform}"
-        table.add_row(escape(name), *cells, f"[{colours.get(status, 'red')}]{status}[/]")
+        table.add_row(name, *cells, styled("[{style}]{}[/]", status, style=colours.get(status, "red")))
     console.print(table)
     console.print(
-        "[dim]failed: of the cases, each on two inputs. error/bound: the worst error over what its case allows. "
-        "speed: against the default device, geometric mean over the cases.[/]"
+        styled(
+            "[dim]failed: of the cases, each on two inputs. error/bound: the worst error over what its case allows. "
+            "speed: against the default device, geometric mean over the cases.[/]"
+        )
     )
     for report in reports:
         for line in _lines(report):
-            console.print(f"{escape(report.device.name)}: {escape(line)}", soft_wrap=True)
+            console.print(f"{report.device.name}: {line}", soft_wrap=True)
 
 
 def _default() -> str | None:

@@ -13,11 +13,9 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from rich.markup import escape
-
-from shading_atlas_bench.harness.console import TerminalProgress, make_console, make_table
+from shading_atlas_bench.harness.console import TerminalProgress, make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
-from shading_atlas_bench.harness.plugins import label_of, variant_string
+from shading_atlas_bench.harness.plugins import label_of, refuse_code, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import RUNS, locked
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT, duration, expected_pace
@@ -41,6 +39,7 @@ from shading_atlas_bench.reports.analysis.claims import (
 from shading_atlas_bench.reports.pages.claims_report import (
     COPY,
     FILE,
+    RunState,
     counts_text,
     is_claims,
     measured_text,
@@ -56,21 +55,23 @@ from shading_atlas_bench.scenes.paths import PathError
 
 # The settings that scene, path and head motion follow from.
 WORKLOAD = (
-    "scene", "unit", "detail", "repair", "decimate", "opaque", "path", "frames", "head_motion", "latency", "seed",
-    "cell_radius",
+    "scene", "unit", "detail", "repair", "decimate", "opaque", "max_texture", "allow_outside", "path", "frames",
+    "head_motion", "latency", "seed", "cell_radius",
 )  # fmt: skip
 COLOURS = {"confirmed": "green", "not confirmed": "red", "undecided": "yellow"}
 
 
 @dataclass(frozen=True)
 class ClaimsRequest:
-    """What `bench claims` is asked for. file: claims other than those that come with the suite."""
+    """What `bench claims` is asked for. file: claims other than those that come with the suite.
+    allow_outside: whether scenes may name files outside of their folders, which the claims themselves cannot say."""
 
     ids: tuple[str, ...] = ()
     quick: bool = False
     reuse: tuple[Path, ...] = ()
     file: Path | None = None
     device: str | None = None
+    allow_outside: bool = False
 
 
 @dataclass(frozen=True)
@@ -122,15 +123,23 @@ def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:
         claims = chosen(read_claims(file), wanted.ids)
     except ClaimsError as error:
         raise InputError(str(error)) from error
+    given = [options.get("method") for options in (*claims.runs.values(), claims.quick)]
+    methods = [spec for specs in given if isinstance(specs, list) for spec in specs]
+    operands = [operand.method for claim in claims.measured() for operand in claim.operands()]
+    refuse_code([*methods, *operands], str(file), "install it as a package (packers/README.md)")
     found = []
     for name, options in claims.runs.items():
         asking = [claim for claim in claims.measured() if any(name in place for place in claim.runs)]
         ids = tuple(dict.fromkeys(claim.id for claim in asking))
         specs = {method for claim in asking for run, method in claim.asked() if run == name}
         if ids:
-            device = {"device": wanted.device} if wanted.device else {}
+            ours: dict[str, Any] = {"device": wanted.device} if wanted.device else {}
+            if "allow_outside" in options:
+                raise InputError(f"The run {name} of {file} allows files outside: only --allow-outside may do that.")
+            if wanted.allow_outside and options.get("preset") != LINKED_LISTS:
+                ours["allow_outside"] = True
             quick = claims.quick if wanted.quick else {}
-            found.append(NamedRun(name, _shortened(_in_threads(file, options) | device, quick, specs), ids))
+            found.append(NamedRun(name, _shortened(_in_threads(file, options) | ours, quick, specs), ids))
     for named in found:
         _check(named)
     return claims, found
@@ -188,13 +197,17 @@ def run_claims(wanted: ClaimsRequest, out: Path | None) -> bool:
         work.begin()
         for name, run_of in work.state["runs"].items():
             if run_of["note"]:
-                console.print(f"[yellow]note[/] {name} is reused from {run_of['folder']}, {run_of['note']}.")
-        console.print(f"Results go to [bold]{folder}[/]; the same command with --out {folder} goes on.")
+                console.print(
+                    styled("[yellow]note[/] {} is reused from {}, {}.", name, run_of["folder"], run_of["note"])
+                )
+        console.print(styled("Results go to [bold]{}[/]; the same command with --out {} goes on.", folder, folder))
         stopped = False
         for place, named in enumerate(runs):
             if not work.waits(named):
                 continue
-            console.print(f"[dim]Run {place + 1} of {len(runs)}:[/] {named.name}  [dim]{escape(named.command)}[/]")
+            console.print(
+                styled("[dim]Run {} of {}:[/] {}  [dim]{}[/]", place + 1, len(runs), named.name, named.command)
+            )
             try:
                 work.one(named)
             except (StoppedError, KeyboardInterrupt):
@@ -231,20 +244,21 @@ class ClaimRuns:
         fitting = self._reusable()
         text = (self.wanted.file or DEFAULT_FILE).read_text(encoding="utf-8")
         replace_file(self.folder / COPY, text)
-        waiting = {
-            "problem": "It has not been run yet: the same command goes on.",
-            "reused": False,
-            "note": "",
-            "made": None,
-        }
         entries = {}
         for named in self.runs:
-            entry = waiting | {"folder": named.name, "command": named.command}
-            old = before.get(named.name, {})
-            if named.name in fitting:
-                folder = fitting[named.name]
-                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": _older(named, folder)}
-            elif old.get("made") == self._made(named) and not old["problem"]:
+            entry: RunState = {
+                "folder": named.name,
+                "command": named.command,
+                "problem": "It has not been run yet: the same command goes on.",
+                "reused": False,
+                "note": "",
+                "made": None,
+            }
+            old = before.get(named.name)
+            if folder := fitting.get(named.name):
+                note = _older(named, folder)
+                entry |= {"folder": str(folder), "problem": None, "reused": True, "note": note}
+            elif old and old["made"] == self._made(named) and not old["problem"]:
                 entry = old
             entries[named.name] = entry
         self.state = {
@@ -351,8 +365,10 @@ def _older(named: NamedRun, folder: Path) -> str:
     with Store(folder, must_exist=True) as store:
         plan = store.plan() or {}
     packers = find_methods(Settings(methods=named.methods()))
-    made = {(f"{packer.name}[{variant_string(packer)}]", method_digest(type(packer))) for packer in packers}
-    same = plan.get("suite") == suite_digest() and made <= set(plan.get("methods", {}).items())
+    made = {f"{packer.name}[{variant_string(packer)}]": method_digest(type(packer)) for packer in packers}
+    known = plan.get("methods")
+    same_methods = isinstance(known, dict) and known | made == known
+    same = plan.get("suite") == suite_digest() and same_methods
     return "" if same and plan.get("version") == VERSION else "made by another program"
 
 
@@ -374,20 +390,20 @@ def show_needs(wanted: ClaimsRequest, out: Path | None) -> None:
     table = make_table(f"{len(claims.claims)} claims", "id", "published", "runs")
     for claim in claims.claims:
         places = ", ".join("/".join(place) for place in claim.runs)
-        table.add_row(claim.id, escape(claim.published), places or "not measurable here")
+        table.add_row(claim.id, claim.published, places or "not measurable here")
     console.print(table)
     console.print()
     seconds = 0.0
     for named in runs:
-        about = ""
+        about: object = ""
         try:
             if not named.of_linked_lists:
                 settings = named.settings()
                 seconds += settings.frames * expected_pace(settings, "") * len(settings.methods)
         except SceneError as error:
-            about = f"  [yellow]not measured[/]: {escape(str(error))}"
-        console.print(f"[bold]{named.name}[/]  {len(named.claims)} claims{about}")
-        console.print(f"  [dim]{escape(named.command)}[/]")
+            about = styled("  [yellow]not measured[/]: {}", error)
+        console.print(styled("[bold]{}[/]  {} claims{}", named.name, len(named.claims), about))
+        console.print(styled("  [dim]{}[/]", named.command))
     console.print(f"about {duration(seconds)} on a quiet machine, more for scenes of millions of triangles")
 
 
@@ -399,17 +415,19 @@ def show_results(results: list[Judged], causes: list[Explained], folder: Path) -
         places = list(group)
         claim = places[0].claim
         rule = f", must be {claim.rule.text}" if claim.rule else ""
-        console.print(f"[bold]{id_}[/]  [dim]published {escape(claim.published)}{rule}[/]")
+        console.print(styled("[bold]{}[/]  [dim]published {}{}[/]", id_, claim.published, rule))
         for result in places:
-            verdict = f"[{COLOURS.get(result.verdict, 'dim')}]{result.verdict}[/]"
+            verdict = styled("[{style}]{}[/]", result.verdict, style=COLOURS.get(result.verdict, "dim"))
             where = f"{'/'.join(result.place)} {result.size}"
-            console.print(f"  {where:<36} {measured_text(result):<24} {verdict}", soft_wrap=True)
+            console.print(styled("  {:<36} {:<24} {}", where, measured_text(result), verdict), soft_wrap=True)
             if result.verdict == NOT_CONFIRMED:
                 for each in causes:
                     if (each.claim, each.place) == (id_, result.place):
-                        console.print(f"    [dim]because of {each.cause.id}?[/] {each.verdict}", soft_wrap=True)
+                        console.print(
+                            styled("    [dim]because of {}?[/] {}", each.cause.id, each.verdict), soft_wrap=True
+                        )
     tests = [cause.test for cause in causes if cause.test]
     for reason in dict.fromkeys(result.reason for result in (*results, *tests) if result.verdict == NOT_MEASURED):
-        console.print(f"[yellow]not measured[/] {escape(reason)}")
+        console.print(styled("[yellow]not measured[/] {}", reason))
     console.print(counts_text(results))
-    console.print(f"[bold]{folder}/claims.html[/]  claims.csv  causes.csv", soft_wrap=True)
+    console.print(styled("[bold]{}/claims.html[/]  claims.csv  causes.csv", folder), soft_wrap=True)

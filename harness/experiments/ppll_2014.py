@@ -32,7 +32,7 @@ from shading_atlas_bench.packers.interface import Decoded, Frame, Image, ServerS
 from shading_atlas_bench.packers.ppll import PerPixelLinkedLists
 from shading_atlas_bench.packers.ppll.kernels.lists import Lists
 from shading_atlas_bench.packers.ppll.wire import decode
-from shading_atlas_bench.reports.store.csv_files import replace_file
+from shading_atlas_bench.reports.store.csv_files import replace_file, text_cell
 from shading_atlas_bench.scenes.features import content_digest, find_features
 from shading_atlas_bench.scenes.load import load_scene, real_scenes
 from shading_atlas_bench.scenes.model import Scene
@@ -352,7 +352,8 @@ def as_csv(rows: list[Row]) -> str:
     text = io.StringIO()
     writer = csv.DictWriter(text, rows[0], lineterminator="\n")
     writer.writeheader()
-    writer.writerows(rows)
+    for row in rows:
+        writer.writerow({name: text_cell(value) if isinstance(value, str) else value for name, value in row.items()})
     return text.getvalue()
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import shlex
@@ -12,11 +11,8 @@ from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from datetime import date, datetime
 from pathlib import Path
-from typing import Any
 
-from rich.markup import escape
-
-from shading_atlas_bench.harness.console import make_console, make_table
+from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.claims import scene_file
 from shading_atlas_bench.harness.measure.machine import commit
@@ -28,6 +24,7 @@ from shading_atlas_bench.reports.analysis.sweep import FILE as SWEEP_FILE
 from shading_atlas_bench.reports.documents.catalogue import SOURCES
 from shading_atlas_bench.reports.documents.kept import (
     ROOT,
+    About,
     DocumentError,
     Kept,
     Source,
@@ -42,6 +39,8 @@ from shading_atlas_bench.reports.documents.markdown import (
     write_documents,
     wrong_places,
 )
+from shading_atlas_bench.reports.store.data import read_json
+from shading_atlas_bench.reports.store.records import RunFile, Values
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 from shading_atlas_bench.scenes.model import SceneError
@@ -77,7 +76,7 @@ def show_tables(names: Sequence[str] = ()) -> None:
     console.print(table)
     for source in chosen(SOURCES, names, quick=False):
         for command in source.commands:
-            console.print(command, soft_wrap=True, markup=False, highlight=False)
+            console.print(command, soft_wrap=True)
 
 
 def write_tables(
@@ -105,13 +104,13 @@ def write_tables(
     try:
         for source in picked:
             if not folder and (lacking := missing_scene(source)):
-                console.print(f"[yellow]not measured[/] {source.name}: {escape(lacking)}", soft_wrap=True)
+                console.print(styled("[yellow]not measured[/] {}: {}", source.name, lacking), soft_wrap=True)
                 continue
             kept = _taken(source, folder) if folder else _tried(source)
             well = well and kept is not None
             if kept is not None:
                 write_kept(source.name, kept, root)
-                console.print(f"[bold]{source.name}[/]  {duration(kept.about['seconds'] or 0)}")
+                console.print(styled("[bold]{}[/]  {}", source.name, duration(kept.about["seconds"] or 0)))
     except BaseException:  # also of those that were measured before somebody stops it
         with suppress(DocumentError):  # what stopped it is what to tell
             _write(sources, root)
@@ -131,7 +130,7 @@ def _tried(source: Source) -> Kept | None:
     try:
         return _measured(source)
     except InputError as error:
-        make_console().print(f"[red]not measured[/] {source.name}: {escape(str(error))}", soft_wrap=True)
+        make_console().print(styled("[red]not measured[/] {}: {}", source.name, error), soft_wrap=True)
         return None
 
 
@@ -144,14 +143,14 @@ def check_tables(
     """
     console, sound, unchecked = make_console(), True, 0
     for sentence in wrong_places(Book(sources, root)):
-        console.print(f"[red]not from the data[/] {escape(sentence)}", soft_wrap=True)
+        console.print(styled("[red]not from the data[/] {}", sentence), soft_wrap=True)
         sound = False
     found = chosen(sources, names, quick)
     for source in found:
         kept = read_kept(source.name, root)
         why = missing_scene(source) if kept else "no data of it is kept: bench tables measures it."
         if kept is None or why:
-            console.print(f"[yellow]not checked[/] {source.name}: {escape(why)}", soft_wrap=True)
+            console.print(styled("[yellow]not checked[/] {}: {}", source.name, why), soft_wrap=True)
             unchecked += 1
             continue
         measured = _tried(source)
@@ -164,8 +163,8 @@ def check_tables(
         except DocumentError as error:  # a row that a sentence names is not there any more
             wrong = [str(error)]
         for sentence in wrong:
-            console.print(f"[red]{source.name}[/] {escape(sentence)}", soft_wrap=True)
-        console.print(f"{source.name}: {'[red]differs[/]' if wrong else '[green]holds[/]'}")
+            console.print(styled("[red]{}[/] {}", source.name, sentence), soft_wrap=True)
+        console.print(styled("{}: {}", source.name, styled("[red]differs[/]" if wrong else "[green]holds[/]")))
         sound = sound and not wrong
     console.print(f"{len(found) - unchecked} of {len(found)} tables checked.")
     return sound
@@ -197,7 +196,7 @@ def _run(command: str, folder: Path) -> None:
     Raises InputError if it cannot start. Rows that are not ok have no numbers, so their cells will be empty; that is
     said, and is no error here.
     """
-    make_console(stderr=True).print(f"[dim]{escape(command)}[/]", soft_wrap=True)
+    make_console(stderr=True).print(styled("[dim]{}[/]", command), soft_wrap=True)
     words = shlex.split(command)[1:]
     for place, word in enumerate(words[:-1]):
         if word == "--scene":
@@ -211,7 +210,7 @@ def _run(command: str, folder: Path) -> None:
     if done.returncode not in (0, 1) or not folder.is_dir():
         raise InputError(f"`{command}` ended with exit code {done.returncode}: its table stays as it was.")
     if done.returncode:
-        make_console(stderr=True).print(f"[yellow]warning[/] Not all is ok in {folder}.", soft_wrap=True)
+        make_console(stderr=True).print(styled("[yellow]warning[/] Not all is ok in {}.", folder), soft_wrap=True)
 
 
 def _taken(source: Source, folder: Path) -> Kept:
@@ -245,7 +244,7 @@ def _digested(source: Source, folders: Sequence[Path], seconds: float | None) ->
     settings = [_settings(*pair) for pair in zip(source.commands, folders, strict=True)]
     # Experiments without a store have just used the default device.
     device = device or Device.open(None).description
-    about = {
+    about: About = {
         "commands": list(source.commands),
         "commit": ", ".join(sorted(filter(None, commits))) or commit(),
         "date": " to ".join(sorted({min(dates), max(dates)})) if dates else date.today().isoformat(),
@@ -257,12 +256,11 @@ def _digested(source: Source, folders: Sequence[Path], seconds: float | None) ->
     return Kept(about, source.digest(folders))
 
 
-def _settings(command: str, folder: Path) -> dict[str, Any] | None:
+def _settings(command: str, folder: Path) -> Values | None:
     """All settings of a run or sweep, the scene as its command names it; None for what has none of its own."""
     for name in (RUN_FILE, SWEEP_FILE):
         if (folder / name).is_file():
-            content = json.loads((folder / name).read_text(encoding="utf-8"))
-            settings: dict[str, Any] = content["settings"]
+            settings = read_json(folder / name, RunFile)["settings"]
             named = re.search(r"--scene (\S+)", command)
             return settings | ({"scene": named[1]} if named else {})
     return None

@@ -13,9 +13,10 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Doubles
 from shading_atlas_bench.harness.cases import find_cases
-from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, tell_passed_over
+from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.noise import noise_warnings
+from shading_atlas_bench.harness.workload.settings import RANGES
 from shading_atlas_bench.kernels.case import INPUTS, Case, Cost, Result, Trial, broken_values, evaluate, whole_differ
 from shading_atlas_bench.kernels.device import VARIANTS, Device
 from shading_atlas_bench.kernels.roofline.roofline import Roofline, measure
@@ -176,8 +177,7 @@ def bench_kernels(wanted: TimingRequest, out: Path) -> None:
     for variant in wanted.variants:
         if variant not in VARIANTS:
             raise InputError(f"There is no build variant {variant!r}: give one of {', '.join(VARIANTS)}.")
-    if wanted.repeat < 1:
-        raise InputError(f"--repeat is {wanted.repeat}: give at least 1.")
+    RANGES["repeat"].check(wanted.repeat)
     try:
         out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -233,16 +233,20 @@ def show_kernels(rows: list[Row], roofline: Roofline, page: Path) -> None:
         ratio = fast["ms"] / first["ms"] if fast and fast["ms"] and first["ms"] else None
         speed = (_percent(first["copy_share"]), _percent(first["arithmetic_share"]))
         if file != (file := kernel.rpartition(".")[0]):
-            table.add_row(f"[bold]{file}[/]")
+            table.add_row(styled("[bold]{}[/]", file))
         milliseconds = "" if first["ms"] is None else f"{first['ms']:.3g}"
         rate = "" if first["items_per_s"] is None else f"{first['items_per_s'] / 1e6:,.4g}"
         errors = (_wrong(first), _wrong(other), "" if ratio is None else f"x{ratio:.2f}")
         table.add_row(f"  {kernel.rpartition('.')[2]}", milliseconds, rate, *speed, *errors)
     console.print(table)
     console.print(
-        f"[dim]M/s: million items per second. copy, arith: share of {roofline.bandwidth / 1e9:.1f} GB/s copied and of "
-        f"{roofline.arithmetic / 1e9:.0f} GFLOP/s, measured in this run. typical, hard: 99.9-percentile error in each "
-        "value's own ULP, or share of misassigned values (%). relaxed: time over the default's.[/]"
+        styled(
+            "[dim]M/s: million items per second. copy, arith: share of {:.1f} GB/s copied and of "
+            "{:.0f} GFLOP/s, measured in this run. typical, hard: 99.9-percentile error in each value's "
+            "own ULP, or share of misassigned values (%). relaxed: time over the default's.[/]",
+            roofline.bandwidth / 1e9,
+            roofline.arithmetic / 1e9,
+        )
     )
     for found in compare_variants(rows):
         worse, better = len(found["worse"]), len(found["better"])
@@ -250,7 +254,7 @@ def show_kernels(rows: list[Row], roofline: Roofline, page: Path) -> None:
             f"{found['variant']}: {found['time']:.2f} times the default's time; of {found['stages']} stages and inputs "
             f"it errs clearly more in {worse}, clearly less in {better}."
         )
-    console.print(f"[bold]{page}[/]  kernels.csv", soft_wrap=True)
+    console.print(styled("[bold]{}[/]  kernels.csv", page), soft_wrap=True)
 
 
 def _percent(share: float | None) -> str:

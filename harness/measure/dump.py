@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -132,10 +133,9 @@ def write_png(path: Path, rgb: Array) -> None:
     spec.attribute("png:filter", PNG_SUB)
     output = OpenImageIO.ImageOutput.create(str(path))
     if output is None:
-        raise OSError(f"{path} cannot be written: {OpenImageIO.geterror()}")
-    if not (output.open(str(path), spec) and output.write_image(rgb)):
-        raise OSError(f"{path} cannot be written: {output.geterror()}")
-    output.close()
+        raise OSError(errno.EIO, OpenImageIO.geterror(), str(path))
+    if not (output.open(str(path), spec) and output.write_image(rgb) and output.close()):
+        raise OSError(errno.EIO, output.geterror(), str(path))
 
 
 def _picture(image: Bytes) -> Bytes:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import itertools
 import json
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,10 +14,13 @@ from typing import Any
 from filelock import FileLock, Timeout
 
 from shading_atlas_bench.harness.errors import InputError, StoppedError
+from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.watch.stops import stops_apart
-from shading_atlas_bench.reports.store.results import Store
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import FILE, Store
 
 RUNS = Path("runs")
+COMPLETE = "run/complete"  # note of a run that has ended: `bench report` makes a report of others, too
 
 
 def check_folder(out: Path | None) -> None:
@@ -39,26 +43,44 @@ def make_folder(out: Path) -> None:
         raise InputError(f"{out} cannot be made ({error.strerror}): give another --out.") from error
 
 
-def folder_for(plan: dict[str, Any], name: str) -> Path:
+def folder_for(plan: dict[str, Any], name: str, progress: Progress) -> Path:
     """The newest unfinished run of this plan below runs/, else a new folder there whose name ends in `name`.
 
-    Raises InputError if it cannot be made.
+    Runs that cannot be read are left as they are; it is said of those that may be unfinished. Raises InputError if no
+    folder can be made.
     """
+    wanted, unreadable = json.loads(json.dumps(plan)), []
     for folder in sorted(RUNS.glob("*/"), reverse=True):
-        if (folder / "results.sqlite").is_file() and not (folder / "report.html").is_file() and not in_use(folder):
-            with Store(folder) as store:
-                if store.plan() == json.loads(json.dumps(plan)):
-                    return folder
-    stem = datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + name
-    for number in itertools.count():
-        folder = RUNS / (stem if number == 0 else f"{stem}-{number}")
-        try:
-            folder.mkdir(parents=True)
-            return folder
-        except FileExistsError:  # another run began in the same second
+        if not (folder / FILE).is_file():
             continue
-        except OSError as error:
-            raise InputError(f"{folder} cannot be made ({error.strerror}): give --out.") from error
+        try:
+            with Store(folder, must_exist=True, checked=False) as store:
+                if COMPLETE in store.notes or store.plan() != wanted or in_use(folder):
+                    continue
+            Store(folder, must_exist=True).close()
+            return folder
+        except StoreError as error:
+            if not (folder / "report.html").is_file():
+                unreadable.append(error)
+    if unreadable:
+        others = f" {len(unreadable) - 1} more cannot be read." if unreadable[1:] else ""
+        progress.say(f"Not resumed: {unreadable[0]}{others}")
+    return _new_folder(datetime.now().strftime("%Y%m%d-%H%M%S") + "-" + name)
+
+
+def _new_folder(stem: str) -> Path:
+    """A folder below runs/ that was not there before. Raises InputError."""
+    folder = RUNS
+    try:
+        RUNS.mkdir(exist_ok=True)
+        for number in itertools.count():
+            folder = RUNS / (stem if number == 0 else f"{stem}-{number}")
+            if not os.path.lexists(folder):  # else another run began in the same second
+                with suppress(FileExistsError):
+                    folder.mkdir()
+                    return folder
+    except OSError as error:
+        raise InputError(f"{folder} cannot be made ({error.strerror}): give --out.") from error
     raise AssertionError("the numbers do not end")
 
 
@@ -88,11 +110,15 @@ def locked(folder: Path) -> Iterator[None]:
 
     Raises InputError if another process has it, or if the folder cannot be written.
     """
+    lock = FileLock(folder / ".lock", timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        with FileLock(folder / ".lock", timeout=0):
-            yield
+        lock.acquire()
     except Timeout:
         raise InputError(f"{folder} is in use by another bench run: wait for it, or give another --out.") from None
     except OSError as error:
         raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error
+    try:
+        yield
+    finally:
+        lock.release()

@@ -33,6 +33,7 @@ from shading_atlas_bench.harness.workload.frames import FrameWorkload
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.store import csv_files
+from shading_atlas_bench.reports.store.database import StoreFileError
 from shading_atlas_bench.reports.store.labels import NOTES as LABELS
 from shading_atlas_bench.reports.store.results import Store
 
@@ -286,6 +287,8 @@ class Run:
         """A packer that fails stops its own pipeline, never the run, whatever it raises."""
         try:
             yield
+        except StoreFileError:  # of no method: the disk is full, or the folder was deleted
+            raise
         except BaseException as error:
             status, reason = verdict_on(error)
             if status == "timeout":
@@ -319,8 +322,9 @@ class Run:
             }
             csv_files.replace_file(self.folder / "pictures" / "pictures.json", json.dumps(known, indent=2))
         if self.settings.dump:
-            for pipeline, found in measured.items():
-                self._dump(pipeline, work, novel, found)
+            with csv_files.written(self.folder / "dump"):
+                for pipeline, found in measured.items():
+                    self._dump(pipeline, work, novel, found)
 
     def _dump(self, pipeline: Pipeline, work: FrameWorkload, novel: NovelView, measured: Measured) -> None:
         dump_scene(self.folder / "dump", self.session.scene.host)
@@ -341,5 +345,6 @@ class Run:
 
     def _write_picture(self, group: str, index: int, name: str, rgb: Bytes) -> None:
         path = self.folder / "pictures" / group / f"frame_{index:04d}{name and '_'}{name}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        write_png(path, rgb)
+        with csv_files.written(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            write_png(path, rgb)

@@ -11,7 +11,7 @@ from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.measure.verification.truth import Truth
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.explain import explain, rows_of
-from shading_atlas_bench.harness.run.folder import check_folder, folder_for, locked, stops_kept
+from shading_atlas_bench.harness.run.folder import COMPLETE, check_folder, folder_for, locked, stops_kept
 from shading_atlas_bench.harness.run.loop import Run
 from shading_atlas_bench.harness.run.plan import make_plan
 from shading_atlas_bench.harness.run.provenance import write_notes
@@ -60,7 +60,7 @@ def run(
     truth = Truth(session.scene, settings.seed)
     pipelines = [Pipeline(packer, session.scene, settings, truth) for packer in packers]
     plan = make_plan(session, pipelines)
-    folder = out or folder_for(plan, Path(settings.scene).stem)
+    folder = out or folder_for(plan, Path(settings.scene).stem, progress)
     with locked(folder), Store(folder) as store:
         store.set_plan(plan)
         _write_settings(folder, session, plan)
@@ -78,6 +78,7 @@ def run(
                 rows = _explain(session, store, progress)
         csv_files.write_all(folder)
         html.write_report(folder)
+        store.notes[COMPLETE] = "yes"
         return Outcome(folder, all(row["status"] in ("ok", "skipped") for row in store.rows()), rows)
 
 
@@ -92,7 +93,7 @@ def tell_device(session: Session, progress: Progress) -> None:
 def _write_settings(folder: Path, session: Session, plan: dict[str, Any]) -> None:
     """run.json: what `--config` replays."""
     told = {"settings": session.settings.to_json(), "plan": plan, "device": session.device.description}
-    (folder / "run.json").write_text(json.dumps(told, indent=2) + "\n", encoding="utf-8")
+    csv_files.replace_file(folder / "run.json", json.dumps(told, indent=2) + "\n")
 
 
 def _explain(session: Session, store: Store, progress: Progress) -> list[dict[str, Any]]:

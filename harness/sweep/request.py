@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from shading_atlas_bench.harness.sweep.timing import StopRule
-from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
+from shading_atlas_bench.harness.workload.settings import LONGEST, Range, Settings
 
 
 @dataclass(frozen=True)
@@ -28,13 +28,8 @@ def read_request(
     settings: Settings, vary: Iterable[str], percent: float, repetitions: int, budget: float, workers: int
 ) -> SweepRequest:
     """The options of `bench sweep` as one value. Raises SettingsError for numbers out of range."""
-    checks = [
-        (0 < percent <= 100, f"--precision is {percent:g}: give per cent, above 0 and up to 100."),
-        (repetitions >= 1, f"--repetitions is {repetitions}: give at least 1."),
-        (budget >= 0, f"--budget is {budget:g}: give 0 seconds or more."),
-        (1 <= workers <= 64, f"--workers is {workers}: give 1 to 64."),
-    ]
-    for fine, sentence in checks:
-        if not fine:
-            raise SettingsError(sentence)
+    Range("--precision", 0.001, 100, "per cent").check(percent)
+    Range("--repetitions", 1, 10_000).check(repetitions)
+    Range("--budget", 0, LONGEST, "seconds").check(budget)
+    Range("--workers", 1, 64).check(workers)
     return SweepRequest(settings, tuple(vary), StopRule(percent / 100, repetitions, budget), workers)

@@ -9,7 +9,7 @@ from typing import Any
 
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
-from shading_atlas_bench.harness.run.folder import check_folder, folder_for, locked, stops_kept
+from shading_atlas_bench.harness.run.folder import COMPLETE, check_folder, folder_for, locked, stops_kept
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT
 from shading_atlas_bench.harness.run.provenance import write_notes
 from shading_atlas_bench.harness.run.run import tell_device
@@ -50,7 +50,7 @@ def sweep(wanted: SweepRequest, out: Path | None = None, progress: Progress | No
     sessions = Sessions()
     session = sessions.at(grid.cells[0].settings)
     plan = make_sweep_plan(wanted, grid, hashes, session)
-    folder = out or folder_for(plan, "sweep")
+    folder = out or folder_for(plan, "sweep", progress)
     with locked(folder), Store(folder) as store:
         store.set_plan(plan, begun=_has_begun(folder, grid))
         replace_file(folder / FILE, json.dumps(describe(wanted, grid), indent=2) + "\n")
@@ -64,6 +64,7 @@ def sweep(wanted: SweepRequest, out: Path | None = None, progress: Progress | No
             else:
                 run_workers(wanted, grid, folder, progress)
         points = write_sweep(folder)
+        store.notes[COMPLETE] = "yes"
     return Outcome(folder, points, all(point.row["status"] in ("ok", "skipped") for point in points))
 
 

@@ -120,6 +120,8 @@ def open_scene(settings: Settings) -> Scene:
         decimate=settings.decimate,
         seed=settings.seed,
         cache=cache_root() / "scenes",
+        allow_outside=settings.allow_outside,
+        max_texture=settings.max_texture,
     )
     if settings.opaque:
         scene = opaque_version(scene)

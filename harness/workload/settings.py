@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
@@ -11,6 +12,9 @@ from typing import Any
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS, PRESETS
 from shading_atlas_bench.harness.workload.views import ViewCell
 from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
+from shading_atlas_bench.reports.store.data import DataError, as_kind, read_json
+from shading_atlas_bench.reports.store.records import RunFile
+from shading_atlas_bench.scenes.raw import MAX_TEXTURE
 from shading_atlas_bench.scenes.units import UNITS
 
 # Table 1 of the SnakeBinning paper, and the default: enough for 50 ms of walking at 1 m/s and of looking around.
@@ -23,7 +27,7 @@ CELLS = {
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
 METRIC_NAMES = (*PICTURE_METRICS, "stretch")
-MOST_FRAMES = 1_000_000
+LONGEST = 1_000_000  # seconds that anything may take: eleven days
 
 
 class SettingsError(ValueError):
@@ -31,11 +35,49 @@ class SettingsError(ValueError):
 
 
 @dataclass(frozen=True)
+class Range:
+    """The numbers that an option takes: finite ones from `low` to `high`, of a unit."""
+
+    option: str
+    low: float
+    high: float
+    unit: str = ""
+
+    def check(self, value: float) -> None:
+        """Raise SettingsError for a number outside, and for what is none."""
+        if not self.low <= value <= self.high:
+            given = f"{value:g}" if isinstance(value, float) else str(value)
+            wanted = f"{self.low:,} to {self.high:,} {self.unit}".rstrip()
+            raise SettingsError(f"{self.option} is {given}: give {wanted}.")
+
+
+RANGES = {  # of settings; those that are None are not given
+    "frames": Range("--frames", 1, 1_000_000),
+    "samples_per_pixel": Range("--samples", 0.01, 64, "shading samples per pixel"),
+    "fov": Range("--fov", 1, 179, "degrees"),
+    "cell_radius": Range("--cell's radius", 0, 1000, "metres"),
+    "cell_fov": Range("--cell's field of view", 1, 179, "degrees"),
+    "pvs_density": Range("--pvs-density", 0.25, 8),
+    "latency": Range("--latency", 0, 1000, "milliseconds"),
+    "bandwidth": Range("--bandwidth", 0.001, 1_000_000, "megabits per second"),
+    "unit": Range("--unit", 1e-6, 1_000_000, f"metres per unit, or one of {', '.join(UNITS)}"),
+    "max_texture": Range("--max-texture", 1, 65_536, "texels"),
+    "display_crf": Range("--display-crf", 0, 51),
+    "seed": Range("--seed", 0, 2**32 - 1),
+    "repeat": Range("--repeat", 1, 10_000),
+    "timeout": Range("--timeout", 0.001, LONGEST, "seconds"),
+}
+RATE = Range("--crf", 0, 51)
+
+
+@dataclass(frozen=True)
 class Settings:
     """One run. Lengths are metres, angles degrees, times milliseconds unless said otherwise.
 
     fov: the client's horizontal field of view. cell_radius, cell_fov: the view cell.
-    opaque: whether see-through materials are made opaque.
+    opaque: whether see-through materials are made opaque. max_texture: texels of a side that textures are reduced to.
+    allow_outside: whether a scene may name files outside of its folder; it is what a user allows, so files of settings
+        do not say it.
     samples_per_pixel: shading samples per pixel of the client's picture for every method with an atlas; None for its
         own rule.
     pvs_density: pixels of the PVS views per client pixel, along each axis; one view is denser for tiny triangles.
@@ -51,6 +93,8 @@ class Settings:
     repair: bool = False
     decimate: float | None = None
     opaque: bool = False
+    max_texture: int = MAX_TEXTURE
+    allow_outside: bool = False
     path: str = "walk"
     head_motion: str | None = None
     frames: int = 12
@@ -78,60 +122,45 @@ class Settings:
     no_skip: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        for name, allowed in RANGES.items():
+            value = getattr(self, name)
+            if value is not None:
+                allowed.check(value)
+        for rate in self.crf:
+            RATE.check(rate)
         strange = [name for name in self.metrics if name not in METRIC_NAMES]
         checks = [
             (
                 bool(self.metrics) and not strange,
                 f"--metrics has {', '.join(strange) or 'nothing'}: give some of {', '.join(METRIC_NAMES)}.",
             ),
+            *(
+                (
+                    min(width, height) >= 16 and max(width, height) <= 8192,
+                    f"{option} is {width}x{height}: give a width and height from 16 to 8192 {unit}.",
+                )
+                for option, width, height, unit in (
+                    ("--size", self.width, self.height, "pixels"),
+                    ("--atlas", self.atlas_width, self.atlas_height, "texels"),
+                )
+            ),
             (bool(self.methods), "--method is empty: give all or a method's name."),
-            (1 <= self.frames <= MOST_FRAMES, f"--frames is {self.frames}: give 1 to {MOST_FRAMES:,}."),
             (
-                min(self.width, self.height) >= 16 and max(self.width, self.height) <= 8192,
-                f"--size is {self.width}x{self.height}: give a width and height from 16 to 8192 pixels.",
-            ),
-            (
-                min(self.atlas_width, self.atlas_height) >= 16 and max(self.atlas_width, self.atlas_height) <= 8192,
-                f"--atlas is {self.atlas_width}x{self.atlas_height}: give a width and height from 16 to 8192 texels.",
-            ),
-            (
-                self.samples_per_pixel is None or 0.01 <= self.samples_per_pixel <= 64,
-                f"--samples is {self.samples_per_pixel}: give 0.01 to 64 shading samples per pixel.",
-            ),
-            (1 <= self.fov <= 179, f"--fov is {self.fov:g}: give 1 to 179 degrees."),
-            (
-                self.fov <= self.cell_fov <= 179,
+                self.fov <= self.cell_fov,
                 f"The cell's field of view is {self.cell_fov:g} degrees: give --fov ({self.fov:g}) or more, up to 179.",
-            ),
-            (self.cell_radius >= 0, f"The cell's radius is {self.cell_radius:g} m: give 0 or more."),
-            (0.25 <= self.pvs_density <= 8, f"--pvs-density is {self.pvs_density:g}: give 0.25 to 8."),
-            (0 <= self.latency <= 1000, f"--latency is {self.latency:g}: give 0 to 1000 milliseconds."),
-            (
-                0 < self.bandwidth < float("inf"),
-                f"--bandwidth is {self.bandwidth:g}: give megabits per second above 0.",
             ),
             (
                 self.reference_eye in EYES,
                 f"--reference-eye is {self.reference_eye!r}: give one of {', '.join(EYES)}.",
             ),
             (self.codec in CODECS, f"--codec is {self.codec!r}: give one of {', '.join(CODECS)}."),
-            (
-                all(0 <= crf <= 51 for crf in (*self.crf, self.display_crf)),
-                "--crf and --display-crf take whole numbers from 0 to 51.",
-            ),
             (bool(self.crf), "--crf is empty: give at least one number."),
-            (
-                self.unit is None or 0 < self.unit < float("inf"),
-                f"--unit is {self.unit}: give one of {', '.join(UNITS)}, or metres per unit above 0.",
-            ),
             (
                 self.decimate is None or 0 < self.decimate < 1,
                 f"--decimate is {self.decimate}: give the share of triangles to keep, between 0 and 1.",
             ),
-            (0 <= self.seed < 2**32, f"--seed is {self.seed}: give a whole number from 0 to {2**32 - 1}."),
             (bool(self.scene), "--scene is empty: give a built-in scene or a file."),
-            (self.repeat >= 1, f"--repeat is {self.repeat}: give at least 1."),
-            (self.timeout > 0, f"--timeout is {self.timeout:g}: give seconds above 0."),
+            ("\0" not in f"{self.scene}{self.path}{self.head_motion}", "No name of a file has a zero in it."),
         ]
         for fine, sentence in checks:
             if not fine:
@@ -157,11 +186,10 @@ class Settings:
         unknown = sorted(set(values) - set(known))
         if unknown:
             raise SettingsError(f"{source} has the unknown setting {unknown[0]!r}; known are {', '.join(known)}.")
-        lists = {name: tuple(value) for name, value in values.items() if isinstance(value, list)}
         try:
-            return cls(**{**values, **lists})
-        except TypeError as error:
-            raise SettingsError(f"{source} has a setting of the wrong type: {error}.") from error
+            return as_kind(values, cls, source)
+        except DataError as error:
+            raise SettingsError(str(error)) from error
 
 
 def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, source: str = "run") -> Settings:
@@ -172,10 +200,14 @@ def settings_of(options: dict[str, Any], base: dict[str, Any] | None = None, sou
     """
     given = dict(options)
     if "preset" in given:
-        base, source = preset_settings(given.pop("preset")).to_json(), "preset"
+        base, source = preset_settings(str(given.pop("preset"))).to_json(), "preset"
     for name in [name for name in given if name in PARSED]:
-        fields_set, parse = PARSED[name]
-        given |= dict(zip(fields_set, parse(given.pop(name)), strict=True))
+        fields_set, kind, parse = PARSED[name]
+        try:
+            written = as_kind(given.pop(name), kind, f"--{name.replace('_', '-')}")
+        except DataError as error:
+            raise SettingsError(str(error)) from error
+        given |= dict(zip(fields_set, parse(written), strict=True))
     codec = given.get("codec", (base or {}).get("codec", Settings.codec))
     if codec != "h264" and ({"crf", "display_crf"} & set(given)):
         raise SettingsError(f"--crf and --display-crf are for --codec h264, not {codec}: leave them out.")
@@ -192,16 +224,12 @@ def preset_settings(name: str) -> Settings:
 
 
 def read_settings(path: Path) -> Settings:
-    """The settings saved in a run.json. Raises SettingsError if it cannot be read."""
+    """The settings saved in a run.json, but for what its user allows. Raises SettingsError if it cannot be read."""
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-        return Settings.from_json(content["settings"], str(path))
-    except OSError as error:
-        raise SettingsError(f"{path} cannot be read: {error.strerror}.") from error
-    except (UnicodeDecodeError, json.JSONDecodeError) as error:
-        raise SettingsError(f"{path} is not JSON: {error}.") from error
-    except (KeyError, TypeError) as error:
-        raise SettingsError(f"{path} has no 'settings': give the run.json of an earlier run.") from error
+        saved = read_json(path, RunFile)["settings"] | {"allow_outside": False}
+        return Settings.from_json(saved, str(path))
+    except DataError as error:
+        raise SettingsError(f"{error} Give the run.json of an earlier run.") from error
 
 
 def parse_pair(text: str, separator: str, option: str, example: str) -> tuple[float, float]:
@@ -211,6 +239,8 @@ def parse_pair(text: str, separator: str, option: str, example: str) -> tuple[fl
         first, second = (float(part) for part in parts)
     except ValueError as error:
         raise SettingsError(f"{option} is {text!r}: give two numbers like {example}.") from error
+    if not (math.isfinite(first) and math.isfinite(second)):
+        raise SettingsError(f"{option} is {text!r}: give two finite numbers like {example}.")
     return first, second
 
 
@@ -256,15 +286,16 @@ def parse_names(text: str) -> tuple[str, ...]:
     return tuple(part.strip() for part in text.split(",") if part.strip())
 
 
-# Options that are not written as the setting is: the settings that each sets, and their values of what was written.
-PARSED: dict[str, tuple[tuple[str, ...], Callable[[Any], tuple[Any, ...]]]] = {
-    "method": (("methods",), lambda given: (tuple(given),)),
-    "size": (("width", "height"), lambda text: parse_size(text, "--size")),
-    "atlas": (("atlas_width", "atlas_height"), lambda text: parse_size(text, "--atlas")),
-    "samples": (("samples_per_pixel",), lambda given: (given,)),
-    "cell": (("cell_radius", "cell_fov"), lambda text: astuple(parse_cell(text))),
-    "crf": (("crf",), lambda text: (parse_crfs(text),)),
-    "unit": (("unit",), lambda given: (parse_unit(str(given)),)),
-    "metrics": (("metrics",), lambda text: (parse_names(text),)),
-    "no_skip": (("no_skip",), lambda given: (tuple(given),)),
+# Options that are not written as the setting is: the settings that each sets, the type of what is written, and their
+# values of it.
+PARSED: dict[str, tuple[tuple[str, ...], Any, Callable[[Any], tuple[Any, ...]]]] = {
+    "method": (("methods",), list[str], lambda given: (tuple(given),)),
+    "size": (("width", "height"), str, lambda text: parse_size(text, "--size")),
+    "atlas": (("atlas_width", "atlas_height"), str, lambda text: parse_size(text, "--atlas")),
+    "samples": (("samples_per_pixel",), float, lambda given: (given,)),
+    "cell": (("cell_radius", "cell_fov"), str, lambda text: astuple(parse_cell(text))),
+    "crf": (("crf",), str, lambda text: (parse_crfs(text),)),
+    "unit": (("unit",), str | float, lambda given: (parse_unit(str(given)),)),
+    "metrics": (("metrics",), str, lambda text: (parse_names(text),)),
+    "no_skip": (("no_skip",), list[str], lambda given: (tuple(given),)),
 }

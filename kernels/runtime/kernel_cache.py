@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import os
 import shutil
+import tempfile
 import zlib
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from shading_atlas_bench.kernels.cache import write_atomically
 
 SEAL = "seal.json"
 SEALED = (".bc", ".so")  # PoCL rewrites the others: logs and times of access
+ROOM = 1 << 20  # bytes; what is compiled of a kernel has a tenth of that
 CLOCK = 0.02  # seconds that a file's time may lag behind the clock
 Seals = dict[str, tuple[int, int]]
 
@@ -62,6 +64,17 @@ def discard(folder: Path) -> None:
             shutil.rmtree(entry, ignore_errors=True)
         else:
             entry.unlink(missing_ok=True)
+
+
+def refuses(folder: Path) -> str | None:
+    """Why nothing can be compiled into this folder; None where there is room for a kernel."""
+    try:
+        with tempfile.NamedTemporaryFile(dir=folder) as file:
+            file.write(bytes(ROOM))
+            file.flush()
+    except OSError as error:
+        return error.strerror
+    return None
 
 
 def holds(folder: Path, kernel: str, since: float) -> bool:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
 WRAP = {"repeat": 0, "clamp": 1, "mirror": 2}
+TEXEL = 8  # bytes
+POWERS = [1 << exponent for exponent in range(14)]  # that textures may be reduced to
 FULL = 65535  # texels are uint16 in linear light: 8 bits of sRGB need 12 bits or more there
 
 
@@ -71,6 +73,7 @@ class TextureBuffers:
         holes bleeds out neither at their edges, where an atlas or a codec blurs them, nor in the distance.
         Raises DeviceError if they do not fit one buffer.
         """
+        _check_size(device, textures)
         hidden = hidden or {}
         table, levels, texels = [(0, 0, 0, 1)], [(0, 1, 1, 0)], [np.full((1, 4), FULL, np.uint16)]
         offset = 1
@@ -83,10 +86,6 @@ class TextureBuffers:
                 offset += width * height
             wrap = WRAP[texture.wrap_s] + 4 * WRAP[texture.wrap_t]
             table.append((first, len(levels) - first - 1, wrap, max(texture.texels.shape[:2])))
-        if offset * 8 > device.device.max_mem_alloc_size:
-            raise DeviceError(
-                f"The textures need {offset * 8 >> 20} MB in one buffer, more than {device.name} gives: shrink them."
-            )
         host_textures, host_levels = np.array(table, np.int32), np.array(levels, np.int32)
         return cls(
             device.upload(host_textures),
@@ -96,6 +95,29 @@ class TextureBuffers:
             host_textures,
             host_levels,
         )
+
+
+def _check_size(device: Device, textures: Sequence[TextureImage]) -> None:
+    """Raise DeviceError where the mip chains do not fit one buffer, naming a size of textures that does."""
+    sizes = [texture.texels.shape[:2] for texture in textures]
+    longest = max((max(size) for size in sizes), default=1)
+    needed = {most: TEXEL * sum(_chain(*size, most) for size in sizes) for most in (longest, *POWERS)}
+    room = device.device.max_mem_alloc_size
+    if needed[longest] > room:
+        fitting = max((most for most, size in needed.items() if size <= room), default=0)
+        remedy = f"--max-texture {fitting} reduces them" if fitting else "the scene has too many"
+        sentence = f"The textures need {needed[longest] >> 20} MB in one buffer, more than {device.name} gives"
+        raise DeviceError(f"{sentence}: {remedy}.")
+
+
+def _chain(height: int, width: int, most: int) -> int:
+    """Texels of a mip chain, from the first level on whose longer side is at most so long."""
+    texels = 0
+    while True:
+        texels += height * width if max(height, width) <= most else 0
+        if height == width == 1:
+            return texels
+        height, width = max(1, height // 2), max(1, width // 2)
 
 
 def _levels(texture: TextureImage, hidden: float | None) -> list[NDArray[np.uint16]]:

@@ -10,17 +10,18 @@ measured and judged in the same way, and its rule must hold if that is the cause
 
 from __future__ import annotations
 
-import csv
 import math
-import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
-from typing import Any
+from typing import Annotated, Any, NotRequired, TypeAlias, TypedDict
+
+from msgspec import Meta
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, CLAIM_KINDS, MEASURED_STATUSES, MEASURES
-from shading_atlas_bench.reports.store.csv_files import median_interval
+from shading_atlas_bench.reports.store.csv_files import median_interval, read_csv
+from shading_atlas_bench.reports.store.data import DataError, read_toml
 from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.names import ALLOWED, fits_everywhere
 from shading_atlas_bench.reports.store.results import FILE, Store
@@ -45,6 +46,20 @@ Row = dict[str, Any]
 Variant = tuple[str, str]
 Key = tuple[Any, ...]  # of a value: its frame, and in an experiment with several models and sizes those before it
 BEYOND = "Its numbers are beyond floating point."
+
+
+Entry: TypeAlias = dict[str, Any]  # of claims and causes, whose values are checked one by one, for their sentences
+Options: TypeAlias = dict[str, str | bool | int | float | list[str]]
+
+
+class ClaimsFile(TypedDict):
+    """The tables of a file of claims."""
+
+    papers: Annotated[dict[str, str], Meta(min_length=1)]
+    runs: Annotated[dict[str, Options], Meta(min_length=1)]
+    quick: NotRequired[Options]
+    claims: Annotated[list[Entry], Meta(min_length=1)]
+    causes: NotRequired[list[Entry]]
 
 
 class ClaimsError(ValueError):
@@ -164,8 +179,8 @@ class Claims:
     """A file of claims. runs: options of `bench run` by name of the run. quick: options that make them short."""
 
     papers: dict[str, str]
-    runs: dict[str, dict[str, Any]]
-    quick: dict[str, Any]
+    runs: dict[str, Options]
+    quick: Options
     claims: tuple[Claim, ...]
     causes: tuple[Cause, ...] = ()
 
@@ -181,19 +196,17 @@ class Claims:
 def read_claims(file: Path = DEFAULT_FILE) -> Claims:
     """The claims of a TOML file. Raises ClaimsError, saying in a sentence what is wrong and where."""
     try:
-        content = tomllib.loads(file.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ClaimsError(f"{file} cannot be read: {error.strerror}.") from error
-    except (UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ClaimsError(f"{file} is not TOML: {error}.") from error
-    _known(content, ("papers", "runs", "quick", "claims", "causes"), str(file))
-    for name in ("papers", "runs", "claims"):
-        if not content.get(name):
-            raise ClaimsError(f"{file} has no {name}: give at least one.")
+        _known(read_toml(file, Entry), ClaimsFile.__annotations__, str(file))
+        content = read_toml(file, ClaimsFile)
+    except DataError as error:
+        raise ClaimsError(str(error)) from error
+    for name, options in {**content["runs"], "quick": content.get("quick", {})}.items():
+        if not isinstance(options.get("method", []), list):
+            raise ClaimsError(f"{file}: {name} has the method {options['method']!r}: give a list.")
     papers, runs = content["papers"], content["runs"]
-    for name, options in runs.items():
-        if not isinstance(options, dict) or not fits_everywhere(name):
-            raise ClaimsError(f"{file}: the run {name!r} must be a table of options, its name of {ALLOWED}.")
+    for name in runs:
+        if not fits_everywhere(name):
+            raise ClaimsError(f"{file}: the run {name!r} must have a name of {ALLOWED}.")
     claims = tuple(_claim(entry, papers, runs) for entry in content["claims"])
     causes = tuple(_cause(entry, claims, runs) for entry in content.get("causes", ()))
     for what, entries in (("claims", claims), ("causes", causes)):
@@ -293,7 +306,7 @@ def _instead(measure: Measure | None, names: Mapping[str, str]) -> Measure | Non
     return replace(measure, value=other(measure.value), other=measure.other and other(measure.other))
 
 
-def _known(table: Any, names: Sequence[str], where: str) -> None:
+def _known(table: Any, names: Collection[str], where: str) -> None:
     if not isinstance(table, Mapping):
         raise ClaimsError(f"{where} must be a table, not {table!r}.")
     unknown = [name for name in table if name not in names]
@@ -435,8 +448,7 @@ def _numbers(file: Path) -> list[Row]:
 
     if not file.is_file():
         return []
-    with open(file, newline="", encoding="utf-8") as stream:
-        return [{name: value(text) for name, text in row.items()} for row in csv.DictReader(stream)]
+    return [{name: value(text) for name, text in row.items()} for row in read_csv(file)]
 
 
 def values_of(operand: Operand, run: RunRows, variants: Mapping[str, Variant]) -> dict[Key, float]:

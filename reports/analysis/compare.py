@@ -10,9 +10,10 @@ from typing import Any
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, MEASURES, Column, statistic_columns
 from shading_atlas_bench.reports.store.csv_files import after_keyframe, measure_statistics
+from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.labels import Labels, read_labels
 from shading_atlas_bench.reports.store.middle import mean, median
-from shading_atlas_bench.reports.store.results import Store, StoreError, flat
+from shading_atlas_bench.reports.store.results import Store, flat
 
 # A difference counts if the test would find one like it by chance in less than 1 of 100 comparisons of equal runs...
 ALPHA = 0.01

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, NotRequired, TypedDict
+
+from msgspec import Meta
 
 from shading_atlas_bench.reports.analysis.fronts import Candidate, pareto_front
 from shading_atlas_bench.reports.store.columns import (
@@ -20,9 +21,12 @@ from shading_atlas_bench.reports.store.columns import (
     SWEEP_SETTINGS,
 )
 from shading_atlas_bench.reports.store.csv_files import measure_statistics, spread, write_csv
+from shading_atlas_bench.reports.store.data import DataError, read_json
+from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.labels import NOTES
 from shading_atlas_bench.reports.store.middle import median
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.records import Plain, row_type
+from shading_atlas_bench.reports.store.results import Store
 
 FILE = "sweep.json"
 GROUPS = ("structs/", "gather/")  # the stages that make up server_ms
@@ -30,11 +34,48 @@ WORST_FIRST = ("failed", "timeout", "invalid", "overflow", "skipped", "ok")
 COSTS = {"server_ms": "time", "samples": "samples", "bytes_total": "bytes", "atlas_mb": "memory"}
 # The statistic that a cost is compared by; bytes are what a network carries, so all of them count.
 STATISTICS = {"bytes_total": "mean"}
-COLUMN_TYPES = {column.name: column.type for column in SWEEP_COLUMNS}
 ERRORS = (*PICTURE_METRICS, "stretch_l2")
+
+CELL_SETTINGS = row_type(
+    "CellSettings",
+    [column for column in SWEEP_COLUMNS if column.name in SWEEP_SETTINGS],
+    [name for name in SWEEP_SETTINGS if name not in ("atlas_width", "atlas_height", "samples_per_pixel")],
+)
 
 Row = dict[str, Any]
 Numbers = dict[str, dict[int, float]]
+
+
+class Cell(TypedDict):
+    """A cell of the grid in sweep.json. codings: codec and rate of each picture that is judged, by its name."""
+
+    folder: Annotated[str, Meta(pattern=r"\Acells/\w[\w.-]*\Z")]
+    method: str
+    variant: str
+    contender: NotRequired[str]
+    varied: dict[str, str]
+    condition: str
+    codings: dict[Literal["displayed", "lossless"], tuple[str | None, int | None]]
+    settings: CELL_SETTINGS  # type: ignore[valid-type]  # a type of the time it runs
+
+
+class Shared(TypedDict):
+    """Settings that all cells of a sweep share."""
+
+    path: str
+    seed: int
+
+
+class Sweep(TypedDict):
+    """The content of sweep.json: the settings that all cells share, the grid, and how its cells are timed."""
+
+    settings: Shared
+    vary: list[str]
+    rule: dict[str, Plain]
+    timed: bool
+    frames: Annotated[int, Meta(ge=1)]
+    left_out: list[tuple[str, str]]
+    cells: list[Cell]
 
 
 @dataclass(frozen=True)
@@ -55,14 +96,14 @@ class Point:
         return bool(self.row["status"] == "ok")
 
 
-def read_sweep(folder: Path) -> dict[str, Any]:
+def read_sweep(folder: Path) -> Sweep:
     """The content of sweep.json. Raises StoreError if there is none, or if it is of something else."""
     try:
-        sweep: dict[str, Any] = json.loads((folder / FILE).read_text(encoding="utf-8"))
-        for cell in sweep["cells"]:
-            cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not fixed parameters
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError, AttributeError) as error:
-        raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote.") from error
+        sweep = read_json(folder / FILE, Sweep)
+    except DataError as error:
+        raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote. {error}") from error
+    for cell in sweep["cells"]:
+        cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not fixed parameters
     return sweep
 
 
@@ -163,7 +204,7 @@ class _Run:
             return cls(rows, repeats, store.notes.under("stop"))
 
 
-def _points(sweep: dict[str, Any], cell: dict[str, Any], run: _Run) -> list[Point]:
+def _points(sweep: Sweep, cell: Cell, run: _Run) -> list[Point]:
     """The point of each coding whose picture is judged."""
     key = cell["method"], cell["variant"]
     by_coding: dict[tuple[str | None, int | None], list[Row]] = defaultdict(list)
@@ -186,18 +227,16 @@ def _points(sweep: dict[str, Any], cell: dict[str, Any], run: _Run) -> list[Poin
     return points
 
 
-def _label(cell: dict[str, Any]) -> str:
+def _label(cell: Cell) -> str:
     return ", ".join(f"{name}={value}" for name, value in cell["varied"].items()) or "as it is"
 
 
-def _row(
-    sweep: dict[str, Any], cell: dict[str, Any], codec: str | None, crf: int | None, rows: list[Row]
-) -> tuple[Row, Numbers]:
+def _row(sweep: Sweep, cell: Cell, codec: str | None, crf: int | None, rows: list[Row]) -> tuple[Row, Numbers]:
     """The columns of sweep.csv but those of time, and the measures by frame."""
     status, reason = _status(rows, sweep["frames"])
-    fixed = {name: cell[name] for name in ("method", "variant", "contender")} | {"codec": codec, "crf": crf}
+    fixed = {"method": cell["method"], "variant": cell["variant"], "contender": cell["contender"]}
     row: Row = {column.name: None for column in SWEEP_COLUMNS}
-    row |= {name: _typed(name, cell["settings"][name]) for name in SWEEP_SETTINGS} | fixed
+    row |= cell["settings"] | fixed | {"codec": codec, "crf": crf}
     row["scene"] = rows[0]["scene"] if rows else row["scene"]
     row |= {
         "varied": " ".join(f"{name}={value}" for name, value in cell["varied"].items()),
@@ -213,11 +252,6 @@ def _row(
             valued = [one | {name: numbers[name].get(one["frame"])} for one in measured]
             row |= measure_statistics(MEASURES_OF_SWEEPS[name], valued)
     return row, numbers
-
-
-def _typed(name: str, value: Any) -> Any:
-    """A setting as the type of its column: JSON holds whole numbers for floats."""
-    return value if value is None else COLUMN_TYPES[name](value)
 
 
 def _by_frame(rows: list[Row], name: str) -> dict[int, float]:

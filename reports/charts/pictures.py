@@ -8,7 +8,6 @@ FOLDER is: {FOLDER: {"method": ..., "variant": ...}}.
 from __future__ import annotations
 
 import base64
-import json
 import re
 import tempfile
 from collections.abc import Iterable
@@ -20,8 +19,13 @@ from typing import TypedDict
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
-from shading_atlas_bench.reports.store.results import StoreError
+from shading_atlas_bench.reports.store.data import DataError, read_file, read_json, regular_size
+from shading_atlas_bench.reports.store.database import StoreError
 
+FOLDER, LIST = "pictures", "pictures.json"
+REFERENCE = "reference"
+MOST_PIXELS = 16384 * 16384  # of a picture, as harness/measure/returned.py lets in
+MOST_BYTES = 4 * MOST_PIXELS + 1_000_000  # of its file, which PNG can make a little larger than its pixels
 EMBED_BYTES = 15_000_000  # base64 adds a third, so a report stays near 20 MB
 ATLAS_SIDE = 1024
 QUALITY = 92  # of JPEG, for what is not embedded as it is
@@ -32,8 +36,9 @@ REDUCED = ("atlas", "alpha")  # planes, as large as an atlas
 
 PNG_END = b"IEND\xaeB`\x82"  # the last chunk of every PNG file
 
-_NAME = re.compile(r"frame_(\d+)_(\w+)\.png")
-_REFERENCE = re.compile(r"frame_(\d+)\.png")
+_NAME = re.compile(r"frame_(\d{1,9})_(\w+)\.png")
+_FOLDER = re.compile(r"\w[\w.-]*")
+_REFERENCE = re.compile(r"frame_(\d{1,9})\.png")
 
 
 @dataclass(frozen=True)
@@ -46,6 +51,13 @@ class Pictures:
     def frames(self) -> list[int]:
         """All frames that have a picture of some method."""
         return sorted({frame for frames in self.methods.values() for frame in frames})
+
+
+class Owner(TypedDict):
+    """Whose pictures are in a folder."""
+
+    method: str
+    variant: str
 
 
 class FrameUrls(TypedDict):
@@ -66,31 +78,53 @@ class Embedded(TypedDict):
 def find_pictures(folder: Path) -> Pictures:
     """The whole pictures in `folder`/pictures: none where there is no such folder, and none that a kill cut off.
 
-    Raises StoreError if the list of folders is broken.
+    Raises StoreError if the list of folders is broken, or names what lies elsewhere.
     """
     references: dict[int, Path] = {}
-    for path in _whole_pictures(folder / "pictures" / "reference"):
+    for path in _whole_pictures(folder, REFERENCE):
         if match := _REFERENCE.fullmatch(path.name):
             references[int(match[1])] = path
     methods: dict[tuple[str, str], dict[int, dict[str, Path]]] = {}
     for name, owner in _known(folder).items():
         frames = methods.setdefault((owner["method"], owner["variant"]), {})
-        for path in _whole_pictures(folder / "pictures" / name):
+        for path in _whole_pictures(folder, name):
             if match := _NAME.fullmatch(path.name):
                 frames.setdefault(int(match[1]), {})[match[2]] = path
     return Pictures(references, methods)
 
 
-def _whole_pictures(folder: Path) -> list[Path]:
-    return [path for path in sorted(folder.glob("*.png")) if path.read_bytes().endswith(PNG_END)]
-
-
-def _known(folder: Path) -> dict[str, dict[str, str]]:
-    file = folder / "pictures" / "pictures.json"
+def _whole_pictures(folder: Path, name: str) -> list[Path]:
+    """The whole pictures in a folder of the run's pictures. Raises StoreError for one that is not right there, is no
+    regular file or too large."""
+    own = folder.resolve() / FOLDER
+    if not _FOLDER.fullmatch(name):
+        raise StoreError(f"{own / LIST} names {name!r}, which is no folder beside it: remove the entry.")
+    found = []
     try:
-        return json.loads(file.read_text(encoding="utf-8")) if file.is_file() else {}
-    except json.JSONDecodeError as error:
-        raise StoreError(f"{file} is broken ({error}): run the same command again, or remove the file.") from error
+        for path in sorted((own / name).glob("*.png")):
+            if path.resolve().parent != own / name:
+                raise StoreError(f"{path} leads out of the run's own pictures, to {path.resolve()}: remove it.")
+            if regular_size(path) <= MOST_BYTES and _ends_as_png(path):
+                found.append(path)
+    except (DataError, OSError) as error:
+        raise StoreError(f"{own / name} has something else than pictures of the run: {error}") from error
+    return found
+
+
+def _ends_as_png(path: Path) -> bool:
+    with open(path, "rb") as file:
+        file.seek(max(0, path.stat().st_size - len(PNG_END)))
+        return file.read(len(PNG_END)) == PNG_END
+
+
+def _known(folder: Path) -> dict[str, Owner]:
+    file = folder / FOLDER / LIST
+    if not file.exists():
+        return {}
+    try:
+        return read_json(file, dict[str, Owner])
+    except DataError as error:
+        raise StoreError(f"{error} Run the same command again, or remove the file.") from error
 
 
 def embed(pictures: Pictures, frames: Iterable[int], labels: dict[tuple[str, str], str]) -> Embedded:
@@ -143,22 +177,18 @@ def _embed_frame(
 
 
 def _data_url(path: Path, exact: bool, side: int | None = None) -> str:
-    data, kind = (path.read_bytes(), "png") if exact else (_jpeg(path, side), "jpeg")
+    data, kind = (read_file(path, MOST_BYTES), "png") if exact else (_jpeg(path, side), "jpeg")
     return f"data:image/{kind};base64,{base64.b64encode(data).decode()}"
 
 
 def _jpeg(path: Path, side: int | None) -> bytes:
-    """The picture as JPEG without subsampled colour, averaged over blocks until no side is longer than `side`."""
-    from OpenImageIO import UINT8, ImageInput, ImageOutput, ImageSpec, geterror
+    """The picture as JPEG without subsampled colour, averaged over blocks until no side is longer than `side`.
 
-    source = ImageInput.open(str(path))
-    if source is None:
-        raise OSError(f"{path} cannot be embedded in the report: {geterror()}.")
-    channels = source.read_image(UINT8)
-    if channels is None:
-        raise OSError(f"{path} cannot be embedded in the report: {source.geterror()}.")
-    source.close()
-    pixels = channels[..., :3]
+    Raises StoreError for what is no picture, or has more than MOST_PIXELS.
+    """
+    from OpenImageIO import UINT8, ImageOutput, ImageSpec, geterror
+
+    pixels = _pixels(path)
     if side:
         pixels = _reduced(pixels, -(-max(pixels.shape) // side))
     spec = ImageSpec(pixels.shape[1], pixels.shape[0], 3, UINT8)
@@ -168,10 +198,32 @@ def _jpeg(path: Path, side: int | None) -> bytes:
         file = Path(folder) / "picture.jpg"
         output = ImageOutput.create(str(file))
         if output is None:
-            raise OSError(f"{path} cannot be embedded in the report: {geterror()}.")
+            raise _unusable(path, geterror())
         if not (output.open(str(file), spec) and output.write_image(np.ascontiguousarray(pixels)) and output.close()):
-            raise OSError(f"{path} cannot be embedded in the report: {output.geterror()}.")
+            raise _unusable(path, output.geterror())
         return file.read_bytes()
+
+
+def _pixels(path: Path) -> Bytes:
+    """The red, green and blue of a picture. Raises StoreError where it has none, or too many."""
+    from OpenImageIO import UINT8, ImageInput, geterror
+
+    source = ImageInput.open(str(path))
+    if source is None:
+        raise _unusable(path, geterror())
+    spec = source.spec()
+    if spec.width * spec.height > MOST_PIXELS or spec.nchannels < 3:
+        raise _unusable(path, f"it has {spec.width}x{spec.height} pixels of {spec.nchannels} channels")
+    channels = source.read_image(UINT8)
+    if channels is None:
+        raise _unusable(path, source.geterror())
+    source.close()
+    pixels: Bytes = channels[..., :3]
+    return pixels
+
+
+def _unusable(path: Path, why: str) -> StoreError:
+    return StoreError(f"{path} cannot be embedded in the report: {why.strip().rstrip('.')}. Remove it, or run again.")
 
 
 def _reduced(pixels: Bytes, factor: int) -> Bytes:

@@ -524,7 +524,7 @@ CLAIMS = Source(
     }
     | {f"why-{method}": WHY_NOT for method in METHODS},
     scenes=tuple(
-        sorted({run["scene"] for run in read_claims(DEFAULT_FILE).runs.values() if "/" in run.get("scene", "")})
+        sorted({name for run in read_claims(DEFAULT_FILE).runs.values() if "/" in (name := str(run.get("scene", "")))})
     )
     + THESIS.scenes,
 )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from itertools import groupby, product
 from pathlib import Path
+from typing import TypedDict
 
 from shading_atlas_bench.reports.analysis import sweep
 from shading_atlas_bench.reports.analysis.claims import (
@@ -32,7 +31,8 @@ from shading_atlas_bench.reports.store.columns import (
     STRESS_COLUMNS,
     Column,
 )
-from shading_atlas_bench.reports.store.csv_files import after_keyframe, summarise
+from shading_atlas_bench.reports.store.csv_files import after_keyframe, read_csv, summarise
+from shading_atlas_bench.reports.store.data import read_json
 from shading_atlas_bench.reports.store.middle import mean, median
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
@@ -374,14 +374,24 @@ def texel_parts(folders: Sequence[Path]) -> Parts:
     return {ROWS: rows}
 
 
+class _Density(TypedDict):
+    pvs_density: int | float
+
+
+class _RunFile(TypedDict):
+    """What set_parts needs of a run.json."""
+
+    settings: _Density
+
+
 def set_parts(folders: Sequence[Path]) -> Parts:
     """Runs of one method over densities of the visible set's views: its triangles, what it lacks, and its time."""
-    rows = []
+    rows: list[Row] = []
     for folder in folders:
         results = RunResults(folder)
         (key,) = results.keys
         size = f"{results.rows[0]['width']}x{results.rows[0]['height']}"
-        density = json.loads((folder / "run.json").read_text(encoding="utf-8"))["settings"]["pvs_density"]
+        density = read_json(folder / "run.json", _RunFile)["settings"]["pvs_density"]
         names = ("pvs_triangles", "missing_px", "flip", "pvs_ms")
         rows.append(
             {"scene": results.scene, "size": size, "density": density} | {n: results.median(key, n) for n in names}
@@ -419,8 +429,7 @@ def thesis_parts(folders: Sequence[Path]) -> Parts:
 
 
 def _csv(file: Path) -> Iterator[dict[str, str]]:
-    with file.open(newline="", encoding="utf-8") as lines:
-        yield from csv.DictReader(lines)
+    yield from read_csv(file)
 
 
 def _float(text: str) -> float | None:

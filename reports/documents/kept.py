@@ -6,9 +6,11 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from shading_atlas_bench.reports.store.csv_files import replace_file
+from shading_atlas_bench.reports.store.data import DataError, read_json
+from shading_atlas_bench.reports.store.records import Values
 
 ROOT = Path(__file__).resolve().parents[2]  # of the repository
 FOLDER = "reports/data"
@@ -67,11 +69,24 @@ class Source:
     scenes: tuple[str, ...] = ()
 
 
+class About(TypedDict):
+    """Where rows come from: the commands that measured them, when, with what and in how many seconds, and all settings
+    of their runs."""
+
+    commands: list[str]
+    commit: str
+    date: str
+    device: str
+    driver: str
+    seconds: int | float | None
+    settings: list[Values]
+
+
 @dataclass(frozen=True)
 class Kept:
-    """Rows by part, and `about`: commands, commit, date, device, driver, seconds and settings of their measurement."""
+    """Rows by part, and where they come from."""
 
-    about: dict[str, Any]
+    about: About
     parts: Parts
 
     def as_json(self) -> str:
@@ -97,10 +112,11 @@ def read_kept(name: str, root: Path = ROOT) -> Kept | None:
     if not file.is_file():
         return None
     try:
-        content = json.loads(file.read_text(encoding="utf-8"))
-        return Kept(content["about"], content["parts"])
-    except (json.JSONDecodeError, KeyError, TypeError) as error:
-        raise DocumentError(f"{file} is not what bench tables wrote: remove it and run bench tables {name}.") from error
+        return read_json(file, Kept)
+    except DataError as error:
+        raise DocumentError(
+            f"{file} is not what bench tables wrote: remove it and run bench tables {name}. {error}"
+        ) from error
 
 
 def checked(kept: Kept, fresh: Parts, parts: dict[str, Part]) -> Kept:

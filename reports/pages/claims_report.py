@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import csv
-import json
 from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from html import escape
 from itertools import groupby
 from pathlib import Path
-from typing import Any
+from typing import Any, TypedDict
 
 from shading_atlas_bench.reports.analysis.claims import (
     CONFIRMED,
@@ -33,7 +31,8 @@ from shading_atlas_bench.reports.pages.html import caption, facts_list, section
 from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.columns import CAUSE_COLUMNS, CLAIM_COLUMNS, CLAIM_VERDICTS
-from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
+from shading_atlas_bench.reports.store.csv_files import read_csv, replace_file, write_csv
+from shading_atlas_bench.reports.store.data import DataError, read_json
 
 FILE = "claims.json"
 COPY = "claims.toml"
@@ -65,15 +64,35 @@ def is_claims(folder: Path) -> bool:
     return (folder / FILE).is_file()
 
 
-def read_state(folder: Path) -> dict[str, Any]:
+class RunState(TypedDict):
+    """A run that claims need: its command, its folder (below that of the claims, or a reused one), why it has no rows,
+    and `made`: what its results depend on."""
+
+    command: str
+    folder: str
+    problem: str | None
+    reused: bool
+    note: str
+    made: list[str] | None
+
+
+class State(TypedDict):
+    """The content of claims.json: what was asked for, and the runs by name."""
+
+    ids: list[str]
+    quick: bool
+    device: str
+    date: str
+    variants: dict[str, tuple[str, str]]
+    runs: dict[str, RunState]
+
+
+def read_state(folder: Path) -> State:
     """The content of claims.json. Raises ClaimsError if it is none of `bench claims`."""
     try:
-        state = json.loads((folder / FILE).read_text(encoding="utf-8"))
-    except (OSError, UnicodeDecodeError, json.JSONDecodeError):
-        state = None
-    if not isinstance(state, dict) or not {"ids", "runs", "variants"} <= state.keys():
-        raise ClaimsError(f"{folder} has no readable {FILE}: give a folder that bench claims wrote.")
-    return state
+        return read_json(folder / FILE, State)
+    except DataError as error:
+        raise ClaimsError(f"{folder} has no readable {FILE}: give a folder that bench claims wrote. {error}") from error
 
 
 def write_claims(folder: Path) -> tuple[list[Judged], list[Explained]]:
@@ -85,14 +104,13 @@ def write_claims(folder: Path) -> tuple[list[Judged], list[Explained]]:
     state = read_state(folder)
     claims = chosen(read_claims(folder / COPY), state["ids"])
     problems = {name: run["problem"] for name, run in state["runs"].items() if run["problem"]}
-    variants = {spec: tuple(key) for spec, key in state["variants"].items()}
 
     @cache
     def rows_of(name: str) -> RunRows:
         return RunRows.read(folder / state["runs"][name]["folder"])
 
-    results = judge_all(claims.claims, rows_of, problems, variants)
-    causes = explain_all(claims, rows_of, problems, variants)
+    results = judge_all(claims.claims, rows_of, problems, state["variants"])
+    causes = explain_all(claims, rows_of, problems, state["variants"])
     write_csv(folder / CLAIMS_CSV, CLAIM_COLUMNS, map(as_row, results))
     write_csv(folder / CAUSES_CSV, CAUSE_COLUMNS, map(as_cause, causes))
     replace_file(folder / "claims.html", _page(claims, results, causes, state))
@@ -224,13 +242,12 @@ def _interval(row: dict[str, str]) -> str:
 
 def _read(file: Path) -> list[dict[str, str]]:
     try:
-        with open(file, newline="", encoding="utf-8") as stream:
-            return list(csv.DictReader(stream))
-    except OSError as error:
-        raise ClaimsError(f"{file} cannot be read: {error.strerror}.") from error
+        return read_csv(file)
+    except DataError as error:
+        raise ClaimsError(str(error)) from error
 
 
-def _page(claims: Claims, results: Sequence[Judged], causes: Sequence[Explained], state: dict[str, Any]) -> str:
+def _page(claims: Claims, results: Sequence[Judged], causes: Sequence[Explained], state: State) -> str:
     facts = {
         "Rows": f"{len(results)}: {counts_text(results)}",
         "Claims": str(len(claims.claims)),
@@ -324,7 +341,7 @@ def _out_of_reach(results: Sequence[Judged]) -> str:
     return section("unmeasurable", "Not measurable here", text)
 
 
-def _runs(state: dict[str, Any]) -> str:
+def _runs(state: State) -> str:
     lines = []
     for name, run in state["runs"].items():
         made = ", ".join(filter(None, (f"reused: {run['folder']}", run["note"]))) if run["reused"] else "run"

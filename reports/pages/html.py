@@ -24,7 +24,7 @@ from shading_atlas_bench.reports.pages.tables import (
     ranges,
     table,
 )
-from shading_atlas_bench.reports.store.csv_files import measured_statistics, replace_file, summarise
+from shading_atlas_bench.reports.store.csv_files import measured_statistics, read_saved, replace_file, summarise
 from shading_atlas_bench.reports.store.labels import Key, Labels, read_labels
 from shading_atlas_bench.reports.store.middle import finite, median
 from shading_atlas_bench.reports.store.results import Store, flat
@@ -363,7 +363,7 @@ def _skipped(notes: dict[str, dict[str, str]], rows: list[Row], labels: Labels) 
     """What did not run because nothing needs it, why, where, and what that saved where it was measured."""
     methods = _reasons([row for row in rows if row["status"] == "skipped"], labels)
     lines = [[method, reason, f"frames {frames}", ""] for method, _, frames, reason in methods]
-    saved = {name: json.loads(text)["saved_ms"] for name, text in notes["saved"].items()}
+    saved = {name: row["saved_ms"] for name, row in read_saved(notes["saved"]).items()}
     frames: dict[str, set[tuple[str, str, int]]] = {}
     for row in rows:
         for name in filter(None, (row["skipped"] or "").split("; ")):

@@ -12,6 +12,7 @@ from typing import Any
 from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.store.columns import STRESS_COLUMNS
 from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
+from shading_atlas_bench.reports.store.data import read_file
 
 Row = dict[str, Any]
 GOOD = ("ok", "overflow")
@@ -157,7 +158,7 @@ def _shots(row: Row, folder: Path) -> str:
     stem = picture_stem(row)
     for path in sorted((folder / "pictures").glob(f"{stem}_*.png")):
         name = path.stem.removeprefix(f"{stem}_")
-        data = base64.b64encode(path.read_bytes()).decode()
+        data = base64.b64encode(read_file(path)).decode()
         figures.append(
             f'<figure><img alt="{escape(name)}" src="data:image/png;base64,{data}">'
             f"<figcaption>{escape(name)}</figcaption></figure>"

@@ -14,6 +14,7 @@ from shading_atlas_bench.reports.analysis.sweep import (
     ERRORS,
     TOLD,
     Point,
+    Sweep,
     candidates,
     cost_column,
     groups,
@@ -207,7 +208,7 @@ def _layout(points: Sequence[Point], cost: str, error: str) -> dict[str, Any]:
     }
 
 
-def _header(sweep: dict[str, Any], points: Sequence[Point], notes: dict[str, dict[str, str]]) -> str:
+def _header(sweep: Sweep, points: Sequence[Point], notes: dict[str, dict[str, str]]) -> str:
     rows, settings = [point.row for point in points], sweep["settings"]
     scenes = list(dict.fromkeys(point.row["scene"] for point in points))
     counts = {status: 0 for status in ("ok", "overflow")}
@@ -243,7 +244,7 @@ def _same(rows: Sequence[dict[str, Any]], text: str) -> str:
     return filled.pop() if len(filled) == 1 else "varied" if filled else ""
 
 
-def _warnings(sweep: dict[str, Any], texts: list[str], points: Sequence[Point]) -> str:
+def _warnings(sweep: Sweep, texts: list[str], points: Sequence[Point]) -> str:
     """A banner for what a reader must know before believing a number."""
     if not sweep["timed"]:
         texts.append("Cells ran side by side (--workers): their times do not compare, and are in no plot.")
@@ -254,7 +255,7 @@ def _warnings(sweep: dict[str, Any], texts: list[str], points: Sequence[Point]) 
     return f'<ul class="warnings" role="note">{items}</ul>' if texts else ""
 
 
-def _plot(sweep: dict[str, Any], points: Sequence[Point]) -> str:
+def _plot(sweep: Sweep, points: Sequence[Point]) -> str:
     conditions, codings = ({key[place]: None for key in groups(points)} for place in (0, 1))
     choosers = [
         _chooser("Error", {name: NAMES[name] for name in _errors(points)}),
@@ -386,7 +387,7 @@ def _cells(points: Sequence[Point]) -> str:
     return section("cells", "All cells", f"<details>{summary}{table(head, lines, texts=4)}</details>")
 
 
-def _details(sweep: dict[str, Any], notes: dict[str, dict[str, str]], plan: dict[str, Any]) -> str:
+def _details(sweep: Sweep, notes: dict[str, dict[str, str]], plan: dict[str, Any]) -> str:
     lists = {
         "Left out of the grid": dict(sweep["left_out"]),
         "When timing stops": {name: str(value) for name, value in sweep["rule"].items()},

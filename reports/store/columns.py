@@ -533,8 +533,10 @@ def document() -> str:
     parts = [
         "# Columns of the CSV files",
         "The files are UTF-8 with a header line, commas and line feeds; numbers have as many digits as it takes to "
-        "read back the same value, and line breaks in texts are spaces. `better` says which direction is better, where "
-        "one is.",
+        "read back the same value, and line breaks in texts are spaces. A text that begins with `=`, `+`, `-`, `@`, a "
+        "tab or a carriage return, after any number of apostrophes, has one apostrophe more before it, so that no "
+        "spreadsheet takes it for a formula; without that apostrophe it is the text as it was. `better` says which "
+        "direction is better, where one is.",
     ]
     for name, about, columns in (*_of_runs(), *_of_commands()):
         parts += [f"## {name}", about, _table(columns)]

@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import csv
+import errno
 import io
-import json
 import os
+import re
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from glob import escape
 from itertools import groupby
 from math import comb
 from pathlib import Path
 from typing import Any, TypeVar
+
+import psutil
 
 from shading_atlas_bench.reports.store.columns import (
     FRAME_COLUMNS,
@@ -27,10 +32,24 @@ from shading_atlas_bench.reports.store.columns import (
     Column,
     summary_columns,
 )
+from shading_atlas_bench.reports.store.data import DataError, decode_json, read_text
+from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
 from shading_atlas_bench.reports.store.middle import finite, mean, median
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.records import SKIP_ROW, Row
+from shading_atlas_bench.reports.store.results import Store
 
 Value = TypeVar("Value")
+
+# A cell that begins so is a formula to a spreadsheet, whoever wrote it. One apostrophe more before it makes it text.
+FORMULA = re.compile(r"'*[=+\-@\t\r]")
+
+_HINTS = {
+    errno.ENOSPC: "make room, and run again.",
+    errno.EDQUOT: "make room, and run again.",
+    errno.EROFS: "give another folder.",
+    errno.EIO: "is the disk full, or failing?",
+    errno.ENOENT: "was its folder deleted? Run again.",
+}
 
 SUMMARY_KEY = tuple(name for name in FRAME_KEY if name != "frame")
 
@@ -40,7 +59,7 @@ def write_all(folder: Path) -> None:
     once. Raises StoreError without a store."""
     with Store(folder, must_exist=True) as store:
         rows, stages, statistics = store.rows(), store.stages(), store.statistics()
-        saved = [json.loads(text) for text in store.notes.under("saved").values()]
+        saved = list(read_saved(store.notes.under("saved")).values())
     write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
     write_csv(folder / "summary.csv", summary_columns(), summarise(rows))
     write_csv(folder / "stages.csv", STAGE_COLUMNS, stages)
@@ -49,8 +68,21 @@ def write_all(folder: Path) -> None:
         write_csv(folder / "skips.csv", SKIP_COLUMNS, saved)
 
 
+def read_saved(texts: Mapping[str, str]) -> dict[str, Row]:
+    """The rows of skips.csv from the notes that hold them. Raises StoreError for others."""
+    try:
+        return {
+            name: decode_json(text, SKIP_ROW, f"The note saved/{name} of the store") for name, text in texts.items()
+        }
+    except DataError as error:
+        raise StoreError(f"{error} Run again into a new folder.") from error
+
+
 def write_csv(path: Path, columns: Sequence[Column], rows: Iterable[dict[str, Any]]) -> None:
-    """Write rows in their order; None becomes an empty cell, a float the shortest text that reads back the same."""
+    """Write rows in their order; None becomes an empty cell, a float the shortest text that reads back the same.
+
+    A text is one line, and no formula: see FORMULA.
+    """
     text = io.StringIO(newline="")
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow([column.name for column in columns])
@@ -58,16 +90,47 @@ def write_csv(path: Path, columns: Sequence[Column], rows: Iterable[dict[str, An
     replace_file(path, text.getvalue())
 
 
-def replace_file(path: Path, text: str) -> None:
-    """Write a UTF-8 file so that a reader, or a kill, never meets half of it. Raises StoreError where that fails: on
-    Windows a file that another program has open cannot be replaced."""
-    part = path.with_name(f".{path.name}.{os.getpid()}")
+def read_csv(path: Path) -> list[dict[str, str]]:
+    """The rows of a CSV file of the suite, by column name, texts as they were given to `write_csv`.
+
+    Raises DataError where it is none.
+    """
     try:
-        part.write_text(text, encoding="utf-8", newline="")
-        os.replace(part, path)
+        rows = list(csv.DictReader(io.StringIO(read_text(path), newline=""), strict=True, restkey="", restval=""))
+    except csv.Error as error:
+        raise DataError(f"{path} is not CSV: {error}.") from error
+    if any("" in row for row in rows):
+        raise DataError(f"{path} is no table: a row has more cells than its head.")
+    return [{name: _plain(text) for name, text in row.items()} for row in rows]
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write a UTF-8 file so that a reader, or a kill, never meets half of it. Raises StoreFileError where that fails.
+
+    What a process left that was killed here is deleted.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}")
+    with written(path):
+        for left in path.parent.glob(f".{escape(path.name)}.*"):
+            if left.suffix[1:].isdecimal() and not psutil.pid_exists(int(left.suffix[1:])):
+                left.unlink(missing_ok=True)
+        try:
+            part.write_text(text, encoding="utf-8", newline="")
+            os.replace(part, path)
+        except BaseException:
+            with suppress(OSError):
+                part.unlink(missing_ok=True)
+            raise
+
+
+@contextmanager
+def written(path: Path) -> Iterator[None]:
+    """Raise StoreFileError, which says what to do, where a file cannot be written in the block."""
+    try:
+        yield
     except OSError as error:
-        part.unlink(missing_ok=True)
-        raise StoreError(f"{path} cannot be written ({error.strerror}): is it open in another program?") from error
+        hint = _HINTS.get(error.errno or 0, "is it open in another program?")
+        raise StoreFileError(f"{path} cannot be written ({error.strerror or error}): {hint}") from error
 
 
 def summarise(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -156,5 +219,16 @@ def _cell(value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, str):
-        return " ".join(value.splitlines())  # one line per row, for every reader
+        return text_cell(value)
     return repr(value)
+
+
+def text_cell(text: str) -> str:
+    """A text as a cell: one line per row, for every reader, and no formula."""
+    line = " ".join(text.splitlines())
+    return f"'{line}" if FORMULA.match(line) else line
+
+
+def _plain(cell: str) -> str:
+    """A cell as it was given."""
+    return cell[1:] if cell.startswith("'") and FORMULA.match(cell) else cell

@@ -1,29 +1,32 @@
-"""The results store: one SQLite file per run, one transaction per finished frame.
-
-SQLite's rollback journal makes every transaction whole or absent, also after `kill -9`.
-"""
+"""The results store: one SQLite file per run, one transaction per finished frame."""
 
 from __future__ import annotations
 
 import json
 import math
-import os
 import sqlite3
 from collections.abc import Iterable, Iterator, Mapping, MutableMapping, Sequence
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, TypeAlias
+from typing import Any
 from zlib import crc32
 
 from shading_atlas_bench.reports.store.columns import BY_NAME, FRAME_COLUMNS, FRAME_KEY, STATUSES, Column
-
-Cell: TypeAlias = str | int | float | None  # of a table
+from shading_atlas_bench.reports.store.data import DataError, Kind, as_kind, decode_json
+from shading_atlas_bench.reports.store.database import Cell, Database, StoreError
+from shading_atlas_bench.reports.store.names import encodable
+from shading_atlas_bench.reports.store.records import (
+    FRAME_ROW,
+    REPEAT_ROW,
+    REQUIRED,
+    STAGE_ROW,
+    STATISTIC_ROW,
+    Frame,
+    Plan,
+    Row,
+)
 
 FILE = "results.sqlite"
-LONGEST_PATH = 504  # bytes, of a file that SQLite opens with its journal beside it
-WAIT_SECONDS = 60  # for another process that writes to the same file
 SQL_TYPES = {str: "TEXT", int: "INTEGER", float: "REAL"}
-REQUIRED = (*(name for name in FRAME_KEY if name not in ("codec", "crf")), "status")
 
 _FRAME = "method TEXT NOT NULL, variant TEXT NOT NULL, frame INTEGER NOT NULL"
 _TABLES = (
@@ -46,46 +49,27 @@ SCHEMA_VERSION = crc32("".join(_TABLES).encode()) >> 1
 _OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
 
 
-class StoreError(ValueError):
-    """A store that cannot be used, or a value that does not belong in it; the message is for people."""
-
-
 class Store:
     """The results of one run, in `folder`/results.sqlite.
 
     folder: made if absent, unless must_exist. Everything written is committed at once; a frame is committed as a whole.
+    checked: whether it is made sure first that what is read is what was written.
 
-    Raises StoreError if must_exist and there is no store, if the file is no store of this version, or if its path is
-    too long for SQLite.
+    Raises StoreError if must_exist and there is no store, if the file is no whole store of this version, or if its path
+    is too long for SQLite; later StoreFileError, if it cannot be read or written.
     """
 
-    def __init__(self, folder: Path, *, must_exist: bool = False) -> None:
+    def __init__(self, folder: Path, *, must_exist: bool = False, checked: bool = True) -> None:
         self.folder = Path(folder)
         file = self.folder / FILE
         if must_exist and not file.is_file():
             raise StoreError(f"There are no results in {self.folder}: give a folder that `bench run` wrote.")
-        long = len(os.fsencode(file.absolute()))
-        if long > LONGEST_PATH:
-            own = len(FILE) + 1
-            raise StoreError(
-                f"The folder's path has {long - own:,} bytes, and SQLite opens files in up to {LONGEST_PATH - own}: "
-                "give a shorter --out."
-            )
-        try:
-            self.folder.mkdir(parents=True, exist_ok=True)
-            self._connection = sqlite3.connect(file, timeout=WAIT_SECONDS, isolation_level=None)
-            try:
-                self._prepare()
-            except BaseException:
-                self._connection.close()
-                raise
-        except (OSError, sqlite3.Error) as error:
-            raise StoreError(f"{file} cannot be opened as a results store: {error}.") from error
-        self.notes = Notes(self._connection)
+        self._database = Database(file, _TABLES, SCHEMA_VERSION, checked=checked)
+        self.notes = Notes(self, self._database)
 
     def close(self) -> None:
         """Close the file; nothing is pending, so this loses nothing."""
-        self._connection.close()
+        self._database.close()
 
     def __enter__(self) -> Store:
         return self
@@ -93,10 +77,15 @@ class Store:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def plan(self) -> dict[str, Any] | None:
-        """The plan of this run, None before `set_plan`."""
-        found = self._connection.execute("SELECT content FROM plan").fetchone()
-        return json.loads(found[0]) if found else None
+    def plan(self) -> Plan | None:
+        """The plan of this run, None before `set_plan`. Raises StoreError for what is none."""
+        found = self.read("plan", "SELECT content FROM plan", tuple[str])
+        if not found:
+            return None
+        try:
+            return decode_json(found[0][0], Plan, f"The table plan of {self.folder / FILE}")
+        except DataError as error:
+            raise StoreError(f"{error} Run again into a new folder.") from error
 
     def set_plan(self, plan: dict[str, Any], *, begun: bool | None = None) -> None:
         """Bind the store to a plan, given as JSON values; before it has begun its device may still change.
@@ -105,14 +94,14 @@ class Store:
         each difference, if the store is bound to another one.
         """
         wanted = json.loads(json.dumps(plan))
-        with self._transaction():
+        with self._database.transaction():
             existing = self.plan()
             begun = bool(self.finished()) if begun is None else begun
             if existing and not begun and existing | {"device": wanted.get("device")} == wanted:
                 existing = None
             if existing is None:
-                self._connection.execute("DELETE FROM plan")
-                self._connection.execute("INSERT INTO plan VALUES (?)", (json.dumps(wanted, sort_keys=True),))
+                self._database.delete("plan")
+                self._database.insert("plan", [(json.dumps(wanted, sort_keys=True),)])
         if existing is not None and existing != wanted:
             differences = "; ".join(_differences(flat(existing), flat(wanted)))
             raise StoreError(
@@ -121,7 +110,7 @@ class Store:
 
     def finished(self) -> set[tuple[str, str, int]]:
         """The committed frames, as (method, variant, frame)."""
-        return set(self._connection.execute("SELECT method, variant, frame FROM finished"))
+        return set(self.read("finished", "SELECT method, variant, frame FROM finished", tuple[str, str, Frame]))
 
     def commit_frame(
         self,
@@ -143,7 +132,7 @@ class Store:
         Raises StoreError for an unknown column or status, a lacking key, a value of the wrong type, or no row.
         """
         place = (str(method), str(variant), int(frame))
-        named = dict(zip(("method", "variant", "frame"), place, strict=True))
+        named: dict[str, Cell] = dict(zip(("method", "variant", "frame"), place, strict=True))
         if not rows:
             raise StoreError(f"Frame {frame} of {method} has no row: each frame has at least one, also a failed one.")
         records = [_record({**row, **named}, row) for row in rows]
@@ -151,16 +140,14 @@ class Store:
         statistic_records = [(*place, name, _number(value)) for name, value in (statistics or {}).items()]
         repeat_records = [(*place, int(repetition), stage, _number(ms)) for repetition, stage, ms in repeats]
         try:
-            with self._transaction():
+            with self._database.transaction():
                 for table in _OF_FRAME:
-                    self._connection.execute(
-                        f"DELETE FROM {table} WHERE method = ? AND variant = ? AND frame = ?", place
-                    )
-                self._insert("rows", records)
-                self._insert("stages", stage_records)
-                self._insert("statistics", statistic_records)
-                self._insert("repeats", repeat_records)
-                self._insert("finished", [place])
+                    self._database.delete(table, **named)
+                self._database.insert("rows", records)
+                self._database.insert("stages", stage_records)
+                self._database.insert("statistics", statistic_records)
+                self._database.insert("repeats", repeat_records)
+                self._database.insert("finished", [place])
         except sqlite3.IntegrityError as error:
             raise StoreError(
                 f"Frame {frame} of {method} cannot be stored: two entries of one key ({error})."
@@ -174,62 +161,49 @@ class Store:
         It takes the place of an earlier one of the same number. Rows and stages stay as they are.
         """
         records = [(method, variant, int(frame), repetition, stage, _number(ms)) for frame, stage, ms in times]
-        with self._transaction():
-            self._connection.execute(
-                "DELETE FROM repeats WHERE method = ? AND variant = ? AND repetition = ?", (method, variant, repetition)
-            )
-            self._insert("repeats", records)
+        with self._database.transaction():
+            self._database.delete("repeats", method=method, variant=variant, repetition=repetition)
+            self._database.insert("repeats", records)
 
-    def rows(self) -> list[dict[str, Any]]:
-        """All rows, by column name, sorted by the key; absent values are None and sort first."""
-        return self._select(f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}")
+    def rows(self) -> list[Row]:
+        """All rows, by column name, sorted by the key; absent values are None and sort first.
 
-    def stages(self) -> list[dict[str, Any]]:
+        Raises StoreError for rows of a frame that is not finished, and as the others for values of wrong types.
+        """
+        query = f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}"
+        rows, finished = self.read("rows", query, FRAME_ROW), self.finished()
+        for row in rows:
+            if (row["method"], row["variant"], row["frame"]) not in finished:
+                raise StoreError(
+                    f"{self.folder / FILE} has in its table rows the frame {row['frame']} of "
+                    f"{row['method']}[{row['variant']}], which its table finished lacks: run again into a new folder."
+                )
+        return rows
+
+    def stages(self) -> list[Row]:
         """Time of each stage, by the column names of stages.csv, sorted by its key."""
-        return self._select(_of_frames("stages", "stage, ms, launches", "stage"))
+        return self.read("stages", _of_frames("stages", "stage, ms, launches", "stage"), STAGE_ROW)
 
-    def statistics(self) -> list[dict[str, Any]]:
+    def statistics(self) -> list[Row]:
         """What methods report, by the column names of statistics.csv, sorted by its key; also of invalid frames."""
-        return self._select(_of_frames("statistics", "name, value", "name"))
+        return self.read("statistics", _of_frames("statistics", "name, value", "name"), STATISTIC_ROW)
 
-    def repeats(self) -> list[dict[str, Any]]:
+    def repeats(self) -> list[Row]:
         """Every repetition of a timing: place of its frame, repetition, stage and ms, sorted by all but the last."""
-        return self._select(_of_frames("repeats", "repetition, stage, ms", "repetition, stage"))
+        return self.read("repeats", _of_frames("repeats", "repetition, stage, ms", "repetition, stage"), REPEAT_ROW)
 
-    def _prepare(self) -> None:
-        """Make the tables of a new file, or check the version of an old one."""
-        with self._transaction():
-            (version,) = self._connection.execute("PRAGMA user_version").fetchone()
-            if version == 0:
-                for statement in _TABLES:
-                    self._connection.execute(statement)
-                self._connection.execute(f"PRAGMA user_version = {SCHEMA_VERSION}")
-        if version not in (0, SCHEMA_VERSION):
-            self._connection.close()
-            raise StoreError(
-                f"{self.folder / FILE} was written by another version of this program, with other columns: "
-                "use that version, or run again into a new folder."
-            )
+    def read(self, table: str, query: str, kind: type[Kind], values: Sequence[Cell] = ()) -> list[Kind]:
+        """The records that a query gives, each of a kind of tuple, or of row by column name.
 
-    @contextmanager
-    def _transaction(self) -> Iterator[None]:
-        self._connection.execute("BEGIN IMMEDIATE")
+        Raises StoreError for a value of another type, naming table, record and column.
+        """
+        is_tuple = issubclass(getattr(kind, "__origin__", kind), tuple)
+        found = self._database.select(query, values) if is_tuple else self._database.select_named(query)
+        source = f"The table {table} of {self.folder / FILE}"
         try:
-            yield
-        except BaseException:
-            self._connection.execute("ROLLBACK")
-            raise
-        self._connection.execute("COMMIT")
-
-    def _insert(self, table: str, records: Sequence[tuple[Cell, ...]]) -> None:
-        if records:
-            places = ", ".join("?" * len(records[0]))
-            self._connection.executemany(f"INSERT INTO {table} VALUES ({places})", records)
-
-    def _select(self, query: str) -> list[dict[str, Any]]:
-        cursor = self._connection.execute(query)
-        names = [description[0] for description in cursor.description]
-        return [dict(zip(names, values, strict=True)) for values in cursor]
+            return as_kind(found, list[kind], source)  # type: ignore[valid-type]  # a type that is made when it runs
+        except DataError as error:
+            raise StoreError(f"{error} Run again into a new folder.") from error
 
 
 class Notes(MutableMapping[str, str]):
@@ -239,37 +213,39 @@ class Notes(MutableMapping[str, str]):
     `skipped/STAGE` (the reason as value), `scene/...` (what was found, repaired or is not supported), `device/...`,
     `label/METHOD[VARIANT]` (what it is called), `prepare_ms/METHOD[VARIANT]`, `rare/METHOD[VARIANT]/STATISTIC` (what a
     method does in a few frames only, and did in none of these) and `published/METHOD` (what changes where its
-    parameters are as published).
+    parameters are as published). `run/complete` says that nothing is left to do.
     """
 
-    def __init__(self, connection: sqlite3.Connection) -> None:
-        self._connection = connection
+    def __init__(self, store: Store, database: Database) -> None:
+        self._store, self._database = store, database
 
     def __getitem__(self, key: str) -> str:
-        found = self._connection.execute("SELECT value FROM notes WHERE key = ?", (key,)).fetchone()
-        if found is None:
+        found = self._store.read("notes", "SELECT value FROM notes WHERE key = ?", tuple[str], (key,))
+        if not found:
             raise KeyError(key)
-        text: str = found[0]
-        return text
+        return found[0][0]
 
     def __setitem__(self, key: str, value: object) -> None:
-        self._connection.execute("INSERT OR REPLACE INTO notes VALUES (?, ?)", (key, str(value)))
+        with self._database.transaction():
+            self._database.delete("notes", key=encodable(key))
+            self._database.insert("notes", [(encodable(key), encodable(str(value)))])
 
     def __delitem__(self, key: str) -> None:
-        if self._connection.execute("DELETE FROM notes WHERE key = ?", (key,)).rowcount == 0:
-            raise KeyError(key)
+        with self._database.transaction():
+            if not self._database.delete("notes", key=key):
+                raise KeyError(key)
 
     def __iter__(self) -> Iterator[str]:
-        return iter([key for (key,) in self._connection.execute("SELECT key FROM notes ORDER BY key")])
+        return iter([key for (key,) in self._store.read("notes", "SELECT key FROM notes ORDER BY key", tuple[str])])
 
     def __len__(self) -> int:
-        (count,) = self._connection.execute("SELECT count(*) FROM notes").fetchone()
-        return int(count)
+        return len(self._database.select("SELECT key FROM notes"))
 
     def under(self, prefix: str) -> dict[str, str]:
         """The notes whose key starts with `prefix`/ (the slash may be given), by the rest of their key."""
         start = f"{prefix.rstrip('/')}/"
-        return {key.removeprefix(start): self[key] for key in self if key.startswith(start)}
+        found = self._store.read("notes", "SELECT key, value FROM notes ORDER BY key", tuple[str, str])
+        return {key.removeprefix(start): text for key, text in found if key.startswith(start)}
 
     def replace(self, prefix: str, texts: Mapping[str, str]) -> None:
         """Make these the notes under `prefix`/, by the rest of their key, in place of all that were there."""
@@ -314,7 +290,7 @@ def _checked(column: Column, value: Any) -> Cell:
         return None
     if column.type is str:
         if isinstance(value, str):
-            return value
+            return encodable(value)
     elif isinstance(value, int | float) and not isinstance(value, bool):
         number = _number(value)
         if number is None or column.type is float:

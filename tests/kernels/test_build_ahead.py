@@ -59,7 +59,8 @@ def test_a_damaged_note_builds_nothing_ahead(make, tmp_path: Path) -> None:
     (note,) = tmp_path.rglob("programs/*")
     note.write_bytes(note.read_bytes()[:-1])
     later, compiled = make()
-    later.build_ahead("plan")
+    with pytest.warns(UserWarning, match="was damaged"):
+        later.build_ahead("plan")
     assert not compiled
 
 

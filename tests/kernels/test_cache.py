@@ -1,5 +1,7 @@
 """The cache: whole files or none, and never a reason for a run to fail."""
 
+import os
+import warnings
 from concurrent.futures import ThreadPoolExecutor
 from threading import Barrier
 
@@ -7,7 +9,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.kernels.cache import CacheError, cache_folder, read_checked, write_checked
+from shading_atlas_bench.harness.progress import warnings_as_sentences
+from shading_atlas_bench.kernels.cache import (
+    CacheError,
+    _delete_parts,
+    cache_folder,
+    cache_root,
+    read_checked,
+    write_checked,
+)
+
+pytestmark = pytest.mark.filterwarnings("ignore:A cached file in .* was damaged")
 
 
 @pytest.fixture(scope="module")
@@ -88,3 +100,34 @@ def test_a_folder_that_cannot_be_made_is_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
     with pytest.raises(CacheError, match="XDG_CACHE_HOME"):
         cache_folder("anything")
+
+
+def test_what_killed_processes_left_is_deleted_once_it_is_old(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    old, new = (cache_folder("pvs") / name for name in ("old.part", "new.part"))
+    for part in (old, new):
+        part.write_bytes(b"half")
+    os.utime(old, (0, 0))
+    _delete_parts.cache_clear()
+    write_checked(cache_root() / "walks" / "key", b"content")
+    assert not old.exists()
+    assert new.exists()
+
+
+def test_damage_is_said_once_in_each_folder_and_missing_files_are_not(tmp_path):
+    for name in ("one", "two"):
+        write_checked(tmp_path / name, b"content")
+        (tmp_path / name).write_bytes(b"other")
+    with pytest.warns(UserWarning, match="A cached file in .* was damaged: it is made again") as said:
+        assert [read_checked(tmp_path / name) for name in ("one", "two", "three")] == [None] * 3
+    assert len(said) == 1
+
+
+def test_warnings_for_people_are_printed_as_sentences(monkeypatch, capsys):
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
+    warnings_as_sentences()
+    warnings.showwarning(UserWarning("It was damaged."), UserWarning, "cache.py", 3)
+    assert capsys.readouterr().err == "bench: It was damaged.\n"
+    with pytest.warns(RuntimeWarning, match="overflow"):
+        warnings.showwarning(RuntimeWarning("overflow"), RuntimeWarning, "metrics.py", 3)
+    assert capsys.readouterr().err == ""

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from shading_atlas_bench.kernels.runtime import kernel_cache
-from shading_atlas_bench.kernels.runtime.kernel_cache import SEAL, discard, heal, seal
+from shading_atlas_bench.kernels.runtime.kernel_cache import SEAL, discard, heal, refuses, seal
 
 ROOT = Path(__file__).parents[2]
 FILES = ("AB/ONE/program.bc", "AB/ONE/draw/64-1-1/draw.so", "AB/ONE/last_accessed", "CD/TWO/program.bc")
@@ -134,3 +134,16 @@ def test_a_real_cache_that_is_damaged_is_made_again(tmp_path: Path, harm: str):
             file.chmod(0)
     compute()
     assert heal(tmp_path) == 0
+
+
+def test_a_folder_without_room_for_a_kernel_says_why(tmp_path: Path):
+    resource = pytest.importorskip("resource", reason="files can be limited under Unix only")
+    assert refuses(tmp_path) is None
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, hard))
+    try:
+        assert refuses(tmp_path) == "File too large"
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert list(tmp_path.iterdir()) == []
+    assert refuses(tmp_path / "nowhere") == "No such file or directory"

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 from shading_atlas_bench.kernels.texture.buffers import TextureBuffers
 from shading_atlas_bench.kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain, srgb_to_linear
 from shading_atlas_bench.kernels.texture.sample import trilinear
@@ -99,3 +100,18 @@ def test_the_level_follows_the_footprint(device):
     at = np.full(3, 0.5 / 64)
     found = trilinear(buffers, np.ones(3, int), at, at, np.array([0.0, 2 / 64, 1e30]))[:, 0]
     np.testing.assert_allclose(found, [1, 0.5, 0.5], atol=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("room", "words"),
+    [
+        (8 * 3000, "--max-texture 32 reduces them"),
+        (8 * 2, "the scene has too many"),
+    ],
+)
+def test_textures_that_a_device_does_not_take_are_refused_with_the_size_that_it_does(room, words):
+    """Before anything is made of them."""
+    small = SimpleNamespace(name="small", device=SimpleNamespace(max_mem_alloc_size=room))
+    textures = [image(np.zeros((height, width, 4), np.uint8)) for height, width in ((64, 64), (64, 16), (20, 20))]
+    with pytest.raises(DeviceError, match=f"more than small gives: {words}"):
+        TextureBuffers.upload(small, textures)

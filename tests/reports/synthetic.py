@@ -94,3 +94,11 @@ def make_picture(seed: float, width: int = 320, height: int = 180) -> np.ndarray
     base = np.stack([x / width, y / height, 0.5 + 0.5 * np.sin(x / 9) * np.cos(y / 11)], axis=-1)
     noise = np.random.default_rng(int(10 * seed)).normal(0, 0.03 * seed, base.shape)
     return np.clip((base + noise) * 255, 0, 255).astype(np.uint8)
+
+
+def alter(folder: Path, statement: str, *values: object) -> None:
+    """Change a store as somebody would who wants it to be believed: its seal holds afterwards."""
+    with Store(folder, must_exist=True) as store:
+        connection = store._database._connection
+        connection.execute(statement, values)
+        connection.execute("UPDATE seal SET value = ?", (store._database._sum(),))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.analysis.compare import CompareError, Comparison, compare, differences
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, make_store
 
 

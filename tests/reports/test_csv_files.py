@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import csv
+import errno
 import math
+import os
+import subprocess
+import sys
 from pathlib import Path
 from statistics import NormalDist, median
 
@@ -13,18 +17,23 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS, FRAME_KEY, KEYFRAME_APART, MEASURES
-from shading_atlas_bench.reports.store.csv_files import median_interval, summarise, write_all, write_csv
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.csv_files import (
+    median_interval,
+    read_csv,
+    replace_file,
+    summarise,
+    write_all,
+    write_csv,
+    written,
+)
+from shading_atlas_bench.reports.store.data import DataError
+from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, make_store
 
 FILES = ("frames.csv", "summary.csv", "stages.csv", "statistics.csv")
 TEXTS = st.text(st.characters(codec="utf-8", exclude_characters="\0", exclude_categories=["Cs"]), max_size=12)
 NUMBERS = st.none() | st.floats() | st.integers(-(2**53), 2**53)
-
-
-def read(path: Path) -> list[dict[str, str]]:
-    with path.open(encoding="utf-8", newline="") as file:
-        return list(csv.DictReader(file))
 
 
 @pytest.fixture(scope="module")
@@ -44,7 +53,7 @@ def test_same_results_give_the_same_bytes_in_whatever_order_they_came(folder: Pa
 
 
 def test_frames_are_sorted_and_failures_are_empty_not_zero(folder: Path) -> None:
-    rows = read(folder / "frames.csv")
+    rows = read_csv(folder / "frames.csv")
     keys = [tuple(int(row[k] or -1) if k in ("crf", "frame") else row[k] for k in FRAME_KEY) for row in rows]
     assert keys == sorted(set(keys))
     assert len(rows) == 3 * 12 * 5
@@ -58,7 +67,7 @@ def test_frames_are_sorted_and_failures_are_empty_not_zero(folder: Path) -> None
 
 
 def test_summary_holds_medians_of_frames_that_are_ok(folder: Path) -> None:
-    rows, summaries = read(folder / "frames.csv"), read(folder / "summary.csv")
+    rows, summaries = read_csv(folder / "frames.csv"), read_csv(folder / "summary.csv")
     assert len(summaries) == 3 * 5
     for summary in summaries:
         of_key = [row for row in rows if all(row[k] == summary[k] for k in FRAME_KEY if k != "frame")]
@@ -101,7 +110,7 @@ def test_any_text_and_number_is_read_back(values: list, tmp_path_factory: pytest
             store.commit_frame(text, text, frame, [row])
         rows = store.rows()
     write_csv(folder / "frames.csv", FRAME_COLUMNS, rows)
-    found = sorted(read(folder / "frames.csv"), key=lambda row: int(row["frame"]))
+    found = sorted(read_csv(folder / "frames.csv"), key=lambda row: int(row["frame"]))
     for (text, number), cells in zip(values, found, strict=True):
         assert cells["method"] == cells["variant"] == cells["reason"] == " ".join(text.splitlines())
         if number is None or not math.isfinite(number):
@@ -116,3 +125,46 @@ def test_a_file_that_cannot_be_replaced_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match=r"frames\.csv cannot be written .*another program\?$"):
         write_csv(tmp_path / "frames.csv", [], [])
     assert [path.name for path in tmp_path.iterdir()] == ["frames.csv"]
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@x", "\tx", "\rx", "'=1", "''-x", "'x", "x=1", "", "'"])
+def test_no_text_is_a_formula_and_all_are_read_back(text: str, tmp_path: Path) -> None:
+    """Numbers below zero stay numbers."""
+    row = dict.fromkeys((column.name for column in FRAME_COLUMNS), None) | {"reason": text, "psnr": -1.5}
+    write_csv(tmp_path / "frames.csv", FRAME_COLUMNS, [row])
+    with (tmp_path / "frames.csv").open(encoding="utf-8", newline="") as file:
+        (cells,) = csv.DictReader(file)
+    assert not cells["reason"].startswith(("=", "+", "-", "@", "\t", "\r"))
+    assert cells["psnr"] == "-1.5"
+    assert read_csv(tmp_path / "frames.csv")[0]["reason"] == " ".join(text.splitlines())
+
+
+def test_a_damaged_csv_file_is_a_sentence(tmp_path: Path) -> None:
+    for content in (b"a,b\n1,2,3\n", b'a\n"1\n', b"\xff"):
+        (tmp_path / "a.csv").write_bytes(content)
+        with pytest.raises(DataError, match=r"a\.csv is n"):
+            read_csv(tmp_path / "a.csv")
+
+
+def test_what_a_killed_process_left_half_written_goes_and_that_of_others_stays(tmp_path: Path) -> None:
+    with subprocess.Popen([sys.executable, "-c", ""]) as ended:
+        pass
+    parts = [f".report.html.{ended.pid}", f".report.html.{os.getppid()}", f".frames.csv.{ended.pid}"]
+    names = [*parts, ".report.html.kept"]
+    for name in names:
+        (tmp_path / name).write_bytes(b"half")
+    replace_file(tmp_path / "report.html", "whole")
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", *names[1:]}
+
+
+@pytest.mark.parametrize(
+    ("code", "hint"), [(errno.ENOSPC, "make room"), (errno.ENOENT, "was its folder deleted"), (errno.EBUSY, "another")]
+)
+def test_a_file_that_cannot_be_written_is_named_with_what_to_do(code: int, hint: str) -> None:
+    with pytest.raises(StoreFileError, match=rf"^a\.csv cannot be written \(.*\): .*{hint}"), written(Path("a.csv")):
+        raise OSError(code, os.strerror(code))
+
+
+def test_a_folder_that_is_gone_is_one_sentence(tmp_path: Path) -> None:
+    with pytest.raises(StoreFileError, match="was its folder deleted"):
+        replace_file(tmp_path / "gone" / "frames.csv", "")

@@ -16,7 +16,8 @@ from shading_atlas_bench.reports.charts.pictures import Pictures, embed, find_pi
 from shading_atlas_bench.reports.pages.html import chosen_frames, moment, write_report
 from shading_atlas_bench.reports.pages.tables import number, prose, ranges
 from shading_atlas_bench.reports.store.csv_files import write_all
-from shading_atlas_bench.reports.store.results import Store, StoreError
+from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
 
 BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -152,7 +153,7 @@ def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
     start = content.index(b"IDAT") + len(b"IDAT")
     content[start : start + 16] = b"\xff" * 16
     file.write_bytes(content)
-    with pytest.raises(OSError, match=r"frame_0000_atlas\.png cannot be embedded in the report: "):
+    with pytest.raises(StoreError, match=r"frame_0000_atlas\.png cannot be embedded in the report: "):
         embed(Pictures({}, {("sas", ""): {0: {"atlas": file}}}), [0], {("sas", ""): "sas"})
 
 

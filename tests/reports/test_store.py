@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 import os
+import shutil
 import sqlite3
 import subprocess
 import sys
@@ -13,8 +15,9 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.store.columns import DOCUMENT, FRAME_COLUMNS, document
-from shading_atlas_bench.reports.store.results import Store, StoreError
-from tests.reports.synthetic import COMMON, METHODS, PLAN, frame_rows, make_store
+from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
+from shading_atlas_bench.reports.store.results import FILE, Store
+from tests.reports.synthetic import COMMON, METHODS, PLAN, alter, frame_rows, make_store
 
 ISSUE_ORDER = """scene,scene_hash,path,path_hash,frame_rate,method,variant,codec,crf,frame,status,reason,width,height,
 fov,cell_radius,cell_fov,latency,reference_eye,bandwidth,device,seed,pvs_triangles,placed_triangles,samples,
@@ -151,24 +154,24 @@ def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
         Store(tmp_path / "nothing", must_exist=True)
     assert not (tmp_path / "nothing").exists()
     (tmp_path / "results.sqlite").write_text("this is a text, and a long one, not a database" * 50, encoding="utf-8")
-    with pytest.raises(StoreError, match="cannot be opened"):
+    with pytest.raises(StoreError, match="no whole results store"):
         Store(tmp_path)
 
 
 KILLED = """
 import os, signal, sys
 from pathlib import Path
-from shading_atlas_bench.reports.store.results import Store
+from shading_atlas_bench.reports.store.results import FILE, Store
 from tests.reports.synthetic import frame_rows
 frame, moment = 0, int(sys.argv[2])
 store = Store(Path(sys.argv[1]))
-store._connection.execute("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
-insert = store._insert
+store._database.select("PRAGMA cache_size = 4")  # pages reach the file before the transaction ends
+insert = store._database.insert
 def insert_and_die(table, records):
     insert(table, records)
     if frame == 2 and table == ("rows", "stages", "statistics", "repeats", "finished")[moment]:
         os.kill(os.getpid(), getattr(signal, "SIGKILL", 9))
-store._insert = insert_and_die
+store._database.insert = insert_and_die
 for frame in range(4):
     rows = frame_rows("sas", frame)
     store.commit_frame("sas", "v", frame, rows, [(f"s{i}", 1.0, 1) for i in range(2000)], {"n": 1.0}, [(0, "s", 1.0)])
@@ -197,3 +200,153 @@ def test_a_folder_too_deep_for_sqlite_is_refused(tmp_path):
         Store(deep)
     assert not deep.exists()
     Store(tmp_path / ("d" * 200) / ("e" * (489 - 202 - len(str(tmp_path))))).close()
+
+
+@pytest.mark.parametrize(
+    ("table", "column", "value", "says"),
+    [
+        ("rows", "fov", "wide", "expected float"),
+        ("rows", "fov", b"\0", "got bytes"),
+        ("rows", "fov", math.inf, "expected float"),
+        ("rows", "frame", 2.5, "expected int"),
+        ("rows", "frame", -1, "expected int >= 0"),
+        ("rows", "status", "fine", "invalid enum value 'fine'"),
+        ("rows", "scene", None, "expected str"),
+        ("stages", "ms", "long", "expected float"),
+        ("statistics", "value", b"", "got bytes"),
+        ("repeats", "repetition", "first", "expected int"),
+        ("finished", "frame", "first", "expected int"),
+        ("notes", "value", b"\xff", "expected str"),
+        ("plan", "content", '{"a":' * 5000, "got object"),
+        ("plan", "content", "[]", "expected object"),
+    ],
+)
+def test_a_value_of_another_type_is_named_by_table_and_column(
+    tmp_path: Path, table: str, column: str, value: object, says: str
+) -> None:
+    with Store(tmp_path) as store:
+        store.set_plan({"a": 1})
+        store.notes["a/b"] = "c"
+        row = COMMON | {"codec": "none", "status": "ok"}
+        store.commit_frame("sas", "", 0, [row], [("a/b", 1.0, 1)], {"x": 1.0}, [(1, "a/b", 1.0)])
+    alter(tmp_path, f"UPDATE {table} SET {column} = ?", value)
+
+    def read_all(store: Store) -> None:
+        for read in (store.rows, store.stages, store.statistics, store.repeats, store.plan):
+            read()
+        store.notes.under("a")
+
+    with Store(tmp_path) as store, pytest.raises(StoreError) as caught:
+        read_all(store)
+    sentence = str(caught.value)
+    assert says in sentence
+    assert f"The table {table} of {tmp_path / 'results.sqlite'}" in sentence
+    assert table in ("notes", "plan", "finished") or f"].{column}:" in sentence
+
+
+@pytest.mark.parametrize(
+    "statement",
+    [
+        "CREATE VIEW more AS SELECT 1",
+        "CREATE TRIGGER t AFTER INSERT ON notes BEGIN DELETE FROM rows; END",
+        "ALTER TABLE rows ADD COLUMN more",
+        "DROP INDEX row_frame",
+    ],
+)
+def test_a_store_with_other_tables_is_refused(tmp_path: Path, statement: str) -> None:
+    Store(tmp_path).close()
+    with sqlite3.connect(tmp_path / "results.sqlite") as connection:
+        connection.execute(statement)
+    connection.close()
+    with pytest.raises(StoreError, match="its tables are others"):
+        Store(tmp_path)
+
+
+def test_text_that_utf_8_lacks_is_kept_as_escapes(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [COMMON | {"codec": "none", "status": "failed", "reason": "caf\udce9 \ud800"}])
+        store.notes["scene/\ud800"] = "\udce9"
+        assert store.rows()[0]["reason"] == "caf\\udce9 \\ud800"
+        assert store.notes["scene/\\ud800"] == "\\udce9"
+
+
+def test_a_store_that_was_written_twice_at_once_holds_both(tmp_path: Path):
+    """The sum of the digests is of all that is in the file, whoever wrote it."""
+    with closing(Store(tmp_path / "both")) as one, closing(Store(tmp_path / "both")) as other:
+        for number in range(4):
+            one.notes[f"one/{number}"] = "a"
+            other.notes[f"other/{number}"] = "b"
+            del one.notes[f"one/{number}"]
+        one.set_plan({"a": 1})
+        with pytest.raises(StoreError, match="holds another run"):
+            other.set_plan({"a": 2}, begun=True)
+    with Store(tmp_path / "both", must_exist=True) as store:
+        assert dict(store.notes) == {f"other/{number}": "b" for number in range(4)}
+
+
+@pytest.mark.parametrize(("old", "new"), [(b"out of memory", b"out of nothing"[:13]), (b"cpu-skylake", b"cpu-skylark")])
+def test_a_text_that_was_changed_in_the_file_is_noticed(tmp_path: Path, old: bytes, new: bytes) -> None:
+    make_store(tmp_path)
+    data = (tmp_path / FILE).read_bytes()
+    assert old in data
+    (tmp_path / FILE).write_bytes(data.replace(old, new, 1))
+    with pytest.raises(StoreFileError, match="its checksum does not hold"):
+        Store(tmp_path)
+
+
+def test_zeros_of_either_sign_and_names_of_numpy_are_what_was_written(tmp_path: Path) -> None:
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [ROW | {"flip": -0.0}], statistics={np.str_("a"): np.float32(0.1)})
+    with Store(tmp_path) as store:
+        assert [row["flip"] for row in store.rows()] == [0.0]
+
+
+@pytest.mark.parametrize("gone", ["file", "folder"])
+def test_a_store_that_is_deleted_while_it_is_written_is_one_sentence(tmp_path: Path, gone: str) -> None:
+    with Store(tmp_path / "run") as store:
+        store.commit_frame("sas", "", 0, [ROW])
+        if gone == "file":
+            (tmp_path / "run" / FILE).unlink()
+        else:
+            shutil.rmtree(tmp_path / "run")
+        with pytest.raises(StoreFileError, match="was deleted or moved while it was in use"):
+            store.commit_frame("sas", "", 1, [ROW])
+
+
+def test_a_full_disk_keeps_whole_frames_and_is_told(tmp_path: Path) -> None:
+    resource = pytest.importorskip("resource", reason="files can be limited under Unix only")
+    with Store(tmp_path) as store:
+        store.commit_frame("sas", "", 0, [ROW])
+        soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+        resource.setrlimit(resource.RLIMIT_FSIZE, ((tmp_path / FILE).stat().st_size + 8192, hard))
+        try:
+            with pytest.raises(StoreFileError, match=r"cannot be (read or )?written"):
+                store.commit_frame("sas", "", 1, [ROW], [(f"stage {i}", 1.0, 1) for i in range(5000)])
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+        assert store.finished() == {("sas", "", 0)}
+        store.commit_frame("sas", "", 1, [ROW])
+    with Store(tmp_path) as store:
+        assert store.finished() == {("sas", "", 0), ("sas", "", 1)}
+
+
+@pytest.mark.parametrize("what", ["folder", "link", "pipe"])
+def test_what_is_no_file_is_no_store(tmp_path: Path, what: str) -> None:
+    if what == "folder":
+        (tmp_path / FILE).mkdir()
+    elif what == "link":
+        (tmp_path / FILE).symlink_to(tmp_path / "elsewhere")
+    elif hasattr(os, "mkfifo"):
+        os.mkfifo(tmp_path / FILE)
+    else:
+        pytest.skip("there are no pipes with names here")
+    with pytest.raises(StoreFileError, match="is no file"):
+        Store(tmp_path)
+    assert not (tmp_path / "elsewhere").exists()
+
+
+def test_reading_needs_no_right_to_write(tmp_path: Path) -> None:
+    """A reader takes no lock that another process holds, and none that a read-only disk refuses."""
+    make_store(tmp_path)
+    with Store(tmp_path) as writer, writer._database.transaction(), Store(tmp_path, must_exist=True) as reader:
+        assert len(reader.rows()) == 3 * 12 * 5

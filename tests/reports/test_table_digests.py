@@ -21,7 +21,7 @@ from shading_atlas_bench.reports.documents.digests import (
 )
 from shading_atlas_bench.reports.documents.figure import draw_samples
 from shading_atlas_bench.reports.documents.markdown import table_text
-from shading_atlas_bench.reports.store.columns import KERNEL_COLUMNS, STRESS_COLUMNS
+from shading_atlas_bench.reports.store.columns import KERNEL_COLUMNS, STRESS_COLUMNS, SWEEP_SETTINGS
 from shading_atlas_bench.reports.store.csv_files import write_csv
 from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON
@@ -86,9 +86,18 @@ def test_resets_are_told_from_the_first_twelve_frames(tmp_path: Path):
 
 
 def test_methods_off_their_equal_samples_are_named(tmp_path: Path):
-    same: dict[str, Any] = {"folder": "cells/a", "variant": "", "varied": {}}
+    settings = {name: 1 for name in SWEEP_SETTINGS} | {"scene": "hall", "path": "walk"}
+    same: dict[str, Any] = {
+        "folder": "cells/a",
+        "variant": "",
+        "varied": {},
+        "condition": "",
+        "codings": {},
+        "settings": settings,
+    }
     cells = [same | {"method": name} for name in ("sas", "snakebinning")]
-    (tmp_path / "sweep.json").write_text(json.dumps({"cells": cells}), encoding="utf-8")
+    content = {"settings": settings, "vary": [], "rule": {}, "timed": True, "frames": 1, "left_out": [], "cells": cells}
+    (tmp_path / "sweep.json").write_text(json.dumps(content), encoding="utf-8")
     with Store(tmp_path / "cells" / "a") as store:
         for method, samples in (("sas", 58_000), ("snakebinning", 86_400), ("tss", 49_000)):
             measured = {"samples": samples, "sample_budget": 57_600, "flip": samples / 1e6, "bytes_total": samples}

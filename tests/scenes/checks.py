@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 
+from shading_atlas_bench.scenes.dependencies import input_files
+from shading_atlas_bench.scenes.files import SceneFiles
 from shading_atlas_bench.scenes.model import Scene
 
 
@@ -38,6 +42,11 @@ def assert_sound(scene: Scene) -> None:
     assert scene.cameras
     assert scene.lights
     assert scene.content_hash
+
+
+def inputs_of(path: Path) -> list[Path]:
+    """The files that loading a scene file reads."""
+    return input_files(path, SceneFiles(path))
 
 
 def area(scene: Scene) -> float:

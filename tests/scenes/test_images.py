@@ -2,15 +2,19 @@
 
 import base64
 import struct
+import subprocess
+import sys
 import zlib
 
 import numpy as np
 import pytest
 
-from shading_atlas_bench.scenes.images import decode_image
+from shading_atlas_bench.scenes.images import read_image
 from shading_atlas_bench.scenes.load import load_scene
+from shading_atlas_bench.scenes.model import SceneError
 from tests.scenes.glb_files import SQUARE, Glb
 
+TEXTURED = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
 GREY, RGB, PALETTE, GREY_ALPHA, RGBA = 0, 2, 3, 4, 6  # PNG's colour types
 
 # 8x8 texels of (200, 40, 60) in inverted CMYK, as Adobe's programs write them: compressed, in base 85.
@@ -51,7 +55,7 @@ PNGS = {
 @pytest.mark.parametrize("name", PNGS)
 def test_pngs(name):
     data, expected = PNGS[name]
-    assert decode_image(data)[0].tolist() == [[*texel, 255][:4] for texel in expected]
+    assert read_image(data)[0].tolist() == [[*texel, 255][:4] for texel in expected]
 
 
 def jpeg_of(folder, texels: np.ndarray, **attributes: object) -> bytes:
@@ -74,9 +78,9 @@ def test_jpegs(tmp_path):
     colour = np.full((16, 16, 3), (200, 40, 60), np.uint8)
     progressive = jpeg_of(tmp_path, colour, jpeg_progressive=1)
     assert b"\xff\xc2" in progressive
-    assert np.abs(decode_image(progressive)[..., :3].astype(int) - colour).max() <= 4
-    assert np.abs(decode_image(jpeg_of(tmp_path, colour[..., :1]))[..., :3].astype(int) - 200).max() <= 4
-    cmyk = decode_image(zlib.decompress(base64.b85decode(CMYK)))
+    assert np.abs(read_image(progressive)[..., :3].astype(int) - colour).max() <= 4
+    assert np.abs(read_image(jpeg_of(tmp_path, colour[..., :1]))[..., :3].astype(int) - 200).max() <= 4
+    cmyk = read_image(zlib.decompress(base64.b85decode(CMYK)))
     assert np.abs(cmyk[..., :3].astype(int) - (200, 40, 60)).max() <= 4
 
 
@@ -86,7 +90,7 @@ def test_the_orientation_of_a_photograph_is_ignored(tmp_path):
     texels[:, :8] = 255
     data = jpeg_of(tmp_path, texels, Orientation=6)
     assert b"Exif" in data
-    found = decode_image(data)
+    found = read_image(data)
     assert found.shape == (8, 16, 4)
     assert found[4, 2, 0] > 200
     assert found[4, 13, 0] < 50
@@ -118,3 +122,54 @@ def test_textures_of_extensions_are_read_without_a_note(tmp_path, extension):
     scene = load_scene(glb.write(tmp_path / "a.glb"))
     assert scene.textures[0].texels.tolist() == [[[255, 0, 0, 255], [0, 255, 0, 128]]]
     assert not any("not supported" in note or "left out" in note for note in scene.notes)
+
+
+def test_textures_that_are_too_large_are_reduced(tmp_path):
+    """To their mip level that fits, of light where they are colours; a note says so."""
+    from OpenImageIO import ImageOutput, ImageSpec
+
+    texels = np.zeros((6, 8, 4), np.uint8)
+    texels[::2, :, :3], texels[..., 3] = 255, np.arange(8) * 10
+    output = ImageOutput.create(str(tmp_path / "a.png"))
+    spec = ImageSpec(8, 6, 4, "uint8")
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    output.open(str(tmp_path / "a.png"), spec)
+    output.write_image(texels)
+    output.close()
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n", encoding="utf-8")
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{TEXTURED}", encoding="utf-8")
+    file = str(tmp_path / "a.obj")
+    whole = load_scene(file, max_texture=8)
+    assert (whole.textures[0].texels == texels).all()
+    assert whole.content_hash == load_scene(file).content_hash
+    scene = load_scene(file, max_texture=5, cache=tmp_path / "cache")
+    assert scene.textures[0].texels[..., :3].tolist() == [[[188] * 3] * 4] * 3  # half the light
+    assert scene.textures[0].texels[..., 3].tolist() == [[5, 25, 45, 65]] * 3
+    assert "The texture a.png of 8x6 is reduced to 4x3 (--max-texture)." in scene.notes
+    assert load_scene(file, max_texture=8, cache=tmp_path / "cache").content_hash == whole.content_hash
+    with pytest.raises(SceneError, match="1 texel or more, not 0"):
+        load_scene(file, max_texture=0)
+
+
+def test_large_images_take_no_more_memory_than_they_are_reduced_to(tmp_path):
+    """A picture of 16384x16384 in 0.8 MB: 0.8 GB as it is stored, 1 GB as texels."""
+
+    def chunk(name: bytes, data: bytes) -> bytes:
+        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+    squeezed = zlib.compressobj(1)
+    rows = b"".join(squeezed.compress(b"\0" + b"\x80" * (3 << 14)) for _ in range(1 << 14)) + squeezed.flush()
+    parts = [(b"IHDR", struct.pack(">IIBBBBB", 1 << 14, 1 << 14, 8, 2, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b"")]
+    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts))
+    (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n", encoding="utf-8")
+    (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{TEXTURED}", encoding="utf-8")
+    program = (
+        "import sys\n"
+        "from shading_atlas_bench.harness.measure.machine import peak_memory\n"
+        "from shading_atlas_bench.scenes.load import load_scene\n"
+        "scene = load_scene(sys.argv[1], max_texture=1024)\n"
+        "assert scene.textures[0].texels.shape == (1024, 1024, 4)\n"
+        "print(peak_memory())\n"
+    )
+    told = subprocess.run([sys.executable, "-c", program, str(tmp_path / "a.obj")], capture_output=True, check=True)
+    assert int(told.stdout) < 400 << 20

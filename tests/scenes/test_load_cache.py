@@ -91,6 +91,7 @@ def test_options_count(tmp_path):
     assert len(list(cache.iterdir())) == 2
 
 
+@pytest.mark.filterwarnings("ignore:The scene .* was damaged")
 def test_runs_at_once_heal_the_same_scene(tmp_path, png):
     """All find it damaged; what one has mapped stays good while another replaces the file."""
     file, cache = textured_obj(tmp_path, png), tmp_path / "cache"

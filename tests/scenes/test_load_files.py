@@ -5,11 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.polygons import triangulate
-from tests.scenes.checks import area
+from tests.scenes.checks import area, inputs_of
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
@@ -151,7 +150,12 @@ def test_backslashes_in_obj_and_mtl_files(tmp_path, png):
     (tmp_path / "a.obj").write_text(text, encoding="utf-8")
     scene = load_scene(str(tmp_path / "a.obj"))
     assert scene.textures[0].texels[0, 1].tolist() == [0, 0, 255, 128]
-    assert [file.is_file() for file in input_files(tmp_path / "a.obj")] == [True, False, True, True]
+    assert [file.is_file() for file in inputs_of(tmp_path / "a.obj")] == [
+        True,
+        False,
+        True,
+        True,
+    ]
 
 
 def test_backslashes_in_gltf_files(tmp_path):
@@ -169,4 +173,4 @@ def test_backslashes_in_gltf_files(tmp_path):
     }
     (tmp_path / "a.gltf").write_text(json.dumps(document), encoding="utf-8")
     assert load_scene(str(tmp_path / "a.gltf")).triangle_count == 1
-    assert input_files(tmp_path / "a.gltf")[2].is_file()
+    assert inputs_of(tmp_path / "a.gltf")[2].is_file()

@@ -7,14 +7,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import Material, Scene, SceneError
 from shading_atlas_bench.scenes.mtl import map_statement
 from shading_atlas_bench.scenes.polygons import triangulated
 from shading_atlas_bench.scenes.raw import RawScene
 from tests.conftest import REAL_SCENES
-from tests.scenes.checks import area
+from tests.scenes.checks import area, inputs_of
 
 CASES = REAL_SCENES.parent / "cases"
 SQUARE = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\n"
@@ -204,7 +203,7 @@ def test_names_of_files_in_other_encodings(tmp_path, png, encoding, on_disk):
         pytest.skip("this file system holds no such names")
     scene = load(tmp_path / "a.obj", f"mtllib {library}\n{SQUARE}usemtl {material}\n{FACE}".encode(encoding))
     assert used(scene)[0].base_texture == 0
-    assert all(file.is_file() for file in input_files(tmp_path / "a.obj") if file.name != "cameras.json")
+    assert all(file.is_file() for file in inputs_of(tmp_path / "a.obj") if file.name != "cameras.json")
     assert load_scene(str(tmp_path / "a.obj"), cache=tmp_path / "cache").content_hash == scene.content_hash
     notes(scene).encode()
 
@@ -214,7 +213,7 @@ def test_byte_order_marks(tmp_path, encoding):
     (tmp_path / "ä.mtl").write_bytes("newmtl ö\nKd 1 0 0\n".encode(encoding))
     scene = load(tmp_path / "a.obj", f"mtllib ä.mtl\r\n{SQUARE}usemtl ö\r\n{FACE}".encode(encoding))
     assert used(scene)[0].base_colour == RED
-    assert input_files(tmp_path / "a.obj")[2] == tmp_path / "ä.mtl"
+    assert inputs_of(tmp_path / "a.obj")[2] == tmp_path / "ä.mtl"
 
 
 @pytest.mark.parametrize(
@@ -461,7 +460,10 @@ def test_ply_wedges_and_several_pictures(tmp_path, png):
     assert "The texture B b.png is left out: the file is missing." in scene.notes
     assert sorted(scene.uvs.tolist()).count([0, 1]) == 2
     assert [0.5, 1] in scene.uvs.tolist()
-    assert input_files(tmp_path / "a.ply")[2:] == [tmp_path / "a.png", tmp_path / "B b.png"]
+    assert inputs_of(tmp_path / "a.ply")[2:] == [
+        tmp_path / "a.png",
+        tmp_path / "B b.png",
+    ]
 
 
 def test_ply_faces_that_refer_to_missing_vertices_are_dropped(tmp_path):
@@ -613,3 +615,17 @@ def test_stl_texts_are_read_whole_or_not_at_all(tmp_path, text):
 )
 def test_reported_areas(name, size):
     assert area(load_scene(str(CASES / name))) == pytest.approx(size)
+
+
+@pytest.mark.parametrize(
+    ("face", "words"),
+    [
+        ("f 0 1 2", "line 6: a face uses vertex 0, but OBJ files count from 1"),
+        ("f 1/1 2/2 0/3", "line 6: a face uses vertex 0, but OBJ files count from 1"),
+        ("f 1 2 4", "line 6: a face uses vertex 4, which the file does not have: it has 3"),
+        ("f -4 -2 -1", "line 6: a face uses vertex -4, which the file does not have: it has 3"),
+    ],
+)
+def test_faces_of_vertices_that_are_not_there_are_named(tmp_path, face, words):
+    with pytest.raises(SceneError, match=words):
+        load(tmp_path / "a.obj", f"v 0 0 0\nv 1 0 0\n# three\nv 0 1 0\nf 1 2 3\n{face}\n")

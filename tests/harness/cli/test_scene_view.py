@@ -19,7 +19,7 @@ def test_a_scene_is_described_and_drawn(
     inwards: bool, kind: str, path: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "mine.obj").write_text(box(6, inwards), encoding="utf-8")
-    show_scene(str(tmp_path / "mine.obj"), None)
+    show_scene(Settings(scene=str(tmp_path / "mine.obj")))
     lines = capsys.readouterr().out.splitlines()
     assert lines[0].startswith("mine  12 triangles, ")
     assert lines[1].startswith(kind)
@@ -34,7 +34,7 @@ def test_a_scene_is_described_and_drawn(
 
 def test_a_unit_that_is_asked_for_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "mine.obj").write_text(box(6, inwards=False), encoding="utf-8")
-    show_scene(str(tmp_path / "mine.obj"), 0.0254)
+    show_scene(Settings(scene=str(tmp_path / "mine.obj"), unit=0.0254))
     assert "unit  0.0254 m: --unit" in capsys.readouterr().out.splitlines()
 
 

@@ -18,6 +18,7 @@ from shading_atlas_bench.kernels.journal import Journal, read_journal
 from shading_atlas_bench.kernels.runtime.builtins_library import installed_package
 from shading_atlas_bench.kernels.runtime.vendors import mirror
 from tests.harness.commands import BAD, ROOT, bench
+from tests.reports.synthetic import make_store
 
 SMALL = ["run", "--frames", "3", "--size", "192x168", "--atlas", "256x256", "--codec", "none"]
 
@@ -241,3 +242,41 @@ def test_the_watched_process_ends_with_its_supervisor(tmp_path: Path):
     process.kill()
     out, _ = process.communicate(timeout=60)  # ends when nobody has its standard output open any more
     assert b"report.html" not in out
+
+
+def test_who_does_not_end_when_told_to_is_ended_within_five_seconds():
+    """A process that hangs in a compiler, or is stopped, does not hear of TERM."""
+    deaf = (
+        "import signal; from shading_atlas_bench.harness.cli import supervisor;"
+        "supervisor.COMMAND_LINE = 'tests.harness.deaf';"
+        "raise SystemExit(supervisor.Supervisor(['run']).run())"
+    )
+    with subprocess.Popen([sys.executable, "-c", deaf], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        child = int(process.stdout.readline())
+        process.terminate()
+        start = time.monotonic()
+        assert process.wait(timeout=60) == supervisor.INTERRUPTED
+    assert time.monotonic() - start < 5.5
+    assert not Path(f"/proc/{child}").exists()
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="there is no full device here")
+@pytest.mark.parametrize("arguments", [["report"], ["compare"], ["--version"]])
+def test_standard_output_on_a_full_disk_is_named(arguments: list[str], tmp_path: Path):
+    make_store(tmp_path, frames=2)
+    folders = {"report": [str(tmp_path)], "compare": [str(tmp_path)] * 2}.get(arguments[0], [])
+    command = [sys.executable, "-m", "shading_atlas_bench", *arguments, *folders]
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        done = subprocess.run(command, cwd=ROOT, stdout=full, stderr=subprocess.PIPE, text=True, timeout=300)
+    assert done.returncode == 2
+    assert done.stderr.startswith("bench: standard output cannot be written (No space left on device): make room")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_kernel_cache_without_room_is_named_and_no_device_blamed(quiet, tmp_path, monkeypatch, capsys):
+    (tmp_path / "kernels").mkdir()
+    monkeypatch.setattr("shading_atlas_bench.kernels.runtime.kernel_cache.refuses", lambda folder: "disk full")
+    state = journal_state(tmp_path, building={"what": "raster/tiles.draw", "kernel": "draw"})
+    assert Supervisor(["run"])._judge(SEGV, [], state) == 1
+    assert "Its kernel cache" in capsys.readouterr().err
+    assert not list(tmp_path.rglob("died-*"))

@@ -4,7 +4,6 @@ import csv
 import json
 import re
 import shutil
-import sqlite3
 from dataclasses import fields
 from pathlib import Path
 
@@ -15,7 +14,9 @@ from shading_atlas_bench.harness.experiments.claims import WORKLOAD, ClaimsReque
 from shading_atlas_bench.harness.workload.session import workload_hashes
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.analysis.claims import DEFAULT_FILE, FEWEST
+from shading_atlas_bench.reports.store.results import Store
 from tests.harness.commands import bench
+from tests.reports.synthetic import alter
 from tests.scenes.test_load_files import box
 
 TINY = """
@@ -114,11 +115,9 @@ def test_a_run_of_a_scene_or_path_that_was_edited_since_is_not_reused(
     name: str, whole: Path, claims: Path, tmp_path: Path
 ):
     shutil.copytree(whole / "tiny", tmp_path / "tiny")
-    with sqlite3.connect(tmp_path / "tiny" / "results.sqlite") as connection:
-        (plan,) = connection.execute("SELECT content FROM plan").fetchone()
-        other = json.dumps(json.loads(plan) | {name: "another"}, sort_keys=True)
-        connection.execute("UPDATE plan SET content = ?", (other,))
-    connection.close()
+    with Store(tmp_path / "tiny") as store:
+        plan = store.plan() | {name: "another"}
+    alter(tmp_path / "tiny", "UPDATE plan SET content = ?", json.dumps(plan, sort_keys=True))
     done = bench("claims", "--file", str(claims), "--reuse", str(tmp_path / "tiny"), "--out", str(tmp_path / "out"))
     assert done.returncode == 2
     assert "another scene or path of the same name" in " ".join(done.stderr.split())
@@ -210,6 +209,16 @@ def test_options_that_the_thesis_experiment_does_not_take_are_refused(tmp_path: 
     file.write_text(text.replace(run, f'{run}atlas = "64x64"\nseize = "64x64"\n'), encoding="utf-8")
     with pytest.raises(InputError, match=r"--size, --device, --out and --dry-run only, not --atlas, --seize\."):
         needs(ClaimsRequest(("bilateral-grows",), file=file))
+
+
+def test_claims_do_not_allow_what_only_their_user_may(tmp_path: Path):
+    file = tmp_path / "claims.toml"
+    file.write_text(TINY, encoding="utf-8")
+    _, runs = needs(ClaimsRequest(file=file, allow_outside=True))
+    assert all(run.settings().allow_outside for run in runs if run.name == "tiny")
+    file.write_text(TINY.replace("[runs.tiny]\n", "[runs.tiny]\nallow_outside = true\n"), encoding="utf-8")
+    with pytest.raises(InputError, match=r"The run tiny of .* allows files outside"):
+        needs(ClaimsRequest(file=file))
 
 
 def test_damaged_states_are_one_sentence(whole: Path, claims: Path):

@@ -88,7 +88,10 @@ def test_one_eye_in_one_place_depends_on_no_view(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("setting", "says"),
-    [({"reference_eye": "mine"}, "give one of client, server"), ({"bandwidth": 0.0}, "above 0")],
+    [
+        ({"reference_eye": "mine"}, "give one of client, server"),
+        ({"bandwidth": 0.0}, r"give 0\.001 to"),
+    ],
 )
 def test_what_cannot_be_used_is_one_sentence(setting: dict[str, Any], says: str) -> None:
     with pytest.raises(SettingsError, match=says):

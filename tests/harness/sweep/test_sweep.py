@@ -6,7 +6,6 @@ import csv
 import json
 import re
 import shutil
-import sqlite3
 import subprocess
 import sys
 import time
@@ -20,6 +19,7 @@ from shading_atlas_bench.reports.documents.digests import sweep_parts
 from shading_atlas_bench.reports.store.columns import SWEEP_COLUMNS
 from shading_atlas_bench.reports.store.results import Store
 from tests.harness.commands import BAD, ROOT, bench
+from tests.reports.synthetic import alter
 
 GRID = [
     "--method", "sas", "--method", "ppll", "--size", "160x90", "--frames", "2", "--atlas", "128x128",
@@ -180,11 +180,9 @@ def test_a_method_in_two_settings_competes_with_itself(tmp_path: Path):
 def test_another_device_does_not_go_on_with_a_sweep(whole: Path, tmp_path: Path):
     folder = tmp_path / "out"
     shutil.copytree(whole, folder)
-    with sqlite3.connect(folder / "results.sqlite") as connection:
-        (plan,) = connection.execute("SELECT content FROM plan").fetchone()
-        other = json.dumps(json.loads(plan) | {"device": "another"}, sort_keys=True)
-        connection.execute("UPDATE plan SET content = ?", (other,))
-    connection.close()
+    with Store(folder) as store:
+        other = json.dumps(store.plan() | {"device": "another"}, sort_keys=True)
+    alter(folder, "UPDATE plan SET content = ?", other)
     done = bench("sweep", *GRID, *QUICK, "--out", str(folder))
     assert done.returncode == 2
     assert 'device was "another"' in done.stderr

@@ -37,6 +37,15 @@ from shading_atlas_bench.harness.workload.settings import (
         ({"repeat": 0}, "--repeat"),
         ({"timeout": 0}, "--timeout"),
         ({"fov": float("nan")}, "--fov"),
+        ({"timeout": float("inf")}, "--timeout is inf: give 0.001 to 1,000,000 seconds"),
+        ({"timeout": 1e10}, "--timeout"),
+        ({"timeout": float("nan")}, "--timeout"),
+        ({"cell_radius": float("inf")}, "radius"),
+        ({"bandwidth": 1e-300}, "--bandwidth"),
+        ({"repeat": 10**400}, "--repeat"),
+        ({"frames": 10**400}, "--frames"),
+        ({"unit": 1e300}, "--unit"),
+        ({"scene": "a\0b"}, "zero"),
     ],
 )
 def test_unusable_values_are_refused_by_the_option_s_name(values, option):
@@ -44,7 +53,7 @@ def test_unusable_values_are_refused_by_the_option_s_name(values, option):
         Settings(**values)
 
 
-@pytest.mark.parametrize("text", ["960", "axb", "960x540x3", "1.5x2", "x", ""])
+@pytest.mark.parametrize("text", ["960", "axb", "960x540x3", "1.5x2", "x", "", "infx90", "nanxnan", "1e400x1"])
 def test_malformed_sizes_are_refused(text):
     with pytest.raises(SettingsError, match="--size"):
         parse_size(text, "--size")
@@ -54,6 +63,9 @@ def test_cells_are_presets_or_pairs():
     assert parse_cell("pvs2") == parse_cell("0.2,125")
     with pytest.raises(SettingsError, match="pvs1"):
         parse_cell("pvs9")
+    for text in ("inf,80", "0.1,nan", "-inf,inf"):
+        with pytest.raises(SettingsError, match=r"--cell is .*: give two finite numbers"):
+            parse_cell(text)
 
 
 def test_a_preset_is_a_paper_s_experiment_and_options_override_it():
@@ -114,6 +126,13 @@ def test_a_saved_run_reads_back_the_same(tmp_path):
     file = tmp_path / "run.json"
     file.write_text(json.dumps({"settings": wanted.to_json()}), encoding="utf-8")
     assert read_settings(file) == wanted
+
+
+def test_a_saved_run_does_not_allow_what_only_its_user_may(tmp_path):
+    file = tmp_path / "run.json"
+    file.write_text(json.dumps({"settings": Settings(allow_outside=True).to_json()}), encoding="utf-8")
+    assert not read_settings(file).allow_outside
+    assert settings_of({"allow_outside": True}, read_settings(file).to_json()).allow_outside
 
 
 @pytest.mark.parametrize("content", ["", "[]", "{}", '{"settings": {"colour": 1}}', '{"settings": {"frames": "many"}}'])

@@ -1,0 +1,102 @@
+"""Data that others wrote, read through one door: whole regular files of a bounded size, as values of a stated type."""
+
+from __future__ import annotations
+
+import re
+import stat
+import tomllib
+from pathlib import Path
+from typing import TypeVar
+
+import msgspec
+
+MOST_BYTES = 64_000_000  # of a text file that is read as a whole; those of the largest sweeps have a tenth
+
+Kind = TypeVar("Kind")
+
+
+class DataError(ValueError):
+    """Data that is not what it is taken for; the message is a sentence that says where and what."""
+
+
+def regular_size(file: Path) -> int:
+    """The bytes of a regular file, links followed. Raises DataError for a folder, a pipe, a device or no file."""
+    try:
+        found = file.stat()
+    except (OSError, ValueError) as error:  # ValueError: a zero in its name
+        raise DataError(f"{file} cannot be read: {_reason(error)}.") from error
+    if not stat.S_ISREG(found.st_mode):
+        raise DataError(f"{file} cannot be read: it is no regular file.")
+    return found.st_size
+
+
+def read_file(file: Path, most: int = MOST_BYTES) -> bytes:
+    """The content of a regular file of at most so many bytes. Raises DataError for others."""
+    size = regular_size(file)
+    if size > most:
+        raise DataError(f"{file} has {size:,} bytes: it may have {most:,}.")
+    try:
+        with open(file, "rb") as stream:
+            return stream.read(most)
+    except OSError as error:
+        raise DataError(f"{file} cannot be read: {_reason(error)}.") from error
+
+
+def read_text(file: Path) -> str:
+    """The text of such a file. Raises DataError where it is not UTF-8."""
+    try:
+        return read_file(file).decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise DataError(f"{file} is not UTF-8: {error.reason} at byte {error.start}.") from error
+
+
+def read_json(file: Path, kind: type[Kind]) -> Kind:
+    """A JSON file as a value of a type that msgspec knows. Raises DataError where it is none."""
+    return decode_json(read_file(file), kind, str(file))
+
+
+def decode_json(text: bytes | str, kind: type[Kind], source: str) -> Kind:
+    """JSON as a value of a type; `source` names it in errors. Raises DataError where it is none."""
+    try:
+        return msgspec.json.decode(text, type=kind)
+    except msgspec.ValidationError as error:
+        raise DataError(_misfit(error, source)) from error
+    except (msgspec.DecodeError, UnicodeError, RecursionError) as error:
+        raise DataError(f"{source} is not JSON: {_reason(error)}.") from error
+
+
+def read_toml(file: Path, kind: type[Kind]) -> Kind:
+    """A TOML file as a value of a type. Raises DataError where it is none."""
+    try:
+        content = tomllib.loads(read_text(file))
+    except DataError:
+        raise
+    except (ValueError, RecursionError) as error:  # ValueError: also a number of thousands of digits
+        raise DataError(f"{file} is not TOML: {_reason(error)}.") from error
+    return as_kind(content, kind, str(file))
+
+
+def as_kind(value: object, kind: type[Kind], source: str) -> Kind:
+    """A value of plain types as one of a stated type; `source` names it in errors. Raises DataError where it is none,
+    and whatever the type itself raises of its values."""
+    try:
+        return msgspec.convert(value, kind)
+    except msgspec.ValidationError as error:
+        if error.__cause__ is not None:
+            raise error.__cause__ from None
+        raise DataError(_misfit(error, source)) from error
+    except (UnicodeError, RecursionError) as error:
+        raise DataError(f"{source} holds text or nesting that no data has: {_reason(error)}.") from error
+
+
+def _misfit(error: msgspec.ValidationError, source: str) -> str:
+    """The sentence for a value of another type, with its place."""
+    what, _, place = str(error).replace("`", "").partition(" - at ")
+    place = re.sub(r"^(key in )?\$\.?", r"\1", place)
+    return f"{source} is not what it is taken for{f', at {place}' if place else ''}: {what[:1].lower()}{what[1:]}."
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, RecursionError):
+        return "it is nested too deeply"
+    return str(getattr(error, "strerror", None) or error).rstrip(".")
