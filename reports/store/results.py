@@ -67,7 +67,7 @@ class Store:
         self.close()
 
     def plan(self) -> dict[str, Any] | None:
-        """The plan of this run, None before `set_plan`."""
+        """The plan of this run, None before `set_plan`. Raises StoreError if it cannot be read."""
         found = self._database.select("SELECT content FROM plan")
         try:
             return json.loads(str(found[0][0])) if found else None
