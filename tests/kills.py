@@ -5,7 +5,8 @@ python -m tests.kills run --times 50       of `bench run` alone
 python -m tests.kills --seed 7             at other moments
 
 A command is killed FEW times before it may end; after each kill the stores are held to those of a run that nobody
-killed. Killed are, by chance, the process that watches, the one that works, or all of them at once.
+killed. Killed are, by chance, the process that watches, the one that works, or all of them at once, some time after it
+began, or after it began to measure.
 """
 
 from __future__ import annotations
@@ -90,14 +91,17 @@ class Victim:
             shutil.copytree(self.reference, folder)
         met, before = 0, rows_of(folder)
         for _ in range(kills):
-            moment, whom = chance.uniform(0, self.seconds), chance.choice(["watcher", "worker", "all"])
-            killed = self._kill(self._arguments(folder), moment, whom)
+            measuring = self.name != "report" and chance.random() < 0.5
+            moment = chance.uniform(0, self.seconds / 2 if measuring else self.seconds)
+            whom = chance.choice(["watcher", "worker", "all"])
+            killed = self._kill(folder, moment, whom, measuring)
             after = rows_of(folder)
-            told = f"{self.name}: {whom} killed after {moment:.2f} s: {len(after)} of {len(self.expected)} rows"
+            told = f"{self.name}: {whom} killed {moment:.2f} s after it began{' to measure' * measuring}"
+            told += f": {len(after)} of {len(self.expected)} rows"
             assert before.keys() <= after.keys(), f"{told}; lost: {sorted(before.keys() - after.keys(), key=str)}"
             wrong = [key for key, value in after.items() if key not in self.expected or self.expected[key] != value]
             assert not wrong, f"{told}; wrong: {wrong}"
-            print(told if killed else f"{self.name}: ended before {moment:.2f} s", flush=True)
+            print(told if killed else f"{self.name}: ended before it was killed", flush=True)
             met, before = met + killed, after
         self._end(self._arguments(folder))
         assert rows_of(folder) == self.expected, f"{self.name}: other rows after the end"
@@ -120,9 +124,12 @@ class Victim:
             code = process.wait(LONGEST)
         assert code == 0, f"bench {' '.join(arguments)} ended with {code}"
 
-    def _kill(self, arguments: list[str], moment: float, whom: str) -> bool:
-        """Start a command and kill one or all of its processes at a moment; whether it still ran then."""
-        with _start(arguments) as process:
+    def _kill(self, folder: Path, moment: float, whom: str, measuring: bool) -> bool:
+        """Start the command and kill one or all of its processes at a moment, counted from its start or from when a
+        store lies there; whether it still ran then."""
+        with _start(self._arguments(folder)) as process:
+            while measuring and process.poll() is None and next(folder.rglob(FILE), None) is None:
+                time.sleep(0.01)
             try:
                 process.wait(moment)
                 return False

@@ -98,7 +98,7 @@ def main() -> None:
         print("Interrupted.", file=sys.stderr)
         sys.exit(130)
     except OSError as error:
-        unheard = error.filename is None and _give_up_streams()
+        unheard = error.filename is None and not _stdout_takes_more()
         if not unheard and error.errno not in FULL:
             raise
         if error.errno != errno.EPIPE:  # who closes a pipe has read enough
@@ -107,18 +107,15 @@ def main() -> None:
         sys.exit(UNUSABLE)
 
 
-def _give_up_streams() -> bool:
-    """Whether standard output or error cannot be written; one that cannot leads nowhere from now on."""
-    failing = []
-    for stream in (sys.stdout, sys.stderr):
-        try:
-            stream.write("\n")
-            stream.flush()
-        except OSError:
-            failing.append(stream)
-            with open(os.devnull, "w", encoding="utf-8") as nowhere:  # else Python tries once more as it ends
-                os.dup2(nowhere.fileno(), stream.fileno())
-    return bool(failing)
+def _stdout_takes_more() -> bool:
+    """Whether standard output can be written; where it cannot, it leads nowhere from now on."""
+    try:
+        print(flush=True)
+    except OSError:
+        with open(os.devnull, "w", encoding="utf-8") as nowhere:  # else Python tries once more as it ends
+            os.dup2(nowhere.fileno(), sys.stdout.fileno())
+        return False
+    return True
 
 
 if __name__ == "__main__":

@@ -151,6 +151,7 @@ def journal_state(folder: Path, *, building: dict | None = None, ended: dict | N
 @pytest.fixture
 def quiet(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    (tmp_path / "kernels").mkdir()
     monkeypatch.setattr("shading_atlas_bench.kernels.runtime.opencl.pocl_cache", lambda: tmp_path / "kernels")
 
 
@@ -274,7 +275,6 @@ def test_standard_output_on_a_full_disk_is_named(arguments: list[str], tmp_path:
 
 
 def test_a_kernel_cache_without_room_is_named_and_no_device_blamed(quiet, tmp_path, monkeypatch, capsys):
-    (tmp_path / "kernels").mkdir()
     monkeypatch.setattr("shading_atlas_bench.kernels.runtime.kernel_cache.refuses", lambda folder: "disk full")
     state = journal_state(tmp_path, building={"what": "raster/tiles.draw", "kernel": "draw"})
     assert Supervisor(["run"])._judge(SEGV, [], state) == 1
