@@ -193,6 +193,11 @@ TOKENS = TEXTS.map(json.dumps) | st.sampled_from(
 )  # fmt: skip
 
 
+def with_value(line: str, token: str) -> str:
+    """A line of which the first value is another one."""
+    return VALUE.sub(lambda _: token, line, count=1)
+
+
 @st.composite
 def claims_files(draw: st.DrawFn) -> bytes:
     """A file of claims with some values changed, or lines left out, doubled or damaged."""
@@ -203,7 +208,7 @@ def claims_files(draw: st.DrawFn) -> bytes:
         how = draw(st.sampled_from(["value", "value", "value", "remove", "double"]))
         if how == "value":
             token = draw(TOKENS)
-            lines[at] = VALUE.sub(lambda _, token=token: token, lines[at], count=1)
+            lines[at] = with_value(lines[at], token)
         elif how == "remove":
             del lines[at]
         else:

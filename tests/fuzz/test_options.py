@@ -9,10 +9,9 @@ from pathlib import Path
 
 import pytest
 import typer
-from click.testing import Result
 from hypothesis import given
 from hypothesis import strategies as st
-from typer.testing import CliRunner
+from typer.testing import CliRunner, Result
 
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.cli.options import OPTIONS, RUN, SWEEP

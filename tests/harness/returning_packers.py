@@ -22,7 +22,8 @@ class Unlucky:
     def _refuse(self, *_: object) -> int:
         raise RuntimeError("nobody may look at this")
 
-    __len__ = __iter__ = __bool__ = __str__ = __repr__ = __float__ = __int__ = __array__ = __eq__ = __hash__ = _refuse
+    __len__ = __iter__ = __bool__ = __float__ = __int__ = __array__ = _refuse
+    __str__ = __repr__ = __eq__ = __hash__ = _refuse  # type: ignore[assignment]  # they only raise
     shape = dtype = property(_refuse)
 
 
@@ -54,7 +55,7 @@ def named(title: str, **members: object) -> type[Packer]:
     return type("".join(word.capitalize() for word in title.split()), (Grid,), members | {"__module__": __name__})
 
 
-def payload(title: str, words: str, edit: Callable[[Payload], object]) -> None:
+def payload(title: str, words: str, edit: Callable[[Any], object]) -> None:
     """One that does something to its payload, or returns something else in its place."""
 
     def pack(self, frame):
@@ -65,7 +66,7 @@ def payload(title: str, words: str, edit: Callable[[Payload], object]) -> None:
     add(named(title, pack=pack), title, words, RETURNING)
 
 
-def method(title: str, words: str, name: str, returned: Callable[..., object]) -> None:
+def method(title: str, words: str, name: str, returned: object) -> None:
     """One whose method or property of this name returns something wrong."""
     add(named(title, **{name: returned}), title, words, RETURNING)
 
@@ -106,7 +107,7 @@ def with_samples(**values: object) -> Callable[[Payload], object]:
     return lambda made: vars(made.samples).update(values)
 
 
-def with_plane(edit: Callable[[object], object], name: object = "atlas") -> Callable[[Payload], object]:
+def with_plane(edit: Callable[[Any], object], name: object = "atlas") -> Callable[[Payload], object]:
     return lambda made: vars(made).update(planes={name: edit(made.planes["atlas"])})
 
 
@@ -169,7 +170,7 @@ payload("unplaced surrogate", "reason in unplaced", edited(unplaced={0: "\ud800"
 payload("unplaced at length", "reason in unplaced", edited(unplaced={0: "long " * 1000}))
 
 payload("returned nothing", "a dict, and no Payload", lambda made: {})
-payload("returned generator", "a generator, and no Payload", lambda made: (part for part in ()))
+payload("returned generator", "a generator, and no Payload", lambda made: (part for part in ""))
 payload("returned unlucky", "an Unlucky, and no Payload", lambda made: Unlucky())
 payload("returned bare", "Payload lacks", lambda made: object.__new__(Payload))
 payload("returned computed", "Payload lacks statistics", lambda made: GrowingPayload(**vars(made)))
@@ -185,7 +186,7 @@ picture("nameless", "name of a picture", {"": np.zeros((4, 4, 3), np.uint8)})
 picture("of the harness", "name of a picture", {"client": np.zeros((4, 4, 3), np.uint8)})
 picture("at length", "name of a picture", {"a" * 300: np.zeros((4, 4, 3), np.uint8)})
 picture("none", "they are None", None)
-picture("generator", "they are a generator", (part for part in ()))
+picture("generator", "they are a generator", (part for part in ""))
 picture("unlucky", "no uint8 (h, w, 3)", {"extra": Unlucky()})
 
 detail("objects", "no array of numbers", {"extra": np.array([object()], object)})
@@ -207,8 +208,12 @@ method("leaves text", "leaves_unwritten is 'no'", "leaves_unwritten", property(l
 method("shaded none", "scene_shaded() is None", "scene_shaded", lambda self, scene: None)
 
 client("draws nothing", "no Image", "draw", lambda self, view: None)
-client("draws on host", "rgb of the client's image is no uint8", "draw",
-       lambda self, view: Image(np.zeros((view.height, view.width, 4), np.uint8), None))  # fmt: skip
+client(
+    "draws on host",
+    "rgb of the client's image is no uint8",
+    "draw",
+    lambda self, view: Image(np.zeros((view.height, view.width, 4), np.uint8), None),  # type: ignore[arg-type]  # on the host
+)
 client("draws small", "rgb of the client's image is no uint8", "draw",
        lambda self, view: Image(self.device.zeros((2, 2, 4), np.uint8),
                                 self.device.zeros((2, 2), np.int32)))  # fmt: skip
@@ -301,11 +306,12 @@ class ListLess(Grid):
         return Payload({}, {}, b"", 0, lists={"lists": b""})
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         client.receive = lambda payload: None
         client.draw = lambda view: Image(scene.device.zeros((view.height, view.width, 4), np.uint8), None,
                                          scene.device.zeros((view.height, view.width), np.float32))  # fmt: skip
-        client.fragments = lambda: (HeldLists(None, np.zeros(0), np.zeros(0), None),)
+        held = HeldLists(None, np.zeros(0), np.zeros(0), None)  # type: ignore[arg-type]  # of no form
+        client.fragments = lambda: (held,)
         client.locate = lambda triangles, bary: None
         return client
 
@@ -346,7 +352,7 @@ class Scripted(Grid):
         return self.edits.get("details", {})
 
     def client(self, scene):
-        client = super().client(scene)
+        client: Any = super().client(scene)
         if "draw" in self.edits:
             drawn = self.edits["draw"]
             client.draw = lambda view: drawn

@@ -111,7 +111,7 @@ def test_the_level_follows_the_footprint(device):
 )
 def test_textures_that_a_device_does_not_take_are_refused_with_the_size_that_it_does(room, words):
     """Before anything is made of them."""
-    small = SimpleNamespace(name="small", device=SimpleNamespace(max_mem_alloc_size=room))
+    small: Any = SimpleNamespace(name="small", device=SimpleNamespace(max_mem_alloc_size=room))
     textures = [image(np.zeros((height, width, 4), np.uint8)) for height, width in ((64, 64), (64, 16), (20, 20))]
     with pytest.raises(DeviceError, match=f"more than small gives: {words}"):
         TextureBuffers.upload(small, textures)

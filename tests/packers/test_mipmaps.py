@@ -9,6 +9,7 @@ import pytest
 
 from shading_atlas_bench.harness.conformance.trial import Stage, try_method
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
+from shading_atlas_bench.harness.measure.returned import CheckedPacker
 from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth
 from shading_atlas_bench.harness.plugins import load_packer
 from shading_atlas_bench.harness.workload.settings import Settings
@@ -97,5 +98,5 @@ def test_with_levels_nothing_is_another_scene(scene):
     for spec in [*ATLASES, "ppll"]:
         (packer,) = load_packer(spec)
         assert packer.scene_shaded(scene) is scene
-        assert truth.of(packer) is truth
+        assert truth.of(CheckedPacker(packer)) is truth
         assert packer.parameters["mipmaps"].default is True

@@ -89,7 +89,11 @@ def test_the_claims_of_the_suite_cover_every_paper_method_and_kind():
     assert used == set(found.runs), "every run serves a claim or a cause"
     asked = {pair for claim in found.measured() for pair in claim.asked()}
     plain = {name: options for name, options in found.runs.items() if "preset" not in options}
-    made = {(name, spec) for name, options in plain.items() for spec in options["method"]}
+    made = set()
+    for name, options in plain.items():
+        specs = options["method"]
+        assert isinstance(specs, list)
+        made |= {(name, spec) for spec in specs}
     assert made <= asked, "every method of a run serves a claim or a cause"
     assert all(len(claim.published) <= 30 for claim in found.claims), "fits the table of the console"
 

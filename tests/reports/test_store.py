@@ -10,6 +10,7 @@ import subprocess
 import sys
 from contextlib import closing
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -295,8 +296,9 @@ def test_a_text_that_was_changed_in_the_file_is_noticed(tmp_path: Path, old: byt
 
 
 def test_zeros_of_either_sign_and_names_of_numpy_are_what_was_written(tmp_path: Path) -> None:
+    numbers: dict[str, Any] = {np.str_("a"): np.float32(0.1)}
     with Store(tmp_path) as store:
-        store.commit_frame("sas", "", 0, [ROW | {"flip": -0.0}], statistics={np.str_("a"): np.float32(0.1)})
+        store.commit_frame("sas", "", 0, [ROW | {"flip": -0.0}], statistics=numbers)
     with Store(tmp_path) as store:
         assert [row["flip"] for row in store.rows()] == [0.0]
 

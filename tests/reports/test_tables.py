@@ -14,6 +14,7 @@ from shading_atlas_bench.reports.documents.catalogue import SOURCES
 from shading_atlas_bench.reports.documents.kept import (
     FOLDER,
     ROOT,
+    About,
     Column,
     DocumentError,
     Kept,
@@ -33,7 +34,7 @@ from shading_atlas_bench.reports.documents.markdown import (
     wrong_places,
 )
 
-ABOUT = {
+ABOUT: About = {
     "commands": ["bench run --scene hall", "bench run --scene village"], "commit": "0123456789", "date": "2030-01-02",
     "device": "a device", "driver": "a driver 1.2", "seconds": 3.0, "settings": [],
 }  # fmt: skip

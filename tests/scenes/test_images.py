@@ -131,6 +131,7 @@ def test_textures_that_are_too_large_are_reduced(tmp_path):
     texels = np.zeros((6, 8, 4), np.uint8)
     texels[::2, :, :3], texels[..., 3] = 255, np.arange(8) * 10
     output = ImageOutput.create(str(tmp_path / "a.png"))
+    assert output is not None
     spec = ImageSpec(8, 6, 4, "uint8")
     spec.attribute("oiio:UnassociatedAlpha", 1)
     output.open(str(tmp_path / "a.png"), spec)

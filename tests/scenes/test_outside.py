@@ -3,6 +3,7 @@
 import json
 import os
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ import pytest
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import SceneError
 
-CORNERS = np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]).tobytes()
+CORNERS = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], np.float32).tobytes()
 OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
 PLY = (
     "ply\nformat ascii 1.0\ncomment TextureFile {}\nelement vertex 3\nproperty float x\nproperty float y\n"
@@ -64,14 +65,14 @@ def written(folder: Path, kind: str, place: str) -> tuple[str, str]:
     return str(folder / name), f"{place}{named}"
 
 
-def refused(file: str, name: str, **options: object) -> None:
+def refused(file: str, name: str, **options: Any) -> None:
     with pytest.raises(SceneError) as caught:
         load_scene(file, **options)
     sentence = f"{file} names {name}, a file outside of its folder: --allow-outside reads such files too."
     assert str(caught.value) == sentence
 
 
-def what_was_read(file: str, **options: object) -> tuple[int, list[list[list[int]]]]:
+def what_was_read(file: str, **options: Any) -> tuple[int, list[list[list[int]]]]:
     scene = load_scene(file, **options)
     return scene.triangle_count, [texture.texels.tolist() for texture in scene.textures]
 
@@ -135,7 +136,8 @@ def test_pipes_and_devices_are_no_files(inside, kind):
         for file in ("a.bin", "a.png", "a.mtl"):
             os.symlink(special, inside / name / file) if special else os.mkfifo(inside / name / file)
         file, _ = written(inside, kind, name)
-        for options in ({}, {"allow_outside": True}):
+        choices: list[dict[str, Any]] = [{}, {"allow_outside": True}]
+        for options in choices:
             if kind == "buffer":
                 with pytest.raises(SceneError, match="missing"):
                     load_scene(file, **options)

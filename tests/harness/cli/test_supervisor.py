@@ -253,6 +253,7 @@ def test_who_does_not_end_when_told_to_is_ended_within_five_seconds():
         "raise SystemExit(supervisor.Supervisor(['run']).run())"
     )
     with subprocess.Popen([sys.executable, "-c", deaf], cwd=ROOT, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout is not None
         child = int(process.stdout.readline())
         process.terminate()
         start = time.monotonic()

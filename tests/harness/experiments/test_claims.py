@@ -116,7 +116,9 @@ def test_a_run_of_a_scene_or_path_that_was_edited_since_is_not_reused(
 ):
     shutil.copytree(whole / "tiny", tmp_path / "tiny")
     with Store(tmp_path / "tiny") as store:
-        plan = store.plan() | {name: "another"}
+        plan = store.plan()
+    assert plan is not None
+    plan |= {name: "another"}
     alter(tmp_path / "tiny", "UPDATE plan SET content = ?", json.dumps(plan, sort_keys=True))
     done = bench("claims", "--file", str(claims), "--reuse", str(tmp_path / "tiny"), "--out", str(tmp_path / "out"))
     assert done.returncode == 2

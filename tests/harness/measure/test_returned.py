@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import signal
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from shading_atlas_bench.harness.watch.stops import stops_apart
 from shading_atlas_bench.harness.workload import session
 from shading_atlas_bench.harness.workload.session import open_session
 from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.packers.interface import Packer
 from shading_atlas_bench.reports.pages.html import write_report
 from shading_atlas_bench.reports.store.results import Store
 from shading_atlas_bench.scenes.model import Camera
@@ -28,8 +30,10 @@ from tests.harness import returning_packers as returning
 FILE = Path(returning.__file__)
 GRID = "shading_atlas_bench.packers.example.grid:Grid"
 WRONG = returning.RETURNING | returning.RAISING
-SMALL = {"scene": "hall", "frames": 2, "width": 80, "height": 45, "atlas_width": 128, "atlas_height": 128,
-         "path": "orbit", "codec": "none", "metrics": ("psnr",), "dump": True}  # fmt: skip
+SMALL: dict[str, Any] = {
+    "scene": "hall", "frames": 2, "width": 80, "height": 45, "atlas_width": 128, "atlas_height": 128, "path": "orbit",
+    "codec": "none", "metrics": ("psnr",), "dump": True,
+}  # fmt: skip
 # Asked of a packer only where a frame is like the one before it.
 SELDOM = {"settled-unlucky"}
 
@@ -53,7 +57,7 @@ def small_scene():
 def folder(tmp_path_factory) -> Path:
     """One run of all of them, of one that is honest, and of one with large numbers."""
     out = tmp_path_factory.mktemp("returning") / "deep" / "down" / "run"
-    kinds = [*WRONG, returning.Greedy, returning.KeepingOddly]
+    kinds: list[type[Packer]] = [*WRONG, returning.Greedy, returning.KeepingOddly]
     with nothing_beside(out):
         assert not run(Settings(methods=(GRID, *(f"{FILE}:{kind.__name__}" for kind in kinds)), **SMALL), out).well
     return out

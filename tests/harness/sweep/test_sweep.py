@@ -181,7 +181,9 @@ def test_another_device_does_not_go_on_with_a_sweep(whole: Path, tmp_path: Path)
     folder = tmp_path / "out"
     shutil.copytree(whole, folder)
     with Store(folder) as store:
-        other = json.dumps(store.plan() | {"device": "another"}, sort_keys=True)
+        plan = store.plan()
+    assert plan is not None
+    other = json.dumps(plan | {"device": "another"}, sort_keys=True)
     alter(folder, "UPDATE plan SET content = ?", other)
     done = bench("sweep", *GRID, *QUICK, "--out", str(folder))
     assert done.returncode == 2
