@@ -152,7 +152,8 @@ def _sums(light: Array, edges: Longs, axis: int) -> Array:
 def _tall(rows: Callable[[int, int], Bytes], start: int, end: int, srgb: bool) -> Longs:
     """The light of some rows together, int64 (1, W, channels), from a few of them at a time."""
     parts = (_light(rows(top, min(top + _ROWS, end)), srgb) for top in range(start, end, _ROWS))
-    return sum(part.sum(axis=0, dtype=np.int64, keepdims=True) for part in parts)
+    whole: Longs = sum(part.sum(axis=0, dtype=np.int64, keepdims=True) for part in parts)
+    return whole
 
 
 def _light(texels: Bytes, srgb: bool) -> NDArray[np.uint32]:

@@ -23,6 +23,7 @@ from shading_atlas_bench.scenes.memory import check_memory
 from shading_atlas_bench.scenes.mesh_files import read_mesh_file
 from shading_atlas_bench.scenes.model import Scene, SceneError
 from shading_atlas_bench.scenes.raw import MAX_TEXTURE, RawScene
+from shading_atlas_bench.scenes.repair import load_pymeshlab
 from shading_atlas_bench.scenes.standing import NARROWEST, Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
@@ -159,6 +160,8 @@ def _load_file(
     path: Path, files: SceneFiles, raw: RawScene, unit: float | None, repair: bool, decimate: float | None
 ) -> Scene:
     """Read a file into the empty `raw`, and make a scene of it."""
+    if repair or decimate is not None:
+        load_pymeshlab()  # where it is missing, that is said before a large file is read
     with _in_words(path):
         _READERS[path.suffix.lower()](path, files, raw)
         cameras, stated_unit = read_cameras(files.own(CAMERAS))

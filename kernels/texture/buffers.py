@@ -101,7 +101,7 @@ def _check_size(device: Device, textures: Sequence[TextureImage]) -> None:
     """Raise DeviceError where the mip chains do not fit one buffer, naming a size of textures that does."""
     sizes = [texture.texels.shape[:2] for texture in textures]
     longest = max((max(size) for size in sizes), default=1)
-    needed = {most: TEXEL * sum(_chain(*size, most) for size in sizes) for most in (longest, *POWERS)}
+    needed = {most: TEXEL * sum(_chain(height, width, most) for height, width in sizes) for most in (longest, *POWERS)}
     room = device.device.max_mem_alloc_size
     if needed[longest] > room:
         fitting = max((most for most, size in needed.items() if size <= room), default=0)

@@ -6,6 +6,8 @@ import math
 import statistics
 from collections.abc import Iterable
 
+SMALLER = 2.0**-64  # by which so many of the largest values have a finite sum; a power of two rounds nothing
+
 
 def median(values: Iterable[float]) -> float:
     """As `statistics.median`; the middle two are halved before they are added where their sum is infinite."""
@@ -17,12 +19,12 @@ def median(values: Iterable[float]) -> float:
 
 
 def mean(values: Iterable[float]) -> float:
-    """As `statistics.fmean`; values are divided before they are added where their sum is infinite."""
+    """As `statistics.fmean`; of smaller values where their sum is infinite."""
     known = list(values)
     try:
         return statistics.fmean(known)
     except OverflowError:
-        return math.fsum(value / len(known) for value in known)
+        return statistics.fmean(value * SMALLER for value in known) / SMALLER
 
 
 def finite(value: float | None) -> float | None:

@@ -720,7 +720,7 @@ PLANTED = {
     WrongEye: "levels from what float64 shading gives them",
     CoarseTextures: "levels from what float64 shading gives them",
     Excused: "are listed as unplaced and have a place",
-    InStatistics: "The client holds the payload before it was sent: client.read",
+    InStatistics: "the statistic 'locations' is a bytes",
     InTheClass: "State is kept outside of packer and client, in InTheClassClient.sent",
     InTheModule: "State is kept outside of packer and client",
     InTheModuleLater: "State is kept outside of packer and client",

@@ -85,5 +85,5 @@ def test_names_that_some_system_refuses_do_not_fit(name: str, tmp_path: Path):
         load_packer(f"{tmp_path / 'mine.py'}:Mine")
     run = f"[papers]\na = 'b'\n[runs.{json.dumps(name)}]\nframes = 2\n[[claims]]\nid = 'c'\n"
     (tmp_path / "claims.toml").write_text(run, encoding="utf-8")
-    with pytest.raises(ClaimsError, match="must be a table of options, its name of letters"):
+    with pytest.raises(ClaimsError, match="must have a name of letters"):
         read_claims(tmp_path / "claims.toml")

@@ -102,7 +102,7 @@ def test_pictures_survive_exactly(tmp_path: Path, shape: tuple[int, int]):
 
 
 def test_pictures_that_cannot_be_written_say_so(tmp_path: Path):
-    with pytest.raises(OSError, match="cannot be written"):
+    with pytest.raises(OSError, match=r"picture\.png"):
         write_png(tmp_path / "missing" / "picture.png", np.zeros((2, 2, 3), np.uint8))
     with pytest.raises(ValueError, match="float32"):
         write_png(tmp_path / "picture.png", np.zeros((2, 2, 3), np.float32))

@@ -81,7 +81,7 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
         yield
 
     monkeypatch.setattr("shading_atlas_bench.harness.run.loop.time_limit", limit)
-    packer = SimpleNamespace(skip=lambda host: "")
+    packer = SimpleNamespace(skip=lambda host: "", rare_costs=lambda: ())
     pipeline: Any = SimpleNamespace(
         packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0, warm_up=lambda *_: None
     )

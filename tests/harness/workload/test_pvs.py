@@ -191,7 +191,7 @@ def test_only_tiny_triangles_have_a_denser_view(device, monkeypatch, cells, dens
 
     def noted(*marked):
         widths.extend(view.width for view in marked[1])
-        draw(*marked)
+        return draw(*marked)
 
     frustum = CellFrustum.around(ViewCell(0.1, 60), 60, 96, 54)
     monkeypatch.setattr(pvs, "_mark", noted)
