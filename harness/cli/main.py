@@ -93,7 +93,8 @@ def main() -> None:
         try:
             app(prog_name="bench")
         finally:
-            sys.stdout.flush()  # here, where its failing can be told
+            if sys.stdout:  # none where it was closed
+                sys.stdout.flush()  # here, where its failing can be told
     except KeyboardInterrupt:
         print("Interrupted.", file=sys.stderr)
         sys.exit(130)

@@ -24,6 +24,7 @@ WAIT_SECONDS = 60  # for another process that writes to the same file
 SEAL = "CREATE TABLE seal (value INTEGER NOT NULL)"
 _MODULUS = 1 << 62  # of sums of digests: SQLite's integers hold the sum of two
 _NEVER_WRITTEN = {sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM, sqlite3.SQLITE_AUTH}
+_OF_VALUES = (sqlite3.InterfaceError, sqlite3.ProgrammingError, sqlite3.DataError, OverflowError, UnicodeError)
 _IN_USE = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
 
 
@@ -162,15 +163,15 @@ class Database:
 
     @contextmanager
     def _in_words(self) -> Iterator[None]:
-        """Errors of SQLite, but for two records of one key, become StoreFileErrors."""
+        """Errors of SQLite become StoreErrors, but for that of two records of one key."""
         try:
             yield
         except sqlite3.IntegrityError:
             raise
+        except _OF_VALUES as error:
+            raise StoreError(f"A value cannot be kept in {self.file} ({error}).") from error
         except sqlite3.Error as error:
             raise self._error_of(error) from error
-        except (OverflowError, UnicodeError) as error:
-            raise StoreError(f"A value cannot be kept in {self.file} ({error}).") from error
 
     def _error_of(self, error: sqlite3.Error) -> StoreFileError:
         code = getattr(error, "sqlite_errorcode", 0) & 0xFF  # what is above says more, which the text does, too

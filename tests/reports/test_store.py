@@ -303,6 +303,16 @@ def test_zeros_of_either_sign_and_names_of_numpy_are_what_was_written(tmp_path: 
         assert [row["flip"] for row in store.rows()] == [0.0]
 
 
+@pytest.mark.parametrize("name", [("a", 1), "\ud800", 1 << 70])
+def test_a_value_that_sqlite_does_not_take_is_not_the_files_fault(tmp_path: Path, name: object) -> None:
+    with Store(tmp_path) as store:
+        with pytest.raises(StoreError, match="A value cannot be kept") as caught:
+            store.commit_frame("sas", "", 0, [ROW], statistics={name: 1.0})
+        assert not isinstance(caught.value, StoreFileError)
+        assert store.finished() == set()
+    Store(tmp_path).close()
+
+
 @pytest.mark.parametrize("gone", ["file", "folder"])
 def test_a_store_that_is_deleted_while_it_is_written_is_one_sentence(tmp_path: Path, gone: str) -> None:
     with Store(tmp_path / "run") as store:
