@@ -17,12 +17,14 @@ def median(values: Iterable[float]) -> float:
 
 
 def mean(values: Iterable[float]) -> float:
-    """As `statistics.fmean`; values are divided before they are added where their sum is infinite."""
+    """As `statistics.fmean`; values are made smaller by a power of two where their sum is infinite."""
     known = list(values)
     try:
         return statistics.fmean(known)
     except OverflowError:
-        return math.fsum(value / len(known) for value in known)
+        down = math.ldexp(1.0, -len(known).bit_length())
+        middle = math.fsum(value * down for value in known) / len(known) / down
+        return min(max(middle, min(known)), max(known))
 
 
 def finite(value: float | None) -> float | None:
