@@ -6,8 +6,6 @@ import math
 import statistics
 from collections.abc import Iterable
 
-SMALLER = 2.0**-64  # by which so many of the largest values have a finite sum; a power of two rounds nothing
-
 
 def median(values: Iterable[float]) -> float:
     """As `statistics.median`; the middle two are halved before they are added where their sum is infinite."""
@@ -19,12 +17,14 @@ def median(values: Iterable[float]) -> float:
 
 
 def mean(values: Iterable[float]) -> float:
-    """As `statistics.fmean`; of smaller values where their sum is infinite."""
+    """As `statistics.fmean`; values are made smaller by a power of two where their sum is infinite."""
     known = list(values)
     try:
         return statistics.fmean(known)
     except OverflowError:
-        return statistics.fmean(value * SMALLER for value in known) / SMALLER
+        down = math.ldexp(1.0, -len(known).bit_length())
+        middle = math.fsum(value * down for value in known) / len(known) / down
+        return min(max(middle, min(known)), max(known))
 
 
 def finite(value: float | None) -> float | None:

@@ -239,10 +239,10 @@ class Excused(ShadingAtlasStreaming):
         return payload
 
 
-class InStatistics(ShadingAtlasStreaming):
-    """Its metadata travels among the statistics, which nobody counts."""
+class InAnAttribute(ShadingAtlasStreaming):
+    """Its metadata is an attribute of the payload, which nobody counts."""
 
-    name = "in-statistics"
+    name = "in-an-attribute"
 
     def prepare(self, scene):
         super().prepare(scene)
@@ -251,15 +251,15 @@ class InStatistics(ShadingAtlasStreaming):
     def pack(self, frame):
         payload = super().pack(frame)
         self.mail["payload"] = payload
-        statistics: dict[str, Any] = payload.statistics
-        statistics["locations"] = payload.blobs.pop("locations")
+        loose: Any = payload
+        loose.locations = payload.blobs.pop("locations")
         return payload
 
     def client(self, scene):
         client: Any = super().client(scene)
         mail = self.mail
         read = client.read
-        client.read = lambda blobs: read({"locations": mail["payload"].statistics["locations"]})
+        client.read = lambda blobs: read({"locations": mail["payload"].locations})
         return client
 
 
@@ -720,7 +720,7 @@ PLANTED = {
     WrongEye: "levels from what float64 shading gives them",
     CoarseTextures: "levels from what float64 shading gives them",
     Excused: "are listed as unplaced and have a place",
-    InStatistics: "the statistic 'locations' is a bytes",
+    InAnAttribute: "The client holds the payload before it was sent: client.read",
     InTheClass: "State is kept outside of packer and client, in InTheClassClient.sent",
     InTheModule: "State is kept outside of packer and client",
     InTheModuleLater: "State is kept outside of packer and client",
