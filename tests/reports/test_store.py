@@ -304,7 +304,7 @@ def test_zeros_of_either_sign_and_names_of_numpy_are_what_was_written(tmp_path: 
 
 
 @pytest.mark.parametrize("name", [("a", 1), "\ud800", 1 << 70])
-def test_a_value_that_sqlite_does_not_take_is_not_the_files_fault(tmp_path: Path, name: object) -> None:
+def test_a_value_that_sqlite_does_not_take_is_not_the_files_fault(tmp_path: Path, name: Any) -> None:
     with Store(tmp_path) as store:
         with pytest.raises(StoreError, match="A value cannot be kept") as caught:
             store.commit_frame("sas", "", 0, [ROW], statistics={name: 1.0})
