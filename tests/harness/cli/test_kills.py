@@ -8,6 +8,6 @@ import pytest
 from tests.kills import Victim
 
 
-@pytest.mark.parametrize("name", ["run", "workers", "report"])
+@pytest.mark.parametrize("name", ["run", "report"])
 def test_a_command_that_is_killed_loses_and_doubles_no_row(name: str, tmp_path: Path):
     assert Victim(name, tmp_path).chain(1, random.Random(name)) <= 1

@@ -72,8 +72,10 @@ def test_code_that_a_file_of_claims_names_does_not_run(tmp_path: Path) -> None:
 
 
 def test_installed_methods_are_no_code_of_a_file() -> None:
-    for spec in ("all", "sas", "sas@published", "tss[strategy=a:b]", "odd[", ""):
-        refuse_code([spec], "run.json", "")
+    named = ["all", "sas", "sas@published", "tss[strategy=a:b]", "odd[", ""]
+    refuse_code(named, "run.json", "")
+    with pytest.raises(InputError, match="mine:X"):
+        refuse_code([*named, "mine:X"], "run.json", "")
 
 
 @pytest.mark.parametrize("name", ["9" * 5000, "a/" * 5000])
