@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections import deque
+from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
+from itertools import chain
 from typing import Any, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles, Floats, Ints
 from shading_atlas_bench.arithmetic.matrices import determinant, dot, transform
@@ -25,6 +28,8 @@ _MATERIAL_RANGES = dict.fromkeys(_SHARES, (0.0, 1.0))
 _MATERIAL_RANGES |= {"emissive": (0.0, np.inf), "alpha_cutoff": (0.0, np.inf)}
 _LIGHT_RANGES = {"colour": (0.0, np.inf), "cone": (0.0, 90.0)}
 _Described = TypeVar("_Described", Light, Material)
+_NUMBERS = [field.name for field in fields(Material) if isinstance(field.default, float | tuple)]
+_BEYOND = 3.4028235677973366e38  # the smallest number that is infinite as float32
 _BRIGHTEST = np.array([1e4, 1e4, 1e4, 1], np.float32)  # of a vertex: light may be any, coverage at most whole
 
 
@@ -38,11 +43,12 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
     """
     parts = _prepared(raw, repair, decimate)
     _clean_lights(raw)
+    _clean_cameras(raw)
     _clean_materials(raw)
     if not parts:
         raise SceneError(f"{file or name} has no usable triangles{_because(raw)}; check that the file holds a mesh.")
     _drop_unused_textures(parts, raw)
-    arrays, origin = _flattened([_completed(part, raw.materials[part.material]) for part in parts])
+    arrays, origin = _flattened(_all_completed(parts, raw.materials))
     keep = has_area(arrays.positions, arrays.indices)
     raw.note("Triangles without any area, dropped: {}.", np.count_nonzero(~keep))
     if not keep.any():
@@ -63,7 +69,7 @@ def assemble(name: str, raw: RawScene, repair: bool = False, decimate: float | N
         further_uvs=arrays.further_uvs,
         lights=[_light_from(light, origin) for light in raw.lights],
         origin=origin,
-        cameras=[_camera_from(camera, origin) for camera in raw.cameras if np.isfinite(camera.position).all()],
+        cameras=[_camera_from(camera, origin) for camera in raw.cameras],
         animations=[_animation_from(animation, origin) for animation in raw.animations],
         notes=raw.notes(),
     )
@@ -99,11 +105,14 @@ class FlatMesh:
 
 @dataclass(frozen=True)
 class CompletePart:
-    """A part that lacks nothing; fields as in `Part`, tangents where its material has a normal map."""
+    """A part that lacks nothing; fields as in `Part`, tangents where its material has a normal map.
+
+    material: of all triangles, or int (T) of each.
+    """
 
     positions: Array
     indices: Indices
-    material: int
+    material: int | Indices
     normals: Floats
     uvs: Array
     colours: Array
@@ -118,7 +127,7 @@ def compacted(indices: Indices, count: int) -> tuple[Indices, Indices]:
     marks = np.zeros(count, bool)
     marks[indices] = True
     used = np.flatnonzero(marks)
-    number = np.cumsum(marks) - 1
+    number = np.cumsum(marks, dtype=np.int32) - 1  # more vertices no scene has
     return number[indices], used
 
 
@@ -140,12 +149,27 @@ def has_area(positions: Floats, indices: Indices) -> Bools:
 
 def _prepared(raw: RawScene, repair: bool, decimate: float | None) -> list[Part]:
     """The parts that have triangles after cleaning, repair and decimation."""
-    parts = [p for p in (_cleaned(part, raw) for part in raw.parts) if len(p.indices) and len(p.transforms)]
+    single = repair or decimate is not None
+    found = chain.from_iterable(map(_by_material, raw.parts)) if single else raw.parts
+    parts = [part for part in (_cleaned(part, raw) for part in found) if len(part.indices) and len(part.transforms)]
+    raw.parts.clear()
     if repair:
         before = sum(raw.counts.values())
         parts = [part for part in (repaired(part, raw) for part in parts) if len(part.indices)]
         raw.note("Repair found nothing to drop.", before == sum(raw.counts.values()))
     return parts if decimate is None else [decimated(part, decimate, raw) for part in parts]
+
+
+def _by_material(part: Part) -> Iterator[Part]:
+    """The part as parts of one material each."""
+    if part.materials is None:
+        yield part
+        return
+    order = np.argsort(part.materials, kind="stable")
+    for triangles in np.split(order, np.flatnonzero(np.diff(part.materials[order])) + 1):
+        used, indices = np.unique(part.indices[triangles], return_inverse=True)
+        single = part.taking(used, indices.reshape(-1, 3))
+        yield replace(single, material=int(part.materials[triangles[0]]), materials=None)
 
 
 def _clean_lights(raw: RawScene) -> None:
@@ -158,16 +182,29 @@ def _clean_lights(raw: RawScene) -> None:
     raw.note("Lights of less than no light or with cones wider than 90 degrees, clamped: {}.", changed)
 
 
+def _clean_cameras(raw: RawScene) -> None:
+    """Drop cameras, and their animations, with numbers that are not finite or further out than float32 can draw."""
+    cameras = [c for c in raw.cameras if _near(c.position) and _finite([*c.direction, *c.up])]
+    animations = [a for a in raw.animations if _near(a.positions) and _finite(a.orientations) and _finite(a.times)]
+    gone = len(raw.cameras) - len(cameras) + len(raw.animations) - len(animations)
+    raw.note("Cameras and their animations whose numbers are infinite, none or too large, dropped: {}.", gone)
+    raw.cameras, raw.animations = cameras, animations
+
+
+def _near(positions: ArrayLike) -> bool:
+    return bool((np.abs(positions) < _LARGEST).all())
+
+
 def _clean_materials(raw: RawScene) -> None:
     """Give materials the default of each property that is not finite (counted), and clamp what is out of range."""
     default = Material()
     outside: list[str] = []
     for index, material in enumerate(raw.materials):
-        numbers = {f.name: getattr(material, f.name) for f in fields(Material) if isinstance(f.default, float | tuple)}
-        broken = [name for name, value in numbers.items() if not _finite(value)]
+        broken = [name for name in _NUMBERS if not _drawable(getattr(material, name))]
         raw.note("Properties of materials that are infinite or not a number, replaced: {}.", len(broken))
-        usual: dict[str, Any] = {name: getattr(default, name) for name in broken}
-        material = replace(material, **usual)
+        if broken:
+            usual: dict[str, Any] = {name: getattr(default, name) for name in broken}
+            material = replace(material, **usual)
         raw.materials[index], changed = _in_range(material, _MATERIAL_RANGES)
         outside += [f"{name} {_written(material, name)} of {material.name or f'material {index}'}" for name in changed]
     if outside:
@@ -175,7 +212,12 @@ def _clean_materials(raw: RawScene) -> None:
         raw.note(f"Properties of materials outside their range, clamped: {', '.join(outside[:_NAMED])}{more}.")
 
 
-def _finite(values: float | Sequence[float]) -> bool:
+def _drawable(value: float | tuple[float, ...]) -> bool:
+    """As `_finite`, of a few numbers."""
+    return all(abs(number) < _BEYOND for number in (value if isinstance(value, tuple) else (value,)))
+
+
+def _finite(values: ArrayLike) -> bool:
     """Whether all values are finite as float32, as which they are used."""
     with np.errstate(over="ignore"):
         return bool(np.isfinite(np.array(values, np.float32)).all())
@@ -191,7 +233,7 @@ def _in_range(item: _Described, ranges: dict[str, tuple[float, float]]) -> tuple
         )
         if inside != value:
             clamped[name] = inside
-    return replace(item, **clamped), list(clamped)
+    return (replace(item, **clamped) if clamped else item), list(clamped)
 
 
 def _written(material: Material, name: str) -> str:
@@ -203,14 +245,19 @@ def _drop_unused_textures(parts: list[Part], raw: RawScene) -> None:
     """Give parts without some texture coordinates a copy of their material without the textures there (counted)."""
     bare: dict[tuple[int, tuple[str, ...]], int] = {}
     for part in parts:
-        material, sets = raw.materials[part.material], (part.uvs, *part.further_uvs)
-        lost = tuple(slot for slot in material.textures if sets[material.uv_of(slot)] is None)
-        if lost:
-            raw.note("Parts without texture coordinates, drawn without their textures: {}.")
-            if (part.material, lost) not in bare:
-                bare[part.material, lost] = len(raw.materials)
-                raw.materials.append(material.without(lost))
-            part.material = bare[part.material, lost]
+        sets = (part.uvs, *part.further_uvs)
+        instead = np.arange(len(raw.materials))
+        for index in [part.material] if part.materials is None else np.unique(part.materials).tolist():
+            material = raw.materials[index]
+            lost = tuple(slot for slot in material.textures if sets[material.uv_of(slot)] is None)
+            if lost:
+                raw.note("Parts without texture coordinates, drawn without their textures: {}.")
+                if (index, lost) not in bare:
+                    bare[index, lost] = len(raw.materials)
+                    raw.materials.append(material.without(lost))
+                instead[index] = bare[index, lost]
+        part.material = int(instead[part.material])
+        part.materials = None if part.materials is None else instead[part.materials]
 
 
 def _because(raw: RawScene) -> str:
@@ -220,10 +267,10 @@ def _because(raw: RawScene) -> str:
 
 def _cleaned(part: Part, raw: RawScene) -> Part:
     """The part without triangles whose indices or vertices are unusable, and without unused vertices."""
-    indices, count = np.asarray(part.indices, np.int64).reshape(-1, 3), len(part.positions)
-    inside = ((indices >= 0) & (indices < count)).all(axis=1)
+    indices, count = np.asarray(part.indices).reshape(-1, 3), len(part.positions)
+    inside = (indices.min(axis=1, initial=0) >= 0) & (indices.max(axis=1, initial=0) < count)
     raw.note("Triangles that refer to missing vertices, dropped: {}.", np.count_nonzero(~inside))
-    indices = indices[inside]
+    part = replace(part, indices=indices).keeping(inside)
     usable = np.isfinite(part.transforms).all(axis=(1, 2))
     raw.note("Instances whose placement is infinite or not a number, dropped: {}.", np.count_nonzero(~usable))
     part = replace(part, transforms=part.transforms[usable])
@@ -231,17 +278,18 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
     near = np.ones(count, bool)
     with np.errstate(over="ignore", invalid="ignore"):
         for placed in part.transforms:
-            world = transform(placed[:3], part.positions)
-            near &= (np.abs(world) < _LARGEST).all(axis=1)
+            for start in range(0, count, _CHUNK):
+                world = transform(placed[:3], part.positions[start : start + _CHUNK])
+                near[start : start + _CHUNK] &= (np.abs(world) < _LARGEST).all(axis=1)
     for good, sentence in (
         (finite, "Triangles with vertices that are infinite or not a number, dropped: {}."),
         (near | ~finite, "Triangles further out than float32 can draw (1e18 units), dropped: {}."),
     ):
-        keep = good[indices].all(axis=1)
+        keep = good[part.indices].all(axis=1)
         raw.note(sentence, np.count_nonzero(~keep) * len(part.transforms))
-        indices = indices[keep]
-    renumbered, used = compacted(indices, count)
-    return part.taking(used, renumbered)
+        part = part.keeping(keep)
+    renumbered, used = compacted(part.indices, count)
+    return part if len(used) == count else part.taking(used, renumbered)
 
 
 def _completed(part: Part, material: Material) -> CompletePart:
@@ -262,7 +310,7 @@ def _completed(part: Part, material: Material) -> CompletePart:
     return CompletePart(
         positions=part.positions,
         indices=part.indices,
-        material=part.material,
+        material=part.material if part.materials is None else part.materials,
         normals=normals,
         uvs=uvs,
         colours=colours,
@@ -270,6 +318,16 @@ def _completed(part: Part, material: Material) -> CompletePart:
         transforms=part.transforms,
         further_uvs=tuple(further),
     )
+
+
+def _all_completed(parts: list[Part], materials: list[Material]) -> list[CompletePart]:
+    """All parts, completed; the list is emptied, as each may take much of the memory."""
+    waiting, complete = deque(parts), []
+    parts.clear()
+    while waiting:
+        part = waiting.popleft()
+        complete.append(_completed(part, materials[part.material]))
+    return complete
 
 
 def _repaired_normals(part: Part) -> Floats:
@@ -323,7 +381,7 @@ def _flattened(parts: list[CompletePart]) -> tuple[FlatMesh, Doubles]:
         mesh.positions[rows] = (points - origin).reshape(-1, 3)
         mesh.uvs[rows], mesh.colours[rows] = np.tile(part.uvs, (count, 1)), np.tile(part.colours, (count, 1))
         mesh.indices[faces] = _instance_indices(part, vertex)
-        mesh.material_ids[faces] = part.material
+        mesh.material_ids[faces].reshape(count, -1)[:] = part.material
         mesh.normals[rows] = _instance_normals(part)
         for number, uvs in enumerate(part.further_uvs):
             further[number, rows] = np.tile(uvs, (count, 1))

@@ -180,7 +180,7 @@ def _record(scene: Scene) -> dict[str, Any]:
         "plain": {name: getattr(scene, name) for name in _PLAIN},
         "textures": [{"name": t.name, "settings": [t.srgb, t.wrap_s, t.wrap_t]} for t in scene.textures],
         "animations": [animation.name for animation in scene.animations],
-        "materials": [asdict(material) for material in scene.materials],
+        "materials": [vars(material) for material in scene.materials],  # `asdict` copies, which takes a while
         "lights": [asdict(light) for light in scene.lights],
         "cameras": [asdict(camera) for camera in scene.cameras],
         "sky": asdict(scene.sky),

@@ -14,10 +14,12 @@ from typing import Any
 import numpy as np
 
 from shading_atlas_bench.arithmetic.functions import arctan, tan
+from shading_atlas_bench.scenes.files import is_file
 from shading_atlas_bench.scenes.model import Camera, SceneError
 from shading_atlas_bench.scenes.units import UNITS
 
 CAMERAS = "cameras.json"
+_LARGEST = 1e18  # units: beyond it squared lengths leave float32's range
 
 
 def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
@@ -25,7 +27,7 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
 
     Raises SceneError where it is not as described above.
     """
-    if not file.is_file():
+    if not is_file(file):
         return [], None
     try:
         content = json.loads(file.read_bytes())
@@ -35,7 +37,9 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
         raise SceneError(f"{file} is no valid JSON: line {error.lineno}, column {error.colno}.") from error
     except KeyError as error:
         raise SceneError(f"{file} has a camera without {error}.") from error
-    except (ValueError, TypeError, AttributeError) as error:
+    except RecursionError as error:
+        raise SceneError(f"{file} cannot be used: it is nested too deeply.") from error
+    except (ValueError, TypeError, AttributeError, OverflowError, OSError) as error:
         raise SceneError(f"{file} cannot be used: {error}.") from error
     return cameras, None if unit is None else _metres(unit, file)
 
@@ -56,10 +60,23 @@ def _camera(entry: dict[str, Any], number: int) -> Camera:
     direction, up = np.array(entry["dir"], np.float64), np.array(entry.get("up", (0, 1, 0)), np.float64)
     eye = np.array(entry["eye"], np.float64)
     for name, vector in (("eye", eye), ("dir", direction), ("up", up)):
-        if vector.shape != (3,) or not np.isfinite(vector).all() or (name != "eye" and not vector.any()):
+        if vector.shape != (3,) or not (np.abs(vector) <= _LARGEST).all():
             raise ValueError(f"camera {number} has no usable {name}")
-    fov = None if "fov_x_deg" not in entry else float(entry["fov_x_deg"])
-    if fov is None and "fov_min_axis_deg" in entry:  # the vertical one of a 16:9 picture
-        fov = float(np.degrees(2 * arctan(tan(np.radians(float(entry["fov_min_axis_deg"])) / 2) * 16 / 9)))
+        if name != "eye" and not np.linalg.norm(vector, axis=-1) > 0:
+            raise ValueError(f"camera {number} has no usable {name}")
+    fov = _angle(entry, "fov_x_deg", number)
+    high = _angle(entry, "fov_min_axis_deg", number)
+    if fov is None and high is not None:  # the vertical one of a 16:9 picture
+        fov = float(np.degrees(2 * arctan(tan(np.radians(high) / 2) * 16 / 9)))
     direction, up = direction / np.linalg.norm(direction, axis=-1), up / np.linalg.norm(up, axis=-1)
     return Camera(tuple(eye.tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, f"camera {number}")
+
+
+def _angle(entry: dict[str, Any], name: str, number: int) -> float | None:
+    """A field of view in degrees, where it is stated."""
+    if name not in entry:
+        return None
+    angle = float(entry[name])
+    if not 0 < angle < 180:
+        raise ValueError(f"camera {number} has a {name} of {angle:g}, not between 0 and 180")
+    return angle

@@ -28,7 +28,7 @@ def find_features(scene: Scene) -> Features:
         vertex_colours=bool((scene.colours != 1).any()),
         mask=any(m.alpha_mode == "mask" for m in used),
         blend=any(m.alpha_mode == "blend" or m.transmission > 0 for m in used),
-        varying_opacity=any(_opacity_varies(scene, index) for index in np.unique(scene.material_ids)),
+        varying_opacity=_opacity_varies(scene),
         shadows=any(light.shadows and light.kind != "point" for light in scene.lights),
         specular=any(m.roughness < 1 or m.metallic > 0 or m.surface_texture >= 0 for m in used),
         glossy=any(not m.unlit and _smoothest(scene, m) < MATT for m in used),
@@ -50,15 +50,20 @@ def _smoothest(scene: Scene, material: Material) -> float:
     return material.roughness * int(scene.textures[material.surface_texture].texels[..., 1].min()) / 255
 
 
-def _opacity_varies(scene: Scene, index: int) -> bool:
+def _opacity_varies(scene: Scene) -> bool:
     """Whether a see-through material's triangles do not cover the same everywhere: by its texture or their vertices."""
-    material = scene.materials[index]
-    if material.alpha_mode != "blend":
+    blended = np.array([material.alpha_mode == "blend" for material in scene.materials])
+    triangles = np.flatnonzero(blended[scene.material_ids])
+    if not len(triangles):
         return False
-    alphas = [scene.colours[scene.indices[scene.material_ids == index], 3]]
-    if material.base_texture >= 0:
-        alphas.append(scene.textures[material.base_texture].texels[..., 3])
-    return any(alpha.min() != alpha.max() for alpha in alphas)
+    triangles = triangles[np.argsort(scene.material_ids[triangles], kind="stable")]
+    owners, alphas = scene.material_ids[triangles], scene.colours[scene.indices[triangles], 3]
+    starts = np.flatnonzero(np.diff(owners, prepend=-1))
+    lowest = np.minimum.reduceat(alphas.min(axis=1), starts)
+    if (lowest != np.maximum.reduceat(alphas.max(axis=1), starts)).any():
+        return True
+    used = {scene.materials[owner].base_texture for owner in owners[starts].tolist()} - {-1}
+    return any(np.ptp(scene.textures[texture].texels[..., 3]) > 0 for texture in used)
 
 
 def content_digest(scene: Scene) -> str:
@@ -89,7 +94,7 @@ def _settings(material: Material) -> tuple[object, ...]:
 
     So a scene without these keeps the digest that it had before there were any.
     """
-    values = astuple(material)
+    values = tuple(getattr(material, field.name) for field in fields(Material))
     rare = next(number for number, field in enumerate(fields(Material)) if field.name == "unlit")
     said = zip(fields(Material)[rare:], values[rare:], strict=True)
     return values[:rare] + tuple((field.name, value) for field, value in said if value != field.default)

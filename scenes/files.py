@@ -99,6 +99,14 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def is_there(path: Path) -> bool:
+    """Whether there is anything of that name; False for names that nothing can have."""
+    try:
+        return path.exists()
+    except (OSError, ValueError):
+        return False
+
+
 def is_utf8(path: Path) -> bool:
     """Whether a path can be written as UTF-8; others hold bytes that Python keeps as they are."""
     try:

@@ -16,7 +16,7 @@ from shading_atlas_bench.scenes.cache import fetch, scene_key, store
 from shading_atlas_bench.scenes.cameras import CAMERAS, read_cameras
 from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.features import content_digest, find_features
-from shading_atlas_bench.scenes.files import SceneFiles
+from shading_atlas_bench.scenes.files import SceneFiles, is_file, is_there
 from shading_atlas_bench.scenes.gltf import read_gltf
 from shading_atlas_bench.scenes.lights import add_lights
 from shading_atlas_bench.scenes.memory import check_memory
@@ -131,18 +131,18 @@ def real_scenes() -> Path:
 def scene_path(name: str) -> Path:
     """The file of that name, or else that in the folder of real scenes, where it is there."""
     elsewhere = real_scenes() / name
-    return elsewhere if elsewhere.is_file() and not Path(name).exists() else Path(name)
+    return elsewhere if is_file(elsewhere) and not is_there(Path(name)) else Path(name)
 
 
 def _existing(name_or_path: str) -> Path:
     """The file meant, checked; raises SceneError naming the known scenes and formats otherwise."""
     path = scene_path(name_or_path)
     formats = ", ".join(_READERS)
-    if path.is_file():
+    if is_file(path):
         if path.suffix.lower() in _READERS:
             return path
         raise SceneError(f"{path} is of a format that cannot be read; readable are {formats}.")
-    if path.is_dir():
+    if is_there(path) and path.is_dir():
         raise SceneError(f"{path} is a folder; name a scene file in it ({formats}).")
     if path.suffix or len(path.parts) > 1:
         raise SceneError(f"There is no scene file {path}, nor one of that name in {real_scenes()} (BENCH_SCENES).")

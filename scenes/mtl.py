@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Doubles
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.scenes.files import SceneFiles, file_text, is_file, shown, written_differently
 from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Material, Texture
@@ -81,12 +81,6 @@ class LibraryMaterial:
     def textured(self) -> bool:
         """Whether the material has a texture of colour or of light."""
         return max(self.material.base_texture, self.material.emissive_texture) >= 0
-
-    def placed(self, uvs: Array) -> Doubles:
-        """The scene's texture coordinates, float64 (N, 2), v counted from a picture's upper edge, from those of the
-        file, float (N, 2)."""
-        moved = uvs * np.array(self.lies.scale) + np.array(self.lies.offset)
-        return np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)
 
 
 def map_files(library: Path, files: SceneFiles) -> list[Path]:

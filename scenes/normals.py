@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from itertools import pairwise
+
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Doubles
@@ -11,58 +14,100 @@ from shading_atlas_bench.scenes.model import Indices
 from shading_atlas_bench.scenes.raw import Part
 
 CREASE_DEGREES = 50.0  # faces that meet at more keep a sharp edge; a cylinder of 8 sides is still smooth
+_CHUNK = 1 << 16  # triangles or corners at a time: temporaries stay in the processor's cache
 _LARGEST_FAN = 64  # corners at a vertex beyond which pairs are not compared
 
 
 def with_normals(part: Part) -> Part:
     """The part with smooth normals: angle-weighted over faces within the crease angle of each other.
 
-    Vertices at the same position count as one; vertices at creases are split, so their number may change.
+    Vertices at the same position count as one, where they are of one material; vertices at creases are split, so their
+    number may change.
     """
-    _, first, welded = np.unique(np.ascontiguousarray(part.positions), axis=0, return_index=True, return_inverse=True)
-    welded = welded.reshape(-1)
-    flat = crease_normals(part.positions, part.indices, welded).reshape(-1, 3)
+    first, welded = _welded(part)
     plain = part.uvs is None and part.colours is None and not part.further_uvs
-    vertices = (first[welded] if plain else np.arange(len(welded)))[part.indices.ravel()]
-    steps = np.rint((flat + 1) * 511).astype(np.int64)  # 10 bits each: equal enough to share a vertex
-    key = (((vertices << 10 | steps[:, 0]) << 10) | steps[:, 1]) << 10 | steps[:, 2]
-    _, corner, inverse = np.unique(key, return_index=True, return_inverse=True)
-    split = part.taking(vertices[corner], inverse.reshape(-1, 3))
-    split.normals = flat[corner]
+    keys, corners, normals = [], [], []
+    number, count = np.empty(part.indices.size, np.int32), 0
+    for chunk, flat in crease_normals(part.positions, part.indices, welded):
+        vertices = part.indices.ravel()[chunk]
+        vertices = first[welded[vertices]] if plain else vertices
+        steps = np.rint((flat + 1) * 511).astype(np.int64)  # 10 bits each: equal enough to share a vertex
+        key = vertices.astype(np.int64) << 30 | steps[:, 0] << 20 | steps[:, 1] << 10 | steps[:, 2]
+        new, place, inverse = np.unique(key, return_index=True, return_inverse=True)
+        number[chunk] = count + inverse
+        count += len(new)
+        for values, found in ((keys, new), (corners, chunk[place]), (normals, flat[place])):
+            values.append(found)
+    order = np.argsort(np.concatenate(keys))
+    places = np.empty(count, np.int32)
+    places[order] = np.arange(count)
+    vertices = part.indices.ravel()[np.concatenate(corners)[order]]
+    split = part.taking(first[welded[vertices]] if plain else vertices, places[number].reshape(-1, 3))
+    split.normals = np.concatenate(normals)[order]
     return split
 
 
-def crease_normals(positions: Array, indices: Indices, welded: Indices) -> Doubles:
-    """Unit normals of the triangles' corners, float64 (T, 3, 3), for positions (V, 3) and indices (T, 3).
+def _welded(part: Part) -> tuple[Indices, Indices]:
+    """The first vertex at each position of each material, and the number in these of every vertex's own, int32."""
+    columns = list(np.asarray(part.positions).T)
+    if part.materials is not None:
+        owners = np.zeros(len(part.positions), np.int64)
+        owners[part.indices] = part.materials[:, None]
+        columns.append(owners)
+    order = np.lexsort(columns)  # which keeps equal ones in their order
+    new = np.zeros(len(order), bool)
+    new[:1] = True
+    for column in columns:
+        ordered = column[order]
+        new[1:] |= ordered[1:] != ordered[:-1]
+    number = np.empty(len(order), np.int32)
+    number[order] = np.cumsum(new, dtype=np.int32) - 1
+    return order[new].astype(np.int32), number
 
-    welded: int (V), equal for vertices at the same position.
+
+def crease_normals(positions: Array, indices: Indices, welded: Indices) -> Iterator[tuple[Indices, Doubles]]:
+    """Unit normals of triangles' corners: numbers of some corners, int (n), and their normals, float64 (n, 3), so many
+    at a time, all those of a position together and in their order. Corner c is one of triangle c // 3.
+
+    positions: float (V, 3). indices: int (T, 3). welded: int (V), equal for vertices at the same position.
     """
-    points = np.asarray(positions, np.float64)
-    face, weight = _faces(points[indices])
-    corner_vertex = welded[indices].ravel()
-    order = np.argsort(corner_vertex, kind="stable")
-    owner = order // 3
-    starts = np.flatnonzero(np.diff(corner_vertex[order], prepend=-1))
-    count = np.diff(starts, append=len(order))
+    faces, weights = np.empty((len(indices), 3)), np.empty((len(indices), 3))
+    for start in range(0, len(indices), _CHUNK):
+        rows = slice(start, start + _CHUNK)
+        faces[rows], weights[rows] = _faces(np.asarray(positions[indices[rows]], np.float64))
+    owners = welded[indices.ravel()]
+    order = np.argsort(owners, kind="stable").astype(np.int32)
+    starts = np.flatnonzero(np.diff(owners[order], prepend=-1))
+    del owners
+    cuts = np.unique(np.searchsorted(starts, np.arange(0, len(order), _CHUNK)))
+    for first, last in pairwise([*cuts.tolist(), len(starts)]):
+        end = starts[last] if last < len(starts) else len(order)
+        corners = order[starts[first] : end]
+        yield corners, _smooth(faces[corners // 3], weights.ravel()[corners], starts[first:last] - starts[first])
+
+
+def _smooth(faces: Doubles, weights: Doubles, starts: Indices) -> Doubles:
+    """Unit normals (n, 3) of corners, one position after the other, each from a place in `starts` on.
+
+    faces: the normals of the corners' triangles (n, 3). weights: what each counts (n).
+    """
+    count = np.diff(starts, append=len(faces))
     first, size = np.repeat(starts, count), np.repeat(count, count)
     cosine = cos(np.radians(CREASE_DEGREES))
-    sums = np.zeros((len(order), 3))
+    sums = np.zeros((len(faces), 3))
     active = np.flatnonzero(size <= _LARGEST_FAN)
     for step in range(int(min(count.max(initial=0), _LARGEST_FAN))):
         active = active[size[active] > step]
         other = first[active] + (active - first[active] + step) % size[active]
-        near = dot(face[owner[active]], face[owner[other]]) > cosine
-        share = weight.ravel()[order[other]] * near
-        sums[active] += face[owner[other]] * share[:, None]
+        near = dot(faces[active], faces[other]) > cosine
+        share = weights[other] * near
+        sums[active] += faces[other] * share[:, None]
     for start, length in zip(starts[count > _LARGEST_FAN], count[count > _LARGEST_FAN], strict=True):
         rows = slice(start, start + length)
-        mean = (face[owner[rows]] * weight.ravel()[order[rows], None]).sum(axis=0)
+        mean = (faces[rows] * weights[rows, None]).sum(axis=0)
         mean /= max(np.linalg.norm(mean, axis=-1), 1e-300)
-        sums[rows] = np.where((dot(face[owner[rows]], mean) > cosine)[:, None], mean, face[owner[rows]])
-    corners = np.empty_like(sums)
-    corners[order] = sums
-    corners = _unit(corners, np.repeat(face, 3, axis=0))
-    return corners.reshape(-1, 3, 3)
+        sums[rows] = np.where((dot(faces[rows], mean) > cosine)[:, None], mean, faces[rows])
+    return _unit(sums, faces)
 
 
 def tangents(positions: Array, normals: Array, uvs: Array, indices: Indices) -> Doubles:

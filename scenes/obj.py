@@ -338,7 +338,7 @@ def _add_parts(
     materials: _Materials,
     raw: RawScene,
 ) -> None:
-    """One part for each material, and apart from the others those faces that lack texture coordinates or normals."""
+    """Parts of materials one after the other, apart where only some of their faces have coordinates or normals."""
     material_of = materials.at(faces.lines)
     mapped = _whole(faces.vt, len(uvs), faces.counts, "texture coordinates", raw)
     smooth = _whole(faces.vn, len(normals), faces.counts, "normals", raw)
@@ -349,16 +349,23 @@ def _add_parts(
     places, polygon = triangulated(positions, faces.v, faces.counts, raw)
     group = (material_of * 4 + mapped * 2 + smooth)[polygon]
     order = np.argsort(group, kind="stable")
-    for triangles in np.split(order, np.flatnonzero(np.diff(group[order])) + 1):
-        corners = places[triangles].ravel()
-        material, has = divmod(int(group[triangles[0]]), 4)
-        columns = [faces.v[corners]] + [faces.vt[corners]] * (has >> 1) + [faces.vn[corners]] * (has & 1)
+    has = group[order] & 3
+    scales, offsets = (np.array([getattr(e.lies, name) for e in materials.entries]) for name in ("scale", "offset"))
+    for triangles in np.split(order, np.flatnonzero(np.diff(has)) + 1):
+        if not len(triangles):
+            continue
+        corners, owners = places[triangles].ravel(), group[triangles] >> 2
+        kind = int(group[triangles[0]]) & 3
+        columns = [np.repeat(owners, 3), faces.v[corners]]
+        columns += [faces.vt[corners]] * (kind >> 1) + [faces.vn[corners]] * (kind & 1)
         first, number = distinct(columns)
-        corner = corners[first]
-        part = Part(positions[faces.v[corner]], number.reshape(-1, 3), material)
+        corner, owner = corners[first], columns[0][first]
+        part = Part(positions[faces.v[corner]], number.reshape(-1, 3), 0, materials=owners)
         part.colours = None if colours is None else colours[faces.v[corner]]
-        part.normals = normals[faces.vn[corner]] if has & 1 else None
-        part.uvs = materials.entries[material].placed(uvs[faces.vt[corner]]) if has >> 1 else None
+        part.normals = normals[faces.vn[corner]] if kind & 1 else None
+        if kind >> 1:
+            moved = uvs[faces.vt[corner]] * scales[owner] + offsets[owner]
+            part.uvs = np.stack([moved[:, 0], 1 - moved[:, 1]], axis=1)  # counted from a picture's upper edge
         raw.parts.append(part)
 
 

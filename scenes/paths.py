@@ -17,6 +17,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic import draws
 from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
+from shading_atlas_bench.scenes.files import is_file
 from shading_atlas_bench.scenes.lines import curve, smoothed
 from shading_atlas_bench.scenes.model import Scene
 from shading_atlas_bench.scenes.quaternions import about, looking, multiply, slerp
@@ -27,11 +28,16 @@ from shading_atlas_bench.scenes.walking import EYE_HEIGHT, route_from
 RATE = 60.0  # frames per second
 WALK_FRAMES, ORBIT_FRAMES = 660, 300
 LEAD_OUT = 60  # frames that a path goes on after its last one: a second, more than any latency
+MOST_FRAMES = 36_000  # of an animation: ten minutes
 SPEED = 1.0  # of a person who looks around, metres per second
 STEP = 0.3  # metres, of a person without room to walk
 TURNTABLE_STEP = 5.0  # degrees per frame
 # Half angles, in degrees, of the view that an orbit fits its object in: 60 degrees across in 16:9.
 HALF_ACROSS, HALF_UP = 30.0, 18.0
+
+_LARGEST = 1e18  # in a file: beyond it squares leave float32's range
+_SHORTEST = 1e-100  # quaternion, as a file has it, whose squares can be added
+_SHOWN = 60  # characters of a wrong line
 
 _PATHS = {
     "walk": "a person's walk through the scene with head bob and a look around, 660 frames at 60 Hz; objects: orbit",
@@ -162,7 +168,7 @@ def make_path(scene: Scene, name_or_file: str, frames: int | None = None, seed: 
 def _file(name: str) -> Path:
     """The path's file; PathError with the nearest known name otherwise."""
     file = Path(name)
-    if file.is_file():
+    if is_file(file):
         return file
     near = difflib.get_close_matches(name, _PATHS, 1)
     hint = f"; did you mean {near[0]}?" if near else "."
@@ -173,23 +179,27 @@ def read_path(file: Path, origin: Doubles) -> Poses:
     """Poses of a text file (see above) relative to `origin`, float64 (3), or PathError naming the file and the line."""
     rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw")
     table = np.array([row for _, row in rows])
-    lengths = np.linalg.norm(table[:, 4:], axis=1)
+    turns = table[:, 4:]
+    lengths = np.linalg.norm(turns, axis=1)
+    tiny = lengths < _SHORTEST  # their squares are none
+    turns[tiny] /= np.maximum(np.abs(turns[tiny]).max(axis=1, initial=0), np.finfo(float).smallest_subnormal)[:, None]
+    lengths[tiny] = np.linalg.norm(turns[tiny], axis=1)
     for (line, _), length in zip(rows, lengths, strict=True):
         if not length > 0:
             raise PathError(f"{file}, line {line}: the quaternion is zero.")
-    return Poses(table[:, 0].copy(), table[:, 1:4] - origin, table[:, 4:] / lengths[:, None])
+    return Poses(table[:, 0].copy(), table[:, 1:4] - origin, turns / lengths[:, None])
 
 
 def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -> list[tuple[int, list[float]]]:
     """Line numbers and values of a text table whose first column grows strictly.
 
     `#` starts a comment, values are separated by blanks or commas. header: the first line is not read.
-    Raises PathError naming the file and the line where there are not `columns` finite numbers.
+    Raises PathError naming the file and the line where there are not `columns` numbers, none larger than 1e18.
     """
+    if not is_file(file):  # others, as pipes, may have no end
+        raise PathError(f"There is no file {file}.")
     try:
-        lines = Path(file).read_text(encoding="utf-8").splitlines()
-    except FileNotFoundError as error:
-        raise PathError(f"There is no file {file}.") from error
+        lines = file.read_text(encoding="utf-8").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise PathError(f"{file} cannot be read as text: {error}.") from error
     rows: list[tuple[int, list[float]]] = []
@@ -202,7 +212,11 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
         except ValueError:
             values = []
         if len(values) != columns or not np.isfinite(values).all():
-            raise PathError(f"{file}, line {number}: expected {columns} numbers ({meaning}), found {line.strip()!r}.")
+            found = line.strip()
+            shown = repr(found if len(found) <= _SHOWN else f"{found[:_SHOWN]}...")
+            raise PathError(f"{file}, line {number}: expected {columns} numbers ({meaning}), found {shown}.")
+        if max(map(abs, values)) > _LARGEST:
+            raise PathError(f"{file}, line {number}: {max(values, key=abs):g} is larger than {_LARGEST:g}.")
         if rows and not values[0] > rows[-1][1][0]:
             raise PathError(f"{file}, line {number}: time {values[0]:g} does not follow {rows[-1][1][0]:g}.")
         rows.append((number, values))
@@ -274,7 +288,7 @@ def _animation(scene: Scene) -> Poses:
         np.asarray(animation.orientations, np.float64),
     )
     start, end = keys.times_ms[0], keys.times_ms[-1]
-    times = _frame_times(int((end - start) * RATE / 1000 + 1e-6) + 1)
+    times = _frame_times(int(min((end - start) * RATE / 1000 + 1e-6, MOST_FRAMES)) + 1)
     poses = [keys.pose_at(start + t) for t in times]
     return Poses(times, np.array([p for p, _ in poses]), np.array([q for _, q in poses]))
 

@@ -8,7 +8,7 @@ from typing import SupportsInt
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Array, Doubles
+from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles
 from shading_atlas_bench.scenes.memory import check_memory
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Indices, Light, Material, Texture
 
@@ -17,11 +17,12 @@ MAX_TEXTURE = 8192  # texels, of a side: what OpenCL devices take as an image at
 
 @dataclass
 class Part:
-    """A piece of mesh with one material, drawn once per transform.
+    """A piece of mesh, drawn once per transform.
 
     positions: float (V, 3), local. indices: int (T, 3). normals, uvs (row 0 of an image at v = 0), colours (linear
     RGBA) and tangents belong to the vertices; None where the file has none. further_uvs: the sets that the material's
     textures use beside `uvs` (see Material), None in place of one that the file lacks here.
+    materials: int (T), of each triangle, in place of `material`; no vertex is of several, and none has a normal map.
     transforms: float64 (N, 4, 4), local to world, column vectors.
     """
 
@@ -34,12 +35,20 @@ class Part:
     tangents: Array | None = None
     transforms: Doubles = field(default_factory=lambda: np.eye(4)[None])
     further_uvs: tuple[Array | None, ...] = ()
+    materials: Indices | None = None
 
     @property
     def own_bytes(self) -> int:
         """Bytes of its arrays that are no views of others."""
         arrays = (self.positions, self.indices, self.normals, self.uvs, self.colours, self.tangents, *self.further_uvs)
         return sum(array.nbytes for array in arrays if array is not None and array.flags.owndata)
+
+    def keeping(self, triangles: Bools) -> Part:
+        """The part with only the triangles marked in a mask (T), and all its vertices."""
+        if triangles.all():
+            return self
+        materials = None if self.materials is None else self.materials[triangles]
+        return replace(self, indices=self.indices[triangles], materials=materials)
 
     def taking(self, vertices: Indices, indices: Indices) -> Part:
         """The part with only these vertices, int (n), repeats allowed, and triangles of them, indices int (T, 3)."""

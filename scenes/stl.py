@@ -1,4 +1,4 @@
-"""STL files, read by trimesh's format reader."""
+"""STL files: bytes, and text, which trimesh's format reader reads."""
 
 from __future__ import annotations
 
@@ -11,7 +11,8 @@ from shading_atlas_bench.scenes.files import SceneFiles
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.raw import Part, RawScene
 
-_HEAD, _TRIANGLE = 84, 50  # bytes: 80 of any text and the count; a normal, three corners, and 2 of attributes
+_HEAD = 84  # bytes: 80 of any text and the count of triangles
+_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
 _MARKS = (b"\xff\xfe", b"\xfe\xff")  # of UTF-16, a text with zeros
 
 
@@ -19,39 +20,41 @@ def read_stl(path: Path, _files: SceneFiles, raw: RawScene) -> None:
     """All triangles of an STL file, text or bytes; colours, which programs keep in various ways, are noted only.
 
     Raises SceneError where triangles of a text cannot be read, or bytes are of another number than their count tells,
-    or, for damaged files, whatever trimesh raises.
+    or, for damaged texts, whatever trimesh raises.
     """
-    from trimesh.exchange.stl import load_stl
+    if not _is_text(path):
+        table = np.fromfile(path, _TRIANGLE, offset=_HEAD)
+        corners = np.ascontiguousarray(table["corners"]).reshape(-1, 3)
+        coloured = np.count_nonzero(table["attributes"])
+        raw.note("Triangles with a colour in the STL file's attributes, left out: {}.", coloured)
+        raw.parts.append(Part(corners, np.arange(len(corners), dtype=np.int32).reshape(-1, 3), 0))
+        return
+    from trimesh.exchange.stl import load_stl_ascii
 
-    _check_size(path)
     with path.open("rb") as file, warnings.catch_warnings():
         warnings.filterwarnings("error", category=DeprecationWarning, message=".*unmatched data")  # cut off silently
         try:
-            mesh = load_stl(file)
+            mesh = load_stl_ascii(file)
         except ValueError as error:
             if "reshape" not in str(error):
                 raise
             raise SceneError("Not every facet in it has three vertices.") from error
-    solids = mesh["geometry"].values() if "geometry" in mesh else [mesh]
-    for solid in solids:
+    for solid in mesh["geometry"].values() if "geometry" in mesh else [mesh]:
         raw.parts.append(Part(np.asarray(solid["vertices"], np.float64), np.asarray(solid["faces"], np.int64), 0))
-        colours = solid.get("face_attributes", {}).get("stl", np.zeros(0))
-        raw.note("Triangles with a colour in the STL file's attributes, left out: {}.", np.count_nonzero(colours))
-    if not any("face_attributes" in solid for solid in solids):
-        _check_text(path, sum(len(part.indices) for part in raw.parts))
+    _check_text(path, sum(len(part.indices) for part in raw.parts))
 
 
-def _check_size(path: Path) -> None:
-    """Raises SceneError where a file of bytes is longer or shorter than its count of triangles needs."""
+def _is_text(path: Path) -> bool:
+    """Whether a file is text. Raises SceneError for one of bytes that is longer or shorter than its count needs."""
     with path.open("rb") as file:
         head, size = file.read(_HEAD), path.stat().st_size
         count = int.from_bytes(head[80:], "little")
-        needed = _HEAD + _TRIANGLE * count
+        needed = _HEAD + _TRIANGLE.itemsize * count
         if size == needed:
-            return
+            return False
         data = head + file.read()
     if b"\0" not in data or b"facet" in data[:1024].lower() or data.startswith(_MARKS):
-        return
+        return True
     if size < _HEAD:
         raise SceneError(f"It is cut off: it has {size:,} bytes, fewer than a binary STL file's head of {_HEAD}.")
     wrong = "is cut off" if size < needed else "goes on behind its triangles"

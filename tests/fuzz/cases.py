@@ -13,6 +13,7 @@ from hypothesis import HealthCheck, settings
 CASES = "BENCH_FUZZ_CASES"  # variable: how many cases of each target
 FEW = 25  # as one of many tests
 LONGEST = timedelta(seconds=10)  # of a case
+LONGEST_SENTENCE = 2000  # letters of an error for people
 
 _asked_for = os.environ.get(CASES)
 
@@ -36,6 +37,22 @@ def nothing_beside(folder: Path) -> Iterator[None]:
     yield
     after = _beside(folder)
     assert after == before, f"written outside of {folder}: {sorted(set(after) ^ set(before)) or 'changed files'}"
+
+
+@contextmanager
+def one_sentence(*errors: type[Exception]) -> Iterator[None]:
+    """What the block raises is one of these errors, with one sentence that can be printed. Raises AssertionError if it
+    is not."""
+    try:
+        yield
+    except errors as error:
+        _check(str(error))
+
+
+def _check(sentence: str) -> None:
+    assert sentence.encode()
+    assert "\n" not in sentence
+    assert len(sentence) < LONGEST_SENTENCE
 
 
 def _beside(folder: Path) -> dict[str, tuple[int, int]]:

@@ -61,3 +61,32 @@ def square_scene(*nodes: dict, **json_entries: object) -> Glb:
     glb = Glb(nodes=list(nodes) or [{"mesh": 0}], **json_entries)
     glb.json["meshes"] = [{"primitives": [glb.square()]}]
     return glb
+
+
+def full_scene(png: bytes) -> Glb:
+    """A file in which something refers to every kind of entry."""
+    glb = square_scene({"mesh": 0}, {"mesh": 0, "skin": 0}, {"camera": 0}, {"extensions": {}})
+    glb.json["nodes"][3]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
+    primitive = glb.json["meshes"][0]["primitives"][0]
+    attributes = {
+        "TEXCOORD_0": SQUARE[:, :2],
+        "JOINTS_0": np.zeros((4, 4), np.uint8),
+        "WEIGHTS_0": np.float32([[1, 0, 0, 0]] * 4),
+    }
+    primitive["attributes"] |= {name: glb.accessor(values) for name, values in attributes.items()}
+    primitive["material"] = 0
+    times, turns = glb.accessor(np.float32([0, 1])), glb.accessor(np.float32([[0, 0, 0, 1]] * 2))
+    channel = {"sampler": 0, "target": {"node": 2, "path": "rotation"}}
+    glb.json |= {
+        "scenes": [{"nodes": [0, 1, 2, 3]}],
+        "scene": 0,
+        "skins": [{"joints": [0]}],
+        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0}}],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
+        "samplers": [{}],
+        "images": [{"bufferView": glb.view(png)}],
+        "textures": [{"source": 0, "sampler": 0}],
+        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+        "animations": [{"samplers": [{"input": times, "output": turns}], "channels": [channel]}],
+    }
+    return glb

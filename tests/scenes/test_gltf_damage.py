@@ -10,7 +10,7 @@ import pytest
 
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import Scene, SceneError
-from tests.scenes.glb_files import SQUARE, Glb, square_scene
+from tests.scenes.glb_files import SQUARE, Glb, full_scene, square_scene
 
 
 def loaded(tmp_path, glb: Glb) -> Scene:
@@ -24,35 +24,6 @@ def refusal(tmp_path, glb: Glb) -> str:
     sentence = str(caught.value)
     assert "\n" not in sentence
     return sentence
-
-
-def full_scene(png: bytes) -> Glb:
-    """A file in which something refers to every kind of entry."""
-    glb = square_scene({"mesh": 0}, {"mesh": 0, "skin": 0}, {"camera": 0}, {"extensions": {}})
-    glb.json["nodes"][3]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
-    primitive = glb.json["meshes"][0]["primitives"][0]
-    attributes: dict[str, np.ndarray] = {
-        "TEXCOORD_0": SQUARE[:, :2],
-        "JOINTS_0": np.zeros((4, 4), np.uint8),
-        "WEIGHTS_0": np.array([[1, 0, 0, 0]] * 4, np.float32),
-    }
-    primitive["attributes"] |= {name: glb.accessor(values) for name, values in attributes.items()}
-    primitive["material"] = 0
-    times, turns = glb.accessor(np.array([0, 1], np.float32)), glb.accessor(np.array([[0, 0, 0, 1]] * 2, np.float32))
-    channel = {"sampler": 0, "target": {"node": 2, "path": "rotation"}}
-    glb.json |= {
-        "scenes": [{"nodes": [0, 1, 2, 3]}],
-        "scene": 0,
-        "skins": [{"joints": [0]}],
-        "cameras": [{"type": "perspective", "perspective": {"yfov": 1.0}}],
-        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}},
-        "samplers": [{}],
-        "images": [{"bufferView": glb.view(png)}],
-        "textures": [{"source": 0, "sampler": 0}],
-        "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
-        "animations": [{"samplers": [{"input": times, "output": turns}], "channels": [channel]}],
-    }
-    return glb
 
 
 REFERENCES = [
