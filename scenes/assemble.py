@@ -275,7 +275,7 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
     raw.note("Instances whose placement is infinite or not a number, dropped: {}.", np.count_nonzero(~usable))
     part = replace(part, transforms=part.transforms[usable])
     finite: Bools = np.all(np.isfinite(part.positions), axis=1)
-    near = np.ones(count, bool)
+    near: Bools = np.ones(count, bool)
     with np.errstate(over="ignore", invalid="ignore"):
         for placed in part.transforms:
             for start in range(0, count, _CHUNK):
@@ -285,7 +285,7 @@ def _cleaned(part: Part, raw: RawScene) -> Part:
         (finite, "Triangles with vertices that are infinite or not a number, dropped: {}."),
         (near | ~finite, "Triangles further out than float32 can draw (1e18 units), dropped: {}."),
     ):
-        keep = good[part.indices].all(axis=1)
+        keep: Bools = np.all(good[part.indices], axis=1)
         raw.note(sentence, np.count_nonzero(~keep) * len(part.transforms))
         part = part.keeping(keep)
     renumbered, used = compacted(part.indices, count)

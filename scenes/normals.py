@@ -7,7 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Array, Doubles
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles, Longs
 from shading_atlas_bench.arithmetic.functions import arctan2, cos
 from shading_atlas_bench.arithmetic.matrices import dot
 from shading_atlas_bench.scenes.model import Indices
@@ -26,7 +26,9 @@ def with_normals(part: Part) -> Part:
     """
     first, welded = _welded(part)
     plain = part.uvs is None and part.colours is None and not part.further_uvs
-    keys, corners, normals = [], [], []
+    keys: list[Longs] = []
+    corners: list[Indices] = []
+    normals: list[Doubles] = []
     number, count = np.empty(part.indices.size, np.int32), 0
     for chunk, flat in crease_normals(part.positions, part.indices, welded):
         vertices = part.indices.ravel()[chunk]
@@ -36,8 +38,9 @@ def with_normals(part: Part) -> Part:
         new, place, inverse = np.unique(key, return_index=True, return_inverse=True)
         number[chunk] = count + inverse
         count += len(new)
-        for values, found in ((keys, new), (corners, chunk[place]), (normals, flat[place])):
-            values.append(found)
+        keys.append(new)
+        corners.append(chunk[place])
+        normals.append(flat[place])
     order = np.argsort(np.concatenate(keys))
     places = np.empty(count, np.int32)
     places[order] = np.arange(count)

@@ -126,7 +126,8 @@ def animated(data: st.DataObject) -> Glb:
     glb.json["cameras"] = [{"type": "perspective", "perspective": {"yfov": data.draw(st.floats())}}]
     mode = data.draw(st.sampled_from(["LINEAR", "STEP", "CUBICSPLINE"]))
     rows = count * (3 if mode == "CUBICSPLINE" else 1)
-    samplers, channels = [], []
+    samplers: list[dict[str, Any]] = []
+    channels: list[dict[str, Any]] = []
     for path, columns in (("translation", 3), ("rotation", 4), ("scale", 3)):
         if data.draw(st.booleans()):
             channels.append({"sampler": len(samplers), "target": {"node": 1, "path": path}})

@@ -99,20 +99,20 @@ def mutated_words(data: st.DataObject, text: bytes) -> bytes:
 
 def mutated_bytes(data: st.DataObject, content: bytes) -> bytes:
     """The bytes cut off, with bits flipped and numbers written over others."""
-    content = bytearray(content)
+    changed = bytearray(content)
     for _ in range(data.draw(st.integers(1, 6))):
-        place = data.draw(st.integers(0, max(0, len(content) - 1)))
+        place = data.draw(st.integers(0, max(0, len(changed) - 1)))
         change = data.draw(st.sampled_from(("flip", "number", "cut", "insert")))
-        if change == "flip" and content:
-            content[place] ^= 1 << data.draw(st.integers(0, 7))
+        if change == "flip" and changed:
+            changed[place] ^= 1 << data.draw(st.integers(0, 7))
         elif change == "number":
             number = data.draw(st.sampled_from(PACKED))
-            content[place : place + len(number)] = number
+            changed[place : place + len(number)] = number
         elif change == "cut":
-            del content[place : place + data.draw(st.sampled_from((1, 4, 50, len(content))))]
+            del changed[place : place + data.draw(st.sampled_from((1, 4, 50, len(changed))))]
         else:
-            content[place:place] = data.draw(st.binary(max_size=8))
-    return bytes(content)
+            changed[place:place] = data.draw(st.binary(max_size=8))
+    return bytes(changed)
 
 
 def gltf_text(data: st.DataObject, glb: Glb) -> bytes:

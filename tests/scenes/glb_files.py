@@ -68,14 +68,14 @@ def full_scene(png: bytes) -> Glb:
     glb = square_scene({"mesh": 0}, {"mesh": 0, "skin": 0}, {"camera": 0}, {"extensions": {}})
     glb.json["nodes"][3]["extensions"] = {"KHR_lights_punctual": {"light": 0}}
     primitive = glb.json["meshes"][0]["primitives"][0]
-    attributes = {
+    attributes: dict[str, np.ndarray] = {
         "TEXCOORD_0": SQUARE[:, :2],
         "JOINTS_0": np.zeros((4, 4), np.uint8),
-        "WEIGHTS_0": np.float32([[1, 0, 0, 0]] * 4),
+        "WEIGHTS_0": np.array([[1, 0, 0, 0]] * 4, np.float32),
     }
     primitive["attributes"] |= {name: glb.accessor(values) for name, values in attributes.items()}
     primitive["material"] = 0
-    times, turns = glb.accessor(np.float32([0, 1])), glb.accessor(np.float32([[0, 0, 0, 1]] * 2))
+    times, turns = glb.accessor(np.array([0, 1], np.float32)), glb.accessor(np.array([[0, 0, 0, 1]] * 2, np.float32))
     channel = {"sampler": 0, "target": {"node": 2, "path": "rotation"}}
     glb.json |= {
         "scenes": [{"nodes": [0, 1, 2, 3]}],

@@ -58,6 +58,7 @@ def test_many_materials_are_one_part(tmp_path: Path):
     file, raw = materials(500, tmp_path), RawScene(materials=[Material()])
     read_obj(file, SceneFiles(file), raw)
     (part,) = raw.parts
+    assert part.materials is not None
     assert part.materials.tolist() == list(range(1, 501))
     scene = load_scene(str(file))
     assert [scene.materials[n].base_colour[0] for n in scene.material_ids[:4]] == [0, 0.1, 0.2, 0.3]
