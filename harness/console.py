@@ -16,8 +16,8 @@ from rich.style import Style
 from rich.table import Table
 from rich.text import Span, Text
 
+from shading_atlas_bench.errors import visible
 from shading_atlas_bench.harness.progress import Progress, Task
-from shading_atlas_bench.reports.store.names import visible
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device

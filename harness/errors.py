@@ -6,10 +6,12 @@ import signal
 import traceback
 from pathlib import Path
 
+from shading_atlas_bench.errors import BenchError
+
 LONGEST = 300  # letters of somebody else's text in a sentence
 
 
-class InputError(ValueError):
+class InputError(BenchError, ValueError):
     """Arguments or input that cannot be used; the message is one sentence."""
 
 

@@ -6,7 +6,7 @@ import sys
 import warnings
 from typing import Self, TextIO
 
-from shading_atlas_bench.reports.store.names import visible
+from shading_atlas_bench.errors import visible
 
 
 class Task:

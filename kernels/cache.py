@@ -21,6 +21,8 @@ from typing import BinaryIO
 
 import platformdirs
 
+from shading_atlas_bench.errors import BenchError
+
 VERSION = "0.1.0"
 LONGEST_WRITE = 3600.0  # seconds
 # At the end of a file: the number of bytes before it, and their CRC-32, begun with the file's name. Of the checksums in
@@ -28,7 +30,7 @@ LONGEST_WRITE = 3600.0  # seconds
 _SEAL = struct.Struct("<QI")
 
 
-class CacheError(RuntimeError):
+class CacheError(BenchError, RuntimeError):
     """The cache folder cannot be used; the message says what to do."""
 
 

@@ -338,7 +338,7 @@ class Device:
         try:
             program = cl.Program(self.context, source).build(["-cl-std=CL1.2", "-w", *flags], cache_dir=False)
         except cl.RuntimeError as error:
-            raise DeviceError(f"{stage}.cl does not build on {self.name}: {error}") from error
+            raise DeviceError(f"{stage}.cl does not build on {self.name}: ", log=str(error)) from error
         kernels: list[pyopencl.Kernel] = program.all_kernels()
         return kernels
 

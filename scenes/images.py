@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Longs
 from shading_atlas_bench.arithmetic.functions import power
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.scenes.files import is_utf8
 from shading_atlas_bench.scenes.raw import RawScene
 
@@ -26,7 +27,7 @@ _ROWS = 64  # that are read at a time
 _FULL = 65535  # light is counted in whole numbers up to it while texels are averaged
 
 
-class ImageError(ValueError):
+class ImageError(BenchError, ValueError):
     """An image that cannot be read; the message is one sentence."""
 
 

@@ -10,11 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints
+from shading_atlas_bench.errors import BenchError
 
 Indices: TypeAlias = NDArray[np.integer[Any]]  # of any width: NumPy's own are as wide as an address
 
 
-class SceneError(ValueError):
+class SceneError(BenchError, ValueError):
     """A scene that cannot be used; the message is one sentence: what is wrong, where, what to do."""
 
 

@@ -17,6 +17,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic import draws
 from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.scenes.files import is_file
 from shading_atlas_bench.scenes.lines import curve, smoothed
 from shading_atlas_bench.scenes.model import Scene
@@ -47,7 +48,7 @@ _PATHS = {
 }
 
 
-class PathError(ValueError):
+class PathError(BenchError, ValueError):
     """A camera path or head motion that cannot be used; the message is one sentence."""
 
 

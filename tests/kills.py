@@ -5,8 +5,8 @@ python -m tests.kills run --times 50       of `bench run` alone
 python -m tests.kills --seed 7             at other moments
 
 A command is killed FEW times before it may end; after each kill the stores are held to those of a run that nobody
-killed. Killed are, by chance, the process that watches, the one that works, or all of them at once, some time after it
-began, or after it began to measure.
+killed. Killed are, by chance, the process that watches, the one that works, or all of them at once: some time after it
+began, or shortly after so many more rows were written.
 """
 
 from __future__ import annotations
@@ -16,11 +16,12 @@ import os
 import random
 import shutil
 import signal
+import sqlite3
 import subprocess
 import sys
 import tempfile
 import time
-from contextlib import suppress
+from contextlib import closing, suppress
 from pathlib import Path
 from typing import Any
 
@@ -40,6 +41,7 @@ COMMANDS = {
     "report": ["report"],
 }
 FEW = 4  # kills before a command may end
+BETWEEN_ROWS = 0.5  # seconds, in which a command begins, writes or ends a row
 LONGEST = 3600.0  # seconds of a command that nobody kills
 VARYING = {column.name for column in FRAME_COLUMNS if column.kind == "time"} - {"network_ms"} | {"peak_mb"}
 Rows = dict[tuple[Any, ...], Any]
@@ -89,15 +91,16 @@ class Victim:
         shutil.rmtree(folder, ignore_errors=True)
         if self.name == "report":
             shutil.copytree(self.reference, folder)
-        met, before = 0, rows_of(folder)
+        met, before, most = 0, rows_of(folder), len(self.expected)
         for _ in range(kills):
-            measuring = self.name != "report" and chance.random() < 0.5
-            moment = chance.uniform(0, self.seconds / 2 if measuring else self.seconds)
+            counted = self.name != "report" and chance.random() < 0.7
+            awaited = chance.randint(min(len(before) + 1, most), most) if counted else 0
+            moment = chance.uniform(0, BETWEEN_ROWS if counted else self.seconds)
             whom = chance.choice(["watcher", "worker", "all"])
-            killed = self._kill(folder, moment, whom, measuring)
+            killed = self._kill(folder, moment, whom, awaited)
             after = rows_of(folder)
-            told = f"{self.name}: {whom} killed {moment:.2f} s after it began{' to measure' * measuring}"
-            told += f": {len(after)} of {len(self.expected)} rows"
+            told = f"{self.name}: {whom} killed {moment:.2f} s after {f'row {awaited}' if counted else 'it began'}"
+            told += f": {len(before)}, then {len(after)} of {most} rows"
             assert before.keys() <= after.keys(), f"{told}; lost: {sorted(before.keys() - after.keys(), key=str)}"
             wrong = [key for key, value in after.items() if key not in self.expected or self.expected[key] != value]
             assert not wrong, f"{told}; wrong: {wrong}"
@@ -124,11 +127,11 @@ class Victim:
             code = process.wait(LONGEST)
         assert code == 0, f"bench {' '.join(arguments)} ended with {code}"
 
-    def _kill(self, folder: Path, moment: float, whom: str, measuring: bool) -> bool:
-        """Start the command and kill one or all of its processes at a moment, counted from its start or from when a
-        store lies there; whether it still ran then."""
+    def _kill(self, folder: Path, moment: float, whom: str, awaited: int) -> bool:
+        """Start the command and kill one or all of its processes some seconds after so many rows lie there; whether it
+        still ran then."""
         with _start(self._arguments(folder)) as process:
-            while measuring and process.poll() is None and next(folder.rglob(FILE), None) is None:
+            while awaited and process.poll() is None and _written(folder) < awaited:
                 time.sleep(0.01)
             try:
                 process.wait(moment)
@@ -143,6 +146,18 @@ class Victim:
         _, alive = psutil.wait_procs([*others, *_descendants(others)], timeout=60)
         assert not alive, f"these live on without the process that watched them: {alive}"
         return True
+
+
+def _written(folder: Path) -> int:
+    """How many rows lie below a folder in which a command writes, but for those of a store that is locked."""
+    count = 0
+    for file in folder.rglob(FILE):
+        with (
+            suppress(sqlite3.Error),
+            closing(sqlite3.connect(f"{file.as_uri()}?mode=ro", timeout=0, uri=True)) as store,
+        ):
+            count += sum(store.execute(f"SELECT COUNT(*) FROM {table}").fetchone()[0] for table in ("rows", "repeats"))
+    return count
 
 
 def _descendants(processes: list[psutil.Process]) -> list[psutil.Process]:

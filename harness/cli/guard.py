@@ -8,8 +8,9 @@ from contextlib import contextmanager
 
 import typer
 
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.harness.console import make_console, styled
-from shading_atlas_bench.harness.errors import InputError, StoppedError
+from shading_atlas_bench.harness.errors import StoppedError
 from shading_atlas_bench.harness.watch.memory import ran_out
 
 UNUSABLE_NAMES = {errno.ENAMETOOLONG, errno.ELOOP, errno.EACCES}  # wherever a path is looked up
@@ -19,30 +20,9 @@ SOME_FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130  # exit codes
 @contextmanager
 def guarded() -> Iterator[None]:
     """Turn errors about arguments and input into one sentence on stderr and exit code 2; others are bugs and show."""
-    from shading_atlas_bench.harness.workload.settings import SettingsError
-    from shading_atlas_bench.kernels.cache import CacheError
-    from shading_atlas_bench.kernels.runtime.opencl import DeviceError
-    from shading_atlas_bench.reports.analysis.claims import ClaimsError
-    from shading_atlas_bench.reports.documents.kept import DocumentError
-    from shading_atlas_bench.reports.store.data import DataError
-    from shading_atlas_bench.reports.store.database import StoreError
-    from shading_atlas_bench.scenes.model import SceneError
-    from shading_atlas_bench.scenes.paths import PathError
-
     try:
         yield
-    except (
-        InputError,
-        SettingsError,
-        CacheError,
-        DeviceError,
-        DataError,
-        StoreError,
-        SceneError,
-        PathError,
-        ClaimsError,
-        DocumentError,
-    ) as error:
+    except BenchError as error:
         make_console(stderr=True).print(styled("[bold red]bench:[/] {}", error), soft_wrap=True)
         raise typer.Exit(UNUSABLE) from None
     except OSError as error:

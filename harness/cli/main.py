@@ -12,6 +12,7 @@ from typing import Annotated
 
 import typer
 
+from shading_atlas_bench.errors import visible
 from shading_atlas_bench.harness.cli.catalogue import list_everything
 from shading_atlas_bench.harness.cli.check import check
 from shading_atlas_bench.harness.cli.claims import claims
@@ -26,7 +27,6 @@ from shading_atlas_bench.harness.cli.sweep import sweep
 from shading_atlas_bench.harness.cli.tables import tables
 from shading_atlas_bench.harness.progress import warnings_as_sentences
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
-from shading_atlas_bench.reports.store.names import visible
 
 app = typer.Typer(
     name="bench",

@@ -21,11 +21,11 @@ from collections import Counter
 from pathlib import Path
 from typing import Any
 
+from shading_atlas_bench.errors import visible
 from shading_atlas_bench.harness.watch.ends import KILLED, SWITCH, TICK, crashed, ended_by, name_of, overdue_steps
 from shading_atlas_bench.harness.watch.memory import too_little
 from shading_atlas_bench.harness.watch.processes import python
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
-from shading_atlas_bench.reports.store.names import visible
 
 # `bench tables` runs these as processes of their own, each of which is watched.
 WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "list")

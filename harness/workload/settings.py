@@ -9,6 +9,7 @@ from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS, PRESETS
 from shading_atlas_bench.harness.workload.views import ViewCell
 from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
@@ -30,7 +31,7 @@ METRIC_NAMES = (*PICTURE_METRICS, "stretch")
 LONGEST = 1_000_000  # seconds that anything may take: eleven days
 
 
-class SettingsError(ValueError):
+class SettingsError(BenchError, ValueError):
     """An option that cannot be used; the message is one sentence."""
 
 

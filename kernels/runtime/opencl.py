@@ -16,6 +16,7 @@ from threading import RLock
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.kernels.cache import CacheError, cache_folder, read_checked, write_checked
 from shading_atlas_bench.kernels.runtime import kernel_cache
 from shading_atlas_bench.kernels.runtime.vendors import Vendors, find_vendors
@@ -32,7 +33,7 @@ POCL = "Portable Computing Language"
 SPEAKING = RLock()
 
 
-class DeviceError(RuntimeError):
+class DeviceError(BenchError, RuntimeError):
     """No usable OpenCL device, or a kernel that does not build; the message says what to do."""
 
 

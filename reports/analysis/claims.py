@@ -19,6 +19,7 @@ from typing import Annotated, Any, NotRequired, TypeAlias, TypedDict
 
 from msgspec import Meta
 
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.reports.store.columns import BY_NAME, CLAIM_KINDS, MEASURED_STATUSES, MEASURES
 from shading_atlas_bench.reports.store.csv_files import median_interval, read_csv
 from shading_atlas_bench.reports.store.data import DataError, read_toml
@@ -62,11 +63,11 @@ class ClaimsFile(TypedDict):
     causes: NotRequired[list[Entry]]
 
 
-class ClaimsError(ValueError):
+class ClaimsError(BenchError, ValueError):
     """A file of claims that cannot be used; the message is one sentence."""
 
 
-class UnmeasuredError(ValueError):
+class UnmeasuredError(BenchError, ValueError):
     """A value that the runs do not give; the message is the reason."""
 
 

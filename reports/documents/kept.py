@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypedDict
 
+from shading_atlas_bench.errors import BenchError
 from shading_atlas_bench.reports.store.csv_files import replace_file
 from shading_atlas_bench.reports.store.data import DataError, read_json
 from shading_atlas_bench.reports.store.records import Values
@@ -20,7 +21,7 @@ Row = dict[str, Any]
 Parts = dict[str, list[Row]]
 
 
-class DocumentError(ValueError):
+class DocumentError(BenchError, ValueError):
     """A document, or kept data, that cannot be used; the message is one sentence."""
 
 

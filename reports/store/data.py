@@ -10,12 +10,14 @@ from typing import TypeVar
 
 import msgspec
 
+from shading_atlas_bench.errors import BenchError
+
 MOST_BYTES = 64_000_000  # of a text file that is read as a whole; those of the largest sweeps have a tenth
 
 Kind = TypeVar("Kind")
 
 
-class DataError(ValueError):
+class DataError(BenchError, ValueError):
     """Data that is not what it is taken for; the message is a sentence that says where and what."""
 
 

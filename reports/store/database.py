@@ -16,6 +16,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
+from shading_atlas_bench.errors import BenchError
+
 Cell: TypeAlias = str | int | float | None  # of a table
 Record: TypeAlias = tuple[Cell, ...]
 
@@ -28,7 +30,7 @@ _OF_VALUES = (sqlite3.InterfaceError, sqlite3.ProgrammingError, sqlite3.DataErro
 _IN_USE = {sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED}
 
 
-class StoreError(ValueError):
+class StoreError(BenchError, ValueError):
     """A store that cannot be used, or a value that does not belong in it; the message is for people."""
 
 
