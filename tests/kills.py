@@ -51,6 +51,8 @@ def rows_of(folder: Path) -> Rows:
     """What all stores below a folder hold but for times, by its key. Raises StoreError for a damaged one."""
     found: Rows = {}
     for file in folder.rglob(FILE):
+        if not file.stat().st_size:  # killed as it began
+            continue
         place = str(file.parent.relative_to(folder))
         with Store(file.parent, must_exist=True) as store:
             rows, repeats, finished = store.rows(), store.repeats(), store.finished()

@@ -39,14 +39,18 @@ class StoreFileError(StoreError):
 
 
 class Database:
-    """One file with the given tables, made where it is missing.
+    """One file with the given tables.
 
     tables: the statements that create them and their indices. version: of this layout; a file of another is refused.
+    made: whether they are made where there is no file, or an empty one; else nothing is written before it is whole.
     checked: whether the seal is looked at, which takes as long as reading everything.
-    Raises StoreFileError, one sentence that names the file, for whatever goes wrong with it, now and later.
+    Raises StoreError, one sentence that names the file, if it cannot be used as it is, or a value cannot be kept, and
+    StoreFileError if it is damaged, or cannot be read or written, now and later.
     """
 
-    def __init__(self, file: Path, tables: Sequence[str], version: int, *, checked: bool = True) -> None:
+    def __init__(
+        self, file: Path, tables: Sequence[str], version: int, *, made: bool = True, checked: bool = True
+    ) -> None:
         self.file, self._statements, self._version = file, (*tables, SEAL), version
         self._added = 0  # digests of what the transaction inserted, less those of what it deleted
         long = len(os.fsencode(file.absolute()))
@@ -54,10 +58,12 @@ class Database:
             own = len(file.name) + 1
             raise StoreError(
                 f"The folder's path has {long - own:,} bytes, and SQLite opens files in up to {LONGEST_PATH - own}: "
-                "give a shorter --out."
+                "give a folder whose path is shorter."
             )
         if os.path.lexists(file) and not file.is_file():  # other things might block, or lead elsewhere
             raise StoreFileError(f"{file} is no file: delete it, or give another folder.")
+        if not made and not file.is_file():
+            raise StoreError(self._without_results())
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
         except OSError as error:
@@ -65,7 +71,7 @@ class Database:
         with self._in_words():
             self._connection = sqlite3.connect(file, timeout=WAIT_SECONDS, isolation_level=None)
         try:
-            self._open(checked)
+            self._open(made, checked)
         except BaseException:
             self._connection.close()
             raise
@@ -87,7 +93,8 @@ class Database:
             return [dict(zip(names, record, strict=True)) for record in cursor]
 
     def insert(self, table: str, records: Sequence[Record]) -> None:
-        """Add whole records within a transaction. Raises sqlite3.IntegrityError for two of one key."""
+        """Add whole records within a transaction, each cell of its column's own type, numbers finite: what SQLite would
+        change would break the seal. Raises sqlite3.IntegrityError for two of one key."""
         if records:
             places = ", ".join("?" * len(records[0]))
             self._connection.executemany(f"INSERT INTO {table} VALUES ({places})", records)
@@ -123,24 +130,36 @@ class Database:
                 self._connection.execute("ROLLBACK")
             raise
 
-    def _open(self, checked: bool) -> None:
+    def _open(self, made: bool, checked: bool) -> None:
         """Make the tables of a new file, or check an old one."""
         with self._in_words():
-            if self._found_version() == 0:
+            if self._is_new():
+                if not made:
+                    raise StoreError(self._without_results())
                 with self._within("BEGIN IMMEDIATE"):
-                    if self._found_version() == 0:  # still: another process may have been faster
-                        for statement in self._statements:
-                            self._connection.execute(statement)
-                        self._connection.execute("INSERT INTO seal VALUES (0)")
-                        self._connection.execute(f"PRAGMA user_version = {self._version}")
+                    if self._is_new():  # still: another process may have been faster
+                        self._make_tables()
             if self._found_version() != self._version:
                 raise StoreError(
-                    f"{self.file} was written by another version of this program, with other columns: "
-                    "use that version, or run again into a new folder."
+                    f"{self.file} was written by another program, or by another version of this one, with other "
+                    "columns: use that, or run again into a new folder."
                 )
             if checked:
                 with self._within("BEGIN"):  # one state of the file, whoever writes meanwhile
                     self._check()
+
+    def _is_new(self) -> bool:
+        """Whether nothing was ever made in the file."""
+        return not self._found_version() and not self.select("SELECT 1 FROM sqlite_master LIMIT 1")
+
+    def _make_tables(self) -> None:
+        for statement in self._statements:
+            self._connection.execute(statement)
+        self._connection.execute("INSERT INTO seal VALUES (0)")
+        self._connection.execute(f"PRAGMA user_version = {self._version}")
+
+    def _without_results(self) -> str:
+        return f"There are no results in {self.file.parent}: give a folder that `bench run` wrote."
 
     def _found_version(self) -> int:
         (version,) = self._connection.execute("PRAGMA user_version").fetchone()
@@ -186,12 +205,12 @@ class Database:
         if code in _IN_USE:
             return StoreFileError(f"{self.file} is in use by another program: wait for it, and run again.")
         if code == sqlite3.SQLITE_IOERR:
-            return StoreFileError(f"{self.file} cannot be read or written ({error}): is the disk full, or failing?")
+            return StoreFileError(f"{self.file} cannot be read or written ({error}): mend its disk, and run again.")
         return self._damaged(str(error))
 
     def _damaged(self, what: str) -> StoreFileError:
         return StoreFileError(
-            f"{self.file} is no whole results store ({what}): delete it or give another folder, and run again."
+            f"{self.file} is no whole results store ({what}): put back a copy of it, or run again into a new folder."
         )
 
 

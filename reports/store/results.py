@@ -52,7 +52,8 @@ _OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
 class Store:
     """The results of one run, in `folder`/results.sqlite.
 
-    folder: made if absent, unless must_exist. Everything written is committed at once; a frame is committed as a whole.
+    folder: made if absent, as the store in it is, unless must_exist. Everything written is committed at once; a frame is
+        committed as a whole.
     checked: whether it is made sure first that what is read is what was written.
 
     Raises StoreError if must_exist and there is no store, if the file is no whole store of this version, or if its path
@@ -61,10 +62,7 @@ class Store:
 
     def __init__(self, folder: Path, *, must_exist: bool = False, checked: bool = True) -> None:
         self.folder = Path(folder)
-        file = self.folder / FILE
-        if must_exist and not file.is_file():
-            raise StoreError(f"There are no results in {self.folder}: give a folder that `bench run` wrote.")
-        self._database = Database(file, _TABLES, SCHEMA_VERSION, checked=checked)
+        self._database = Database(self.folder / FILE, _TABLES, SCHEMA_VERSION, made=not must_exist, checked=checked)
         self.notes = Notes(self, self._database)
 
     def close(self) -> None:
@@ -160,7 +158,7 @@ class Store:
 
         It takes the place of an earlier one of the same number. Rows and stages stay as they are.
         """
-        records = [(method, variant, int(frame), repetition, stage, _number(ms)) for frame, stage, ms in times]
+        records = [(method, variant, int(frame), int(repetition), stage, _number(ms)) for frame, stage, ms in times]
         with self._database.transaction():
             self._database.delete("repeats", method=method, variant=variant, repetition=repetition)
             self._database.insert("repeats", records)

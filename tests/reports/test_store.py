@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.reports.store.columns import DOCUMENT, FRAME_COLUMNS, document
+from shading_atlas_bench.reports.store.csv_files import write_all
 from shading_atlas_bench.reports.store.database import StoreError, StoreFileError
 from shading_atlas_bench.reports.store.results import FILE, Store
 from tests.reports.synthetic import COMMON, METHODS, PLAN, alter, frame_rows, make_store
@@ -150,6 +151,25 @@ def test_another_repetition_takes_the_place_of_one_of_its_number_only(tmp_path: 
         assert len(store.repeats()) == len(before) + 12
 
 
+def test_reading_writes_nothing_into_what_is_no_store(tmp_path: Path) -> None:
+    """An emptied store lost its CSV files to the next report, and another program's tables got ours beside them."""
+    (tmp_path / "empty").mkdir()
+    (tmp_path / "empty" / "results.sqlite").touch()
+    (tmp_path / "empty" / "frames.csv").write_text("kept", encoding="utf-8")
+    with pytest.raises(StoreError, match="no results in"):
+        write_all(tmp_path / "empty")
+    assert (tmp_path / "empty" / "frames.csv").read_text(encoding="utf-8") == "kept"
+    assert not (tmp_path / "empty" / "results.sqlite").stat().st_size
+    foreign = tmp_path / "results.sqlite"
+    with closing(sqlite3.connect(foreign)) as other:
+        other.execute("CREATE TABLE foo (bar)")
+    before = foreign.read_bytes()
+    for must_exist in (True, False):
+        with pytest.raises(StoreError, match="written by another program"):
+            Store(tmp_path, must_exist=must_exist)
+    assert foreign.read_bytes() == before
+
+
 def test_a_folder_without_a_store_is_named(tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no results in"):
         Store(tmp_path / "nothing", must_exist=True)
@@ -197,7 +217,7 @@ def test_a_kill_within_a_transaction_leaves_whole_frames_only(tmp_path: Path, mo
 
 def test_a_folder_too_deep_for_sqlite_is_refused(tmp_path):
     deep = tmp_path.joinpath(*["d" * 200] * 3)
-    with pytest.raises(StoreError, match="SQLite opens files in up to 489: give a shorter --out"):
+    with pytest.raises(StoreError, match="SQLite opens files in up to 489: give a folder whose path"):
         Store(deep)
     assert not deep.exists()
     Store(tmp_path / ("d" * 200) / ("e" * (489 - 202 - len(str(tmp_path))))).close()
