@@ -11,6 +11,7 @@ import os
 import re
 import shlex
 import sys
+import traceback
 from collections.abc import Collection, Iterable, Mapping
 from importlib.metadata import EntryPoint, entry_points
 from math import isfinite
@@ -56,12 +57,16 @@ def load_packer(spec: str) -> list[Packer]:
     """
     try:
         return _loaded(spec.strip())
-    except ValueError:
-        raise
     except BaseException as error:  # making a packer runs anybody's code
-        if is_stop(error):
+        if is_stop(error) or (isinstance(error, ValueError) and _is_ours(error)):
             raise
         raise ValueError(f"{spec} cannot be made: {told(error)}.") from error
+
+
+def _is_ours(error: BaseException) -> bool:
+    """Whether the suite's own code raised it, whose sentences are whole."""
+    raised = traceback.extract_tb(error.__traceback__)[-1].filename
+    return Path(raised).resolve().is_relative_to(Path(__file__).resolve().parents[1])
 
 
 def _loaded(spec: str) -> list[Packer]:
@@ -110,7 +115,7 @@ def refuse_code(specs: Iterable[str], source: str, instead: str) -> None:
     """
     for spec in specs:
         parts = SPEC.fullmatch(spec.strip())
-        if parts is not None and ":" in parts["target"]:
+        if ":" in (parts["target"] if parts else spec):
             raise InputError(
                 f"{source} names the code {spec}, and code that a file names is not run: if you trust it, "
                 f"{instead.format(shlex.quote(spec))}."

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, ClassVar, Literal, NoReturn, TypeAlias
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import fixed
 from shading_atlas_bench.arithmetic.matrices import matvec, product
 from shading_atlas_bench.packers.skips import Skips
 
@@ -98,13 +99,18 @@ class RareCost:
 class View:
     """A camera and its image size: view and projection float64 (4, 4), width and height in pixels.
 
-    The projection has reversed depth with an infinite far plane: clip z = near, clip w = distance along -z.
+    The projection has reversed depth with an infinite far plane: clip z = near, clip w = distance along -z. The arrays
+    are copies that cannot be written to: methods share their views.
     """
 
     view: Doubles
     projection: Doubles
     width: int
     height: int
+
+    def __post_init__(self) -> None:
+        for name in ("view", "projection"):
+            object.__setattr__(self, name, fixed(np.array(getattr(self, name))))
 
     @property
     def matrix(self) -> Doubles:
@@ -238,6 +244,7 @@ class Frame:
 class Payload:
     """Everything sent for one frame, and what the report wants to know about it.
 
+    Its device arrays are this payload's own: nothing writes to them before the packer packs the next frame.
     Its values are of exactly these types (whole numbers also NumPy's), its names identifiers of up to 32 letters, of a
     statistic 64; harness/measure/returned.py refuses others, and stops the method.
 
@@ -328,7 +335,7 @@ class Client(ABC):
 
 @dataclass(frozen=True)
 class Image:
-    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB, and what shows in each pixel.
+    """A drawn picture on the device: rgb uint8 (h, w, 4), sRGB, and what shows in each pixel. It is read at once.
 
     triangle: int32 (h, w), scene ids of what is nearest there and not wholly transparent, -1 where nothing is drawn. A
     client that knows no ids has None, and says in their place:

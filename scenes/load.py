@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import fixed
 from shading_atlas_bench.scenes.assemble import assemble
 from shading_atlas_bench.scenes.cache import fetch, scene_key, store
 from shading_atlas_bench.scenes.cameras import CAMERAS, read_cameras
@@ -69,7 +70,7 @@ def load_scene(
     repair: drop duplicate and degenerate faces and faces at non-manifold edges. decimate: ratio of triangles to keep.
     allow_outside: whether a file may name others that are not in its folder or below. max_texture: texels of a side
         that its textures are reduced to, with a note.
-    cache: folder of loaded scenes; without it nothing is kept. Arrays of cached scenes are read-only.
+    cache: folder of loaded scenes; without it nothing is kept. The scene's arrays are read-only.
     Raises SceneError, one sentence, for everything that cannot be loaded.
     """
     _check_options(unit, detail, decimate, max_texture)
@@ -102,13 +103,13 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
 def _through_cache(
     cache: Path | None, options: Mapping[str, object], files: list[Path], load: Callable[[], Scene]
 ) -> Scene:
-    """The scene from the cache, or loaded and stored there."""
+    """The scene from the cache, or loaded and stored there; whichever it is, its arrays cannot be written to."""
     if cache is None:
-        return load()
+        return fixed(load())
     path = cache / scene_key(options, files)
     scene = fetch(path)
     if scene is None:
-        scene = load()
+        scene = fixed(load())
         store(path, scene)
     return scene
 

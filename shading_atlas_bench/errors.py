@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import unicodedata
 
+LONGEST = 1600  # letters of a sentence
 _UNSEEN = ("Cc", "Cf", "Cs", "Zl", "Zp")  # controls, formats, halves of letters, and Unicode's own line ends
 _KEPT = "\n\t\u200c\u200d"  # the last two are letters' joiners, as in emoji and in scripts of India
 
@@ -12,11 +13,15 @@ class BenchError(Exception):
     """Whatever a person can mend.
 
     sentence: with the names of files and texts of others in it as they are; those of their letters that no terminal
-        shows become escapes. log: lines of another program, put behind it.
+        shows become escapes, and of over LONGEST letters the middle is left out. log: lines of another program, put
+        behind it.
     """
 
     def __init__(self, sentence: str, log: str = "") -> None:
-        super().__init__(visible(sentence).replace("\n", "\\n") + visible(log))
+        line = visible(sentence).replace("\n", "\\n")
+        if len(line) > LONGEST:
+            line = f"{line[: LONGEST // 2]} … {line[-LONGEST // 4 :]}"
+        super().__init__(line + visible(log))
 
 
 def visible(text: object) -> str:

@@ -1,6 +1,6 @@
 """Kill commands at random moments; resumed, they have the rows of one that was left alone: none lost, none doubled.
 
-python -m tests.kills                      200 kills, of run, sweep, sweep with workers and report in turn
+python -m tests.kills                      200 kills, of run, sweep, sweep with workers (parallel) and report
 python -m tests.kills run --times 50       of `bench run` alone
 python -m tests.kills --seed 7             at other moments
 
@@ -12,10 +12,8 @@ began, or shortly after so many more rows were written.
 from __future__ import annotations
 
 import argparse
-import os
 import random
 import shutil
-import signal
 import sqlite3
 import subprocess
 import sys
@@ -37,9 +35,10 @@ GRID = [*SMALL, "--vary", "fit=0.5,0.9", "--repetitions", "2", "--precision", "1
 COMMANDS = {
     "run": ["run", *SMALL, "--metrics", "psnr"],
     "sweep": ["sweep", *GRID],
-    "workers": ["sweep", *GRID, "--workers", "2"],
+    "parallel": ["sweep", *GRID, "--workers", "2"],
     "report": ["report"],
 }
+BENCH = (sys.executable, "-m", "shading_atlas_bench")
 FEW = 4  # kills before a command may end
 BETWEEN_ROWS = 0.5  # seconds, in which a command begins, writes or ends a row
 LONGEST = 3600.0  # seconds of a command that nobody kills
@@ -125,9 +124,10 @@ class Victim:
         return [*COMMANDS[self.name], *([] if self.name == "report" else ["--out"]), str(folder)]
 
     def _end(self, arguments: list[str]) -> None:
-        with _start(arguments) as process:
-            code = process.wait(LONGEST)
-        assert code == 0, f"bench {' '.join(arguments)} ended with {code}"
+        done = subprocess.run(
+            [*BENCH, *arguments], cwd=ROOT, capture_output=True, text=True, timeout=LONGEST, check=False
+        )
+        assert done.returncode == 0, f"bench {' '.join(arguments)} ended with {done.returncode}:\n{done.stderr}"
 
     def _kill(self, folder: Path, moment: float, whom: str, awaited: int) -> bool:
         """Start the command and kill one or all of its processes some seconds after so many rows lie there; whether it
@@ -143,7 +143,8 @@ class Victim:
                 others = own.children(recursive=True)
             hit = {"watcher": [own], "worker": others[:1] or [own], "all": [own, *others]}[whom]
             for one in hit:
-                _send(one, signal.SIGKILL)
+                with suppress(psutil.NoSuchProcess):
+                    one.kill()
             process.wait(LONGEST)
         _, alive = psutil.wait_procs([*others, *_descendants(others)], timeout=60)
         assert not alive, f"these live on without the process that watched them: {alive}"
@@ -173,15 +174,9 @@ def _descendants(processes: list[psutil.Process]) -> list[psutil.Process]:
     return found
 
 
-def _send(process: psutil.Process, number: int) -> None:
-    with suppress(psutil.NoSuchProcess):
-        process.send_signal(number)
-
-
 def _start(arguments: list[str]) -> subprocess.Popen[bytes]:
-    command = [sys.executable, "-m", "shading_atlas_bench", *arguments]
     quiet = subprocess.DEVNULL
-    return subprocess.Popen(command, cwd=ROOT, stdin=quiet, stdout=quiet, stderr=quiet, env=os.environ)
+    return subprocess.Popen([*BENCH, *arguments], cwd=ROOT, stdin=quiet, stdout=quiet, stderr=quiet)
 
 
 def main() -> None:
@@ -194,12 +189,18 @@ def main() -> None:
     asked = parser.parse_args()
     if unknown := sorted(set(asked.command) - set(COMMANDS)):
         parser.error(f"there is no command {', '.join(unknown)}; there are {', '.join(COMMANDS)}.")
+    if asked.times < 1:
+        parser.error("--times must be 1 or more.")
     chance, done = random.Random(asked.seed), 0
     with tempfile.TemporaryDirectory(prefix="bench-kills-") as place:
         victims = [Victim(name, Path(place)) for name in asked.command or COMMANDS]
         while done < asked.times:
+            before = done
             for victim in victims:
-                done += victim.chain(min(FEW, max(0, asked.times - done)), chance)
+                if done < asked.times:
+                    done += victim.chain(min(FEW, asked.times - done), chance)
+            if done == before:
+                sys.exit("The commands end before they can be killed.")
     print(f"{done} kills: no row lost, none doubled")
 
 

@@ -21,6 +21,13 @@ def test_a_hostile_name_is_told_in_one_line_of_letters_that_can_be_written():
     assert r"a\ud800\x1b[2J\u202e\nb" in sentence
 
 
+def test_a_sentence_says_what_to_do_however_long_a_name_in_it_is():
+    sentence = str(SceneError(f"There is no scene {'a' * 10**6}: give another one."))
+    assert sentence.startswith("There is no scene aaa")
+    assert sentence.endswith("aaa: give another one.")
+    assert len(sentence) < 2000
+
+
 def test_a_log_keeps_its_lines():
     assert str(DeviceError("It does not build: ", log="line 1\nline 2\x1b")) == "It does not build: line 1\nline 2\\x1b"
 

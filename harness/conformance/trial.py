@@ -32,7 +32,7 @@ from shading_atlas_bench.harness.measure.returned import (
 )
 from shading_atlas_bench.harness.measure.verification.frame import Verifier
 from shading_atlas_bench.harness.measure.verification.isolation import check_isolation, decode_losslessly
-from shading_atlas_bench.harness.measure.verification.pictures import check_picture
+from shading_atlas_bench.harness.measure.verification.pictures import Shown, check_picture
 from shading_atlas_bench.harness.measure.verification.truth import LEVELS, Truth
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.upload import upload_scene
@@ -322,7 +322,8 @@ def _check_frame(
     verified = verifier.verify(frame, payload, planes, owners, client, stages)
     found = verified.found
     found += validity.check(frame, payload, owners, client, visible, gaps=gaps)
-    found += check_picture(stage.truth, frame, verified.draw, payload, seen, client.draw(stage.views[index]))[1]
+    shown = Shown.of(client.draw(stage.views[index]))
+    found += check_picture(stage.truth, frame, verified.draw, payload, seen, shown)[1]
     if found:
         sentence = " ".join(located(violation, payload) for violation in found)
         raise TrialError("invalid", f"Frame {index}: {sentence}", pictures_of(stage, index, payload, client))

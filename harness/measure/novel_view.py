@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints
+from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints, fixed
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.kernels.raster.resolve import resolve
@@ -40,7 +40,8 @@ class Seen:
         """samples: resolved from the visibility."""
         n = samples.count
         bary = np.stack([samples.bary1.get()[:n], samples.bary2.get()[:n]], axis=1)
-        return cls(view, visibility.triangle.get(), samples.texel.get()[:n], samples.triangle.get()[:n], bary)
+        seen = cls(view, visibility.triangle.get(), samples.texel.get()[:n], samples.triangle.get()[:n], bary)
+        return fixed(seen)
 
 
 @dataclass(frozen=True)

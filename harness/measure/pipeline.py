@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
-from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles
+from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, fixed
 from shading_atlas_bench.harness.errors import is_stop, plain
 from shading_atlas_bench.harness.measure import validity
 from shading_atlas_bench.harness.measure.codecs import EncodedFrame, VideoStream, encode_all, pack_lz4, unpack_lz4
@@ -30,8 +30,8 @@ from shading_atlas_bench.harness.measure.returned import (
     read_payload,
 )
 from shading_atlas_bench.harness.measure.verification.frame import Verified, Verifier
-from shading_atlas_bench.harness.measure.verification.isolation import check_isolation, fixed
-from shading_atlas_bench.harness.measure.verification.pictures import check_picture
+from shading_atlas_bench.harness.measure.verification.isolation import check_isolation
+from shading_atlas_bench.harness.measure.verification.pictures import Shown, check_picture
 from shading_atlas_bench.harness.measure.verification.truth import Truth
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
 from shading_atlas_bench.harness.workload.frames import FrameWorkload, sample_budget
@@ -42,7 +42,6 @@ from shading_atlas_bench.packers.interface import (
     ALPHA,
     Decoded,
     Frame,
-    Image,
     NotShippedError,
     Owners,
     Packer,
@@ -183,7 +182,7 @@ class Drawn:
     lossless: uint8 (h, w, 3), what the client of the planes as packed shows."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
-    images: dict[Key, Image] = field(default_factory=dict)
+    shown: dict[Key, Shown] = field(default_factory=dict)
     clocked: dict[Key, float] = field(default_factory=dict)
     pictures: dict[str, Bytes] = field(default_factory=dict)
     metrics_ms: float = 0.0
@@ -330,7 +329,8 @@ class Pipeline:
         return Packed(read_payload(returned, shaded), record.milliseconds, record.launches, wall, skipped=skipped)
 
     def _shaded(self, frame: Frame) -> Frame:
-        return replace(frame, scene=self.scene)
+        """The frame with the scene as the packer shades it, and a list of visible triangles that is its own."""
+        return replace(frame, scene=self.scene, pvs_device=self.scene.device.upload(frame.pvs))
 
     def fill(self, payload: Received) -> Filled:
         """Read the planes back; for a video codec, fill them first."""
@@ -411,15 +411,18 @@ class Pipeline:
             "coherence_bytes": use.coherence_bytes,
         }
 
-    def replay(self, work: FrameWorkload) -> None:
-        """Bring all state to where it was after this frame, without measuring."""
+    def replay(self, work: FrameWorkload) -> dict[str, Any]:
+        """Bring all state to where it was after this frame, without measuring; columns of its row without a codec that
+        tell whether it is the same frame again."""
         payload = self.pack(work.frame).payload
         filled = self.fill(payload)
         sent = self.advance(payload, filled)
         for key, client in self.clients.items():
             client.receive(sent.arrived[key])
-        self.remember(payload.owners(), filled.planes)
-        self.verifier.pass_over(self.lossless)
+        owners = payload.owners()
+        found = sent.row(LOSSLESS) | self.remember(owners, filled.planes)
+        found["samples"] = self.verifier.pass_over(payload, owners, self.lossless)
+        return {name: value for name, value in found.items() if not name.endswith("_ms")}
 
     def draw(self, sent: Sent, novel: NovelView, metrics: Metrics, pictured: bool) -> Drawn:
         """Hand the frame to both clients, draw the novel view and compare with the reference; pictured: keep the
@@ -434,7 +437,7 @@ class Pipeline:
             start = time.perf_counter()
             values = metrics.compare(image.rgb)
             drawn.metrics_ms += (time.perf_counter() - start) * 1000
-            drawn.images[key] = image
+            drawn.shown[key] = Shown.of(image)
             drawn.rows[key] = {
                 **{name: values[name] for name in PICTURE_METRICS},
                 "receive_ms": receiving.host,
@@ -530,9 +533,9 @@ class Pipeline:
     ) -> None:
         """Holes, and what clients say that they show; of both clients, which may have received different planes."""
         start = time.perf_counter()
-        for key, image in drawn.images.items():
+        for key, shown in drawn.shown.items():
             drawn.rows[key]["holes_px"], found = check_picture(
-                self.verifier.truth, frame, verified.draw, payload, novel, image
+                self.verifier.truth, frame, verified.draw, payload, novel, shown
             )
             verified.found += found
         verified.milliseconds += (time.perf_counter() - start) * 1000

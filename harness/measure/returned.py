@@ -16,7 +16,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints
-from shading_atlas_bench.harness.errors import is_stop, plain, text_of, told
+from shading_atlas_bench.harness.errors import is_stop, plain, told
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
 from shading_atlas_bench.kernels.runtime.opencl import array_class
@@ -65,11 +65,13 @@ OWN_DETAILS = frozenset(
     {"client", "reference", "visibility", "view", "projection", "atlas", "owner", "bary", "alpha",
      "file", "args", "kwds", "allow_pickle"}  # the last ones are parameters of numpy.savez
 )  # fmt: skip
-BYTES = (bytes, bytearray, memoryview)
-WHOLE = frozenset({int, *(np.dtype(code).type for code in np.typecodes["AllInteger"])})
-REAL = WHOLE | {bool, np.bool_, float, *(np.dtype(code).type for code in np.typecodes["Float"])}
+BYTES: tuple[type, ...] = (bytes, bytearray, memoryview)
+WHOLE: tuple[type, ...] = (int, *(np.dtype(code).type for code in np.typecodes["AllInteger"]))
+REAL = (*WHOLE, bool, np.bool_, float, *(np.dtype(code).type for code in np.typecodes["Float"]))
 ARRAYS = {"triangle": np.int32, "bary1": np.float32, "bary2": np.float32, "footprint": np.float32, "texel": np.int32}
-_FIELDS = vars(Payload)["__dict__"]  # how to get at them without running what a subclass puts in the way
+# How to get at these without running what a subclass, or a class of its class, puts in the way.
+_FIELDS = vars(Payload)["__dict__"]
+_BASES = vars(type)["__mro__"]
 
 
 class ReturnedError(Exception):
@@ -93,13 +95,13 @@ def verdict_on(error: BaseException) -> tuple[str, str]:
     if isinstance(error, PackTimeoutError):
         return "timeout", "It did not finish in time."
     if isinstance(error, (ReturnedError, NotShippedError)):
-        return "invalid", text_of(error)
+        return "invalid", plain(str(error), LONGEST_REASON)
     return "failed", told(error)
 
 
 def read_payload(returned: object, frame: Frame) -> Received:
     """What `pack` returned for a frame. Raises ReturnedError."""
-    if Payload not in type(returned).__mro__ or not isinstance(returned, Payload):
+    if not (_is_derived(returned, Payload) and isinstance(returned, Payload)):
         raise ReturnedError(f"pack() returned {shown(returned)}, and no Payload.")
     held = fields_of(returned)
     if lacking := [field.name for field in fields(Payload) if field.name not in held]:
@@ -113,7 +115,7 @@ def read_payload(returned: object, frame: Frame) -> Received:
         *_of_planes(given.planes, frame),
         *_of_named("blobs", "blob", given.blobs, _bytes_objection),
         *_of_named("lists", "list", given.lists, _bytes_objection),
-        *([] if type(given.geometry) in BYTES else [f"geometry is no bytes but {shown(given.geometry)}"]),
+        *([] if _is_one(given.geometry, BYTES) else [f"geometry is no bytes but {shown(given.geometry)}"]),
         *_of_samples(given.samples, device, has_planes),
         *_of_count("sample_count", given.sample_count),
         *_of_count("raw_bytes", given.raw_bytes),
@@ -160,7 +162,8 @@ def read_launches(stages: Iterable[object], left_out: Iterable[object]) -> None:
 
 
 class CheckedPacker:
-    """A packer of whose answers nobody needs to be afraid.
+    """A packer whose answers are read here: each method asks the packer's own, and raises ReturnedError for an answer
+    that is not as packers/interface.py says.
 
     own: the packer itself, to be asked by clocks, whose answers are then read by `read_payload`. name, atlas, variant
     and label: as they were in the beginning.
@@ -191,7 +194,7 @@ class CheckedPacker:
     def client(self, scene: ClientScene) -> CheckedClient:
         """A fresh client. Raises ReturnedError."""
         client = self.own.client(scene)
-        if Client not in type(client).__mro__ or not isinstance(client, Client):
+        if not (_is_derived(client, Client) and isinstance(client, Client)):
             raise ReturnedError(f"client() is {shown(client)}, and no Client.")
         return CheckedClient(client, scene.device)
 
@@ -221,6 +224,8 @@ class CheckedPacker:
         costs = _exactly(tuple, "rare_costs()", self.own.rare_costs())
         for cost in costs:
             _exactly(RareCost, "one of rare_costs()", cost)
+            if lacking := _lacking(cost):
+                raise ReturnedError(f"One of rare_costs() lacks {', '.join(lacking)}.")
             texts = all(_is_text(text, LONGEST_TEXT) for text in (cost.what, cost.when, cost.counter))
             if not texts or not (cost.frames is None or _is_whole(cost.frames)):
                 raise ReturnedError("One of rare_costs() has texts that are none, or frames that are no whole number.")
@@ -246,7 +251,7 @@ class CheckedPacker:
 
 
 class CheckedClient(Client):
-    """A client of whose answers nobody needs to be afraid.
+    """A client whose answers are read here, as those of a packer are by CheckedPacker.
 
     own: the client itself, to be asked by clocks, whose pictures are then read by `read_image`.
     """
@@ -266,6 +271,8 @@ class CheckedClient(Client):
         """What its `draw` returned for a view. Raises ReturnedError."""
         if type(returned) is not Image:
             raise ReturnedError(f"What the client draws is {shown(returned)}, and no Image.")
+        if lacking := _lacking(returned):
+            raise ReturnedError(f"The client's Image lacks {', '.join(lacking)}.")
         size = (view.height, view.width)
         parts = {"rgb": (np.uint8, (*size, 4)), "triangle": (np.int32, size), "depth": (np.float32, size)}
         wrong = [
@@ -288,14 +295,14 @@ class CheckedClient(Client):
         return held
 
     def locate(self, triangles: Ints, bary: Floats) -> Doubles | None:
-        """Atlas positions of surface points, as Client has them. Raises ReturnedError."""
+        """Atlas positions of surface points, as Client has them, in an array of their own. Raises ReturnedError."""
         places = self.own.locate(triangles, bary)
         if places is not None and not _is_host(places, np.float64, (len(triangles), 2)):
             what = f"{shown(places)}: it must be None, or one column and row, in float64, for each point"
             raise ReturnedError(f"The client's locate() is {what}.")
         if places is not None and np.isinf(places).any():
             raise ReturnedError("The client's locate() has infinite places: those that there are not must be NaN.")
-        return places
+        return None if places is None else places.copy()
 
 
 def shown(value: object) -> str:
@@ -304,12 +311,27 @@ def shown(value: object) -> str:
         return ascii(value[:LONGEST_NAME]) + "..." * (len(value) > LONGEST_NAME)
     if type(value) is np.ndarray:
         return f"an array of {value.dtype} {value.shape}"
-    if value is None or type(value) in REAL - {int} or (type(value) is int and abs(value) <= LARGEST_WHOLE):
-        return str(value)
-    if type(value) is int:
+    if type(value) is int and abs(value) > LARGEST_WHOLE:
         return "a number beyond 64 bits"
+    if value is None or _is_one(value, REAL):
+        return str(value)
     name = plain(type(value).__name__, LONGEST_NAME)
     return f"an {name}" if name[:1].lower() in "aeiou" else f"a {name}"
+
+
+def _is_one(value: object, kinds: Iterable[type]) -> bool:
+    """Whether it is of exactly one of these types: compared as Python does it, a type could answer for itself."""
+    return any(type(value) is kind for kind in kinds)
+
+
+def _is_derived(value: object, kind: type) -> bool:
+    """Whether its type is this one or really derived from it."""
+    return any(base is kind for base in _BASES.__get__(type(value)))
+
+
+def _lacking(record: object) -> list[str]:
+    """Fields that a record of one of the interface's own types, exactly, has lost."""
+    return [field.name for field in fields(record) if field.name not in vars(record)]  # type: ignore[arg-type]  # it is
 
 
 def _refuse(what: str, objections: Iterable[str]) -> None:
@@ -355,7 +377,7 @@ def _of_planes(planes: object, frame: Frame) -> Iterator[str]:
         return None if fine else f"is no uint8 {shape} array of the frame's device, the atlas' size"
 
     yield from _of_named("planes", "plane", planes, objection)
-    if type(planes) is dict and planes and len(planes.keys() - {ALPHA}) != 1:
+    if type(planes) is dict and planes and sum(shown(name) != repr(ALPHA) for name in planes) != 1:
         names = ", ".join(map(shown, list(planes)[:OBJECTIONS]))
         yield f"planes are {names}, where there must be one beside {ALPHA!r}"
 
@@ -366,6 +388,9 @@ def _of_samples(samples: object, device: Device, needed: bool) -> Iterator[str]:
         return
     if type(samples) is not Samples:
         yield f"samples are {shown(samples)}: nothing says what the planes' texels are"
+        return
+    if lacking := _lacking(samples):
+        yield f"samples lack {', '.join(lacking)}"
         return
     if not _is_whole(samples.count):
         yield f"samples' count is {shown(samples.count)}, and no whole number of at least 0"
@@ -391,7 +416,7 @@ def _of_unplaced(unplaced: object, triangles: int) -> Iterator[str]:
         yield f"unplaced is {shown(unplaced)}, and no dict"
         return
     for one in unplaced:
-        if type(one) not in WHOLE or not 0 <= one < triangles:
+        if not _is_one(one, WHOLE) or not 0 <= one < triangles:
             yield f"unplaced names {shown(one)}, which is no triangle of the scene"
             return
     wrong = [reason for reason in unplaced.values() if not _is_text(reason, LONGEST_TEXT)]
@@ -403,9 +428,12 @@ def _of_unplaced(unplaced: object, triangles: int) -> Iterator[str]:
 
 def _of_lists(lists: HeldLists) -> Iterator[str]:
     """Objections to the form of one part's lists."""
+    if lacking := _lacking(lists):
+        yield f"it lacks {', '.join(lacking)}"
+        return
     view = lists.view
-    if type(view) is not View:
-        yield f"its view is {shown(view)}, and no View"
+    if type(view) is not View or _lacking(view):
+        yield f"its view is {shown(view)}, and no whole View"
         return
     matrices = all(_is_host(one, np.float64, (4, 4)) and np.isfinite(one).all() for one in (view.view, view.projection))
     if not matrices or not all(_is_whole(side) and 0 < side <= LONGEST_SIDE for side in (view.width, view.height)):
@@ -421,12 +449,12 @@ def _of_lists(lists: HeldLists) -> Iterator[str]:
 
 
 def _bytes_objection(data: object) -> str | None:
-    return None if type(data) in BYTES else f"is no bytes but {shown(data)}"
+    return None if _is_one(data, BYTES) else f"is no bytes but {shown(data)}"
 
 
 def _number_objection(value: object) -> str | None:
     try:
-        fine = type(value) in REAL and isfinite(value)  # type: ignore[arg-type]  # a number by its type
+        fine = _is_one(value, REAL) and isfinite(value)  # type: ignore[arg-type]  # a number by its type
     except OverflowError:
         fine = False
     return None if fine else f"is {shown(value)}, and no finite number: leave out what has none"
@@ -461,4 +489,4 @@ def _is_text(text: object, longest: int) -> bool:
 
 def _is_whole(value: object) -> bool:
     """Whether it counts something."""
-    return type(value) in WHOLE and 0 <= value <= LARGEST_WHOLE  # type: ignore[operator]  # a number by its type
+    return _is_one(value, WHOLE) and 0 <= value <= LARGEST_WHOLE  # type: ignore[operator]  # a number by its type

@@ -16,11 +16,21 @@ from typing import Any, TypeVar
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
+from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.dump import dump_frame, dump_scene, write_png
 from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import NovelView, draw_novel_view
-from shading_atlas_bench.harness.measure.pipeline import Drawn, Filled, Measured, Packed, Pipeline, stopped_rows
-from shading_atlas_bench.harness.measure.returned import verdict_on
+from shading_atlas_bench.harness.measure.pipeline import (
+    LOSSLESS,
+    Drawn,
+    Filled,
+    Measured,
+    Packed,
+    Pipeline,
+    stopped_rows,
+)
+from shading_atlas_bench.harness.measure.returned import ReturnedError, verdict_on
+from shading_atlas_bench.harness.measure.verification.shared_arrays import SharedArrays
 from shading_atlas_bench.harness.plugins import folder_name
 from shading_atlas_bench.harness.progress import Progress, Task
 from shading_atlas_bench.harness.run.as_published import note_as_published
@@ -57,6 +67,7 @@ class Run:
         self.metrics = Metrics.asked_for(session.device, session.settings.metrics, session.scene.skips)
         self.pictured = {0, self.frames // 2, self.frames - 1} if pictures else set()
         self.common = self._common_columns()
+        self.shared = SharedArrays(session.scene)
         self.workers = 1 if os.environ.get(SERIAL) else WORKERS
         # Clients must be alone with their payload in every frame: one that follows from the run is tried beforehand.
         known = f"{session.scene.host.content_hash} {session.path_hash}"
@@ -87,6 +98,7 @@ class Run:
     def all_frames(self, progress: Progress) -> None:
         """Prepare the pipelines, then work through the frames; what is finished is replayed where it must be."""
         done = self.store.finished()
+        self.committed = {(row["method"], row["variant"], row["frame"]): row for row in self._rows_without_codec()}
         finished = self._finished_before(done)
         started = time.perf_counter()
         with progress.task("preparing", self.frames * len(self.pipelines)) as task:
@@ -108,6 +120,7 @@ class Run:
             self.store.notes[f"{LABELS}/{pipeline.method}[{pipeline.variant}]"] = pipeline.label
             self._announce(task, f"preparing {pipeline.label}")
             self._prepare(pipeline, finished[pipeline.method, pipeline.variant])
+            self._check_shared([pipeline])
         self._announce(task, "warming up metrics")
         self._warm_up_metrics()
         self.session.device.remember_built()
@@ -116,6 +129,9 @@ class Run:
         """Tell what is being done, and which kernels are compiled for it."""
         task.doing(doing)
         self.session.device.announce = lambda stage: task.doing(f"{doing}: building {stage}")
+
+    def _rows_without_codec(self) -> list[dict[str, Any]]:
+        return [row for row in self.store.rows() if (row["codec"], row["crf"]) == LOSSLESS]
 
     def _finished_before(self, done: set[tuple[str, str, int]]) -> dict[tuple[str, str], int]:
         """How many leading frames of each pipeline are committed; those that stopped in an earlier run stay stopped."""
@@ -186,7 +202,7 @@ class Run:
             self._announce(task, f"frame {index + 1}: {pipeline.label}")
             doing = f"replaying frame {index}"
             with self._guarded(pipeline, doing), self._limited(pipeline, doing, PREPARE):
-                pipeline.replay(work)
+                self._check_replayed(pipeline, index, pipeline.replay(work))
         task.advance(len(alive) - len(pipelines))
         if not pipelines:
             return
@@ -197,6 +213,18 @@ class Run:
             self._announce(task, f"frame {index + 1}: {', '.join(pipeline.label for pipeline in some)}")
             self._measure(some, work, novel)
             task.advance(len(some))
+
+    def _check_replayed(self, pipeline: Pipeline, index: int, found: dict[str, Any]) -> None:
+        """Raise ReturnedError unless a finished frame is what it was: those after it depend on it."""
+        before = self.committed[pipeline.method, pipeline.variant, index]
+        differing = [
+            f"{name} was {before[name]} and is {value}" for name, value in found.items() if value != before[name]
+        ]
+        if differing:
+            raise ReturnedError(
+                f"it is not the frame that it was before the run was interrupted ({', '.join(differing)}): given the "
+                "same work, a method must do the same, so that a run can go on."
+            )
 
     def _novel_view(self, work: FrameWorkload) -> NovelView:
         novel = draw_novel_view(
@@ -238,6 +266,7 @@ class Run:
                 work, novel, packed[pipeline], filled[pipeline], sent[pipeline], drawn[pipeline], pictured
             ),
         )
+        self._check_shared(pipelines)
         # Pictures first: a frame that is committed is never worked on again.
         self._write_pictures(measured, work, novel)
         for pipeline in pipelines:
@@ -245,6 +274,16 @@ class Run:
                 self._commit_stopped(pipeline, index, *pipeline.dead)
             else:
                 self._commit(pipeline, index, measured[pipeline])
+
+    def _check_shared(self, pipelines: list[Pipeline]) -> None:
+        """Raise InputError if one of these methods, which came last, wrote to what all methods read: nothing that is
+        measured from then on is true."""
+        if changed := self.shared.changed():
+            methods = " or ".join(dict.fromkeys(pipeline.method for pipeline in pipelines))
+            raise InputError(
+                f"{methods} wrote to {', '.join(changed)}, which all methods read: run again without it. What was "
+                "measured before is kept."
+            )
 
     def _in_threads(
         self, step: str, pipelines: Iterable[Pipeline], index: int, work: Callable[[Pipeline], T]

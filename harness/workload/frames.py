@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import fixed
 from shading_atlas_bench.arithmetic.matrices import matvec
 from shading_atlas_bench.harness.workload.prediction import predict
 from shading_atlas_bench.harness.workload.pvs import potentially_visible
@@ -83,7 +84,7 @@ class FrameSource:
             server=self.frustum.server_view(pose, self.near),
             cell_radius=self.radius,
             cell_fov=settings.cell_fov,
-            pvs=pvs.ids,
+            pvs=fixed(pvs.ids),
             pvs_device=self.scene.device.upload(pvs.ids),
             predicted=self._predicted(index),
             atlas_width=settings.atlas_width,

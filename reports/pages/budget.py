@@ -9,7 +9,7 @@ from typing import Any
 from shading_atlas_bench.reports.charts.figures import Figure, coding_label, displayed_codings, stacked_bars
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.store.columns import KEYFRAME, MEASURED_STATUSES
-from shading_atlas_bench.reports.store.labels import Key, Labels
+from shading_atlas_bench.reports.store.labels import Labels
 from shading_atlas_bench.reports.store.middle import mean
 
 Row = dict[str, Any]
@@ -49,16 +49,19 @@ def budgets(rows: list[Row], labels: Labels) -> list[Budget]:
     """The budget of each method that has any of the times, in its displayed coding: with video coding if it has it."""
     found = []
     for key, label in labels.items():
-        coding, shown = _displayed(rows, key)
+        own = [row for row in rows if (row["method"], row["variant"]) == key]
+        if not own:
+            continue
+        coding, shown = _displayed(own)
         parts = {name: _mean(shown, columns) for name, columns, _ in SEGMENTS}
         if any(part is not None for part in parts.values()):
             found.append(Budget(label, coding_label(*coding), parts, _mean(shown, ("frame_ms",))))
     return found
 
 
-def _displayed(rows: list[Row], key: Key) -> tuple[tuple[str | None, int | None], list[Row]]:
-    """The coding of a method's displayed picture, and its measured rows after the keyframe."""
-    codings = displayed_codings([row for row in rows if (row["method"], row["variant"]) == key])
+def _displayed(rows: list[Row]) -> tuple[tuple[str | None, int | None], list[Row]]:
+    """The coding of a method's displayed picture, and of all of its rows those measured after the keyframe."""
+    codings = displayed_codings(rows)
     coding = min(codings, key=lambda coding: coding[0] == "none")
     own = [row for row in codings[coding] if row["status"] in MEASURED_STATUSES and row["frame"] != KEYFRAME]
     return coding, own

@@ -52,8 +52,8 @@ _OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
 class Store:
     """The results of one run, in `folder`/results.sqlite.
 
-    folder: made if absent, as the store in it is, unless must_exist. Everything written is committed at once; a frame is
-        committed as a whole.
+    folder: made if absent, as the store in it is, unless must_exist. Everything written is committed at once; a frame
+        is committed as a whole.
     checked: whether it is made sure first that what is read is what was written.
 
     Raises StoreError if must_exist and there is no store, if the file is no whole store of this version, or if its path
@@ -166,15 +166,17 @@ class Store:
     def rows(self) -> list[Row]:
         """All rows, by column name, sorted by the key; absent values are None and sort first.
 
-        Raises StoreError for rows of a frame that is not finished, and as the others for values of wrong types.
+        Raises StoreError for rows of a frame that is not finished, for a finished one without rows, and as the others
+        for values of wrong types.
         """
         query = f"SELECT {', '.join(BY_NAME)} FROM rows ORDER BY {', '.join(FRAME_KEY)}"
         rows, finished = self.read("rows", query, FRAME_ROW), self.finished()
-        for row in rows:
-            if (row["method"], row["variant"], row["frame"]) not in finished:
+        found = {(row["method"], row["variant"], row["frame"]) for row in rows}
+        for there, lacking, frames in (("rows", "finished", found - finished), ("finished", "rows", finished - found)):
+            for method, variant, frame in sorted(frames)[:1]:
                 raise StoreError(
-                    f"{self.folder / FILE} has in its table rows the frame {row['frame']} of "
-                    f"{row['method']}[{row['variant']}], which its table finished lacks: run again into a new folder."
+                    f"{self.folder / FILE} has in its table {there} the frame {frame} of {method}[{variant}], which "
+                    f"its table {lacking} lacks: run again into a new folder."
                 )
         return rows
 

@@ -28,6 +28,8 @@ def main() -> int:
     parser.add_argument("door", nargs="*", help=f"{', '.join(DOORS)}; all where none is named")
     parser.add_argument("--cases", type=int, default=10_000, help="cases of each target (10000)")
     asked = parser.parse_args()
+    if asked.cases < 1:
+        parser.error("--cases must be 1 or more.")
     unknown = sorted(set(asked.door) - set(DOORS))
     if unknown:
         parser.error(f"there is no door {', '.join(unknown)}; there are {', '.join(DOORS)}.")

@@ -10,6 +10,8 @@ from pathlib import Path
 
 from hypothesis import HealthCheck, settings
 
+from shading_atlas_bench.errors import BenchError
+
 CASES = "BENCH_FUZZ_CASES"  # variable: how many cases of each target
 FEW = 25  # as one of many tests
 LONGEST = timedelta(seconds=10)  # of a case
@@ -40,19 +42,18 @@ def nothing_beside(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def one_sentence(*errors: type[Exception]) -> Iterator[None]:
-    """What the block raises is one of these errors, with one sentence that can be printed. Raises AssertionError if it
-    is not."""
+def one_sentence(*errors: type[BenchError]) -> Iterator[None]:
+    """What the block raises is one of these errors for people, or any of them where none is named, with one sentence
+    that can be printed. Raises AssertionError if it is not."""
+    expected = errors or (BenchError,)
     try:
         yield
-    except errors as error:
-        _check(str(error))
-
-
-def _check(sentence: str) -> None:
-    assert sentence.encode()
-    assert "\n" not in sentence
-    assert len(sentence) < LONGEST_SENTENCE
+    except expected as error:
+        sentence = str(error)
+        assert sentence.encode()
+        assert "\n" not in sentence
+        assert sentence.endswith((".", "?"))
+        assert len(sentence) < LONGEST_SENTENCE
 
 
 def _beside(folder: Path) -> dict[str, tuple[int, int]]:

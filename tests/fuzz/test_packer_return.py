@@ -37,7 +37,7 @@ from shading_atlas_bench.reports.store.csv_files import write_all
 from shading_atlas_bench.reports.store.results import Store
 from shading_atlas_bench.scenes.model import Camera
 from tests.fuzz.cases import fuzzed, nothing_beside
-from tests.harness.returning_packers import MuteError, OwnExit, Scripted, Unlucky
+from tests.harness.returning_packers import Chameleon, MuteError, OwnExit, Scripted, Unlucky
 
 TRIANGLES, WIDE, HIGH = 8, 6, 4
 FIELDS = ("planes", "blobs", "geometry", "sample_count", "samples", "unplaced", "statistics", "lists", "raw_bytes")
@@ -99,8 +99,9 @@ class Array(np.ndarray):
 
 
 ODD = [
-    None, ..., Unlucky(), object(), print, Payload, Image, (part for part in ""), {}, [], (), set(), b"", bytearray(3),
-    np.arange(6).reshape(2, 3).data, memoryview(b"abcd")[::2], range(3), np.zeros(3).view(Array), slice(3),
+    None, ..., Unlucky(), Chameleon(), object(), print, Payload, Image, (part for part in ""), {}, [], (), set(), b"",
+    bytearray(3), np.arange(6).reshape(2, 3).data, memoryview(b"abcd")[::2], range(3), np.zeros(3).view(Array),
+    slice(3),
     type("Whole", (int,), {"__index__": lambda self: 1 / 0})(3),
     type("Text", (str,), {"__len__": lambda self: 1 / 0})("a"),
 ]  # fmt: skip

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import copy
-import string
 from typing import Any
 
 from hypothesis import strategies as st
@@ -67,6 +66,3 @@ def damaged(draw: st.DrawFn, text: bytes) -> bytes:
     if how == "put":
         return text[:at] + draw(st.binary(max_size=4)) + text[at + draw(st.integers(0, 4)) :]
     return text[:at] + draw(st.sampled_from([b"[", b'{"a":'])) * draw(DEEP) + text[at:]
-
-
-WORDS = st.text(string.ascii_letters + string.digits + "_-.", min_size=1, max_size=8)

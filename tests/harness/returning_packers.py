@@ -27,6 +27,25 @@ class Unlucky:
     shape = dtype = property(_refuse)
 
 
+class Alike(type):
+    """A class of classes that say they are every other one."""
+
+    def __eq__(cls, other: object) -> bool:
+        return True
+
+    def __hash__(cls) -> int:
+        return hash(int)
+
+
+class Chameleon(metaclass=Alike):
+    """Seems to be of any type that it is compared with, and raises as soon as it is taken for one."""
+
+    def _refuse(self, *_: object) -> int:
+        raise RuntimeError("nobody may take this for what it is not")
+
+    __bytes__ = __float__ = __int__ = __index__ = __len__ = _refuse  # type: ignore[assignment]  # they only raise
+
+
 class MuteError(Exception):
     """An exception that cannot be told."""
 
@@ -119,6 +138,7 @@ statistic("beyond digits", NOT_A_NUMBER, "waste", 10**5000)
 statistic("not a number", NOT_A_NUMBER, "waste", float("nan"))
 statistic("infinite", NOT_A_NUMBER, "waste", np.float32("inf"))
 statistic("absent", NOT_A_NUMBER, "waste", None)
+statistic("chameleon", NOT_A_NUMBER, "waste", Chameleon())
 statistic("unlucky", NOT_A_NUMBER, "waste", Unlucky())
 statistic("with a surrogate", NOT_A_NUMBER, "waste", "\ud800")
 statistic("named by a surrogate", "name of a statistic", "\ud800", 1.0)
@@ -131,6 +151,7 @@ payload("sample count broken", "sample_count is 3.5", edited(sample_count=3.5))
 payload("sample count negative", "sample_count is -5", edited(sample_count=-5))
 payload("sample count nan", "sample_count is nan", edited(sample_count=float("nan")))
 payload("sample count none", "sample_count is None", edited(sample_count=None))
+payload("sample count chameleon", "sample_count is a Chameleon", edited(sample_count=Chameleon()))
 payload("sample count true", "sample_count is True", edited(sample_count=True))
 payload("raw bytes text", "raw_bytes is 'many'", edited(raw_bytes="many"))
 
@@ -145,11 +166,13 @@ payload("planes as list", "planes are a list", lambda made: edited(planes=[made.
 payload("planes none", "neither planes nor lists", edited(planes={}, samples=None, sample_count=0))
 
 payload("blob as array", "blob 'more' is no bytes", lambda made: made.blobs.update(more=np.zeros(3)))
+payload("blob chameleon", "blob 'more' is no bytes", lambda made: made.blobs.update(more=Chameleon()))
 payload("blob as generator", "blob 'more' is no bytes", lambda made: made.blobs.update(more=(b for b in b"abc")))
 payload("blob named by number", "name of a blob", lambda made: made.blobs.update({3: b""}))
 payload("geometry none", "geometry is no bytes", edited(geometry=None))
 payload("lists as text", "list 'more' is no bytes", edited(lists={"more": "text"}))
 
+payload("samples lacking", "samples lack triangle", lambda made: vars(made.samples).__delitem__("triangle"))
 payload("samples as dict", "samples are a dict", edited(samples={}))
 payload("samples missing", "samples are None", edited(samples=None))
 payload("samples negative", "samples' count is -1", with_samples(count=-1))
@@ -214,6 +237,7 @@ client(
     "draw",
     lambda self, view: Image(np.zeros((view.height, view.width, 4), np.uint8), None),  # type: ignore[arg-type]  # on the host
 )
+client("draws half", "Image lacks rgb", "draw", lambda self, view: object.__new__(Image))
 client("draws small", "rgb of the client's image is no uint8", "draw",
        lambda self, view: Image(self.device.zeros((2, 2, 4), np.uint8),
                                 self.device.zeros((2, 2), np.int32)))  # fmt: skip

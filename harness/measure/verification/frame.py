@@ -40,9 +40,11 @@ class Verifier:
         self.truth, self.packer, self.fragments = truth, packer, 0
         self.names: tuple[list[str], ...] | None = None  # of the parts of the first payload
 
-    def pass_over(self, client: Client) -> None:
-        """Go on behind a frame that is not checked."""
+    def pass_over(self, payload: Payload, owners: Owners | None, client: Client) -> int:
+        """Go on behind a frame that was checked before, with the arguments of `verify`; the frame's samples."""
+        self.names = self.names or _names_of(payload)
         self.fragments = of_lists.count_fragments(client.fragments())
+        return len(owners.texel) if owners else self.fragments
 
     def verify(
         self,
@@ -73,7 +75,7 @@ class Verifier:
 
     def _check_names(self, payload: Payload) -> Iterator[Violation]:
         """That the names of a payload's parts, which cost no bytes, say nothing: they are those of the first frame."""
-        names = tuple(sorted(parts) for parts in (payload.planes, payload.blobs, payload.lists))
+        names = _names_of(payload)
         self.names = self.names or names
         if names != self.names:
             sentence = "Planes, blobs and lists have other names than in the first frame: names cost no bytes."
@@ -103,6 +105,11 @@ class Verifier:
         found += of_lists.check_bytes(payload, held, before, holds)
         found += of_lists.check_fragments(self.truth, frame, draw, holds, held)
         return Verified(count, found)
+
+
+def _names_of(payload: Payload) -> tuple[list[str], ...]:
+    """Of planes, blobs and lists."""
+    return tuple(sorted(parts) for parts in (payload.planes, payload.blobs, payload.lists))
 
 
 def name_draw(method: str, payload: Payload, planes: Mapping[str, Bytes]) -> str:

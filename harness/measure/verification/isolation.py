@@ -12,7 +12,7 @@ from types import BuiltinFunctionType, FunctionType, MethodType, ModuleType
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Bytes, Ints
+from shading_atlas_bench.arithmetic.arrays import Bytes, Ints, fixed
 from shading_atlas_bench.harness.measure.returned import CheckedPacker, Received, fields_of, verdict_on
 from shading_atlas_bench.harness.measure.validity import Violation
 from shading_atlas_bench.harness.measure.verification.lists import ListView, blended, list_views
@@ -189,12 +189,6 @@ def check_shared_state(before: dict[str, object], after: dict[str, object]) -> I
         yield violation("isolated", len(changed), f"State is kept outside of packer and client, in {names}.")
 
 
-def fixed(array: Bytes) -> Bytes:
-    """The array, of any shape, which nobody writes to any more: what clients are given is what is checked."""
-    array.flags.writeable = False
-    return array
-
-
 def decode_losslessly(payload: Payload) -> Decoded:
     """A payload as it arrives without a lossy codec."""
     planes = {name: fixed(plane.get())[..., :3] for name, plane in payload.planes.items()}
@@ -208,7 +202,7 @@ def check_isolation(truth: Truth, make: Callable[[], Packer], frame: Frame, view
     Between packing a frame and showing it, the packer packs another one: whoever looks at more than the payload sees
     that. Raises what the method raises; NotShippedError where a client asks for more than it is shipped with.
     """
-    scene, shipped = truth.scene, truth.scene.shipped
+    scene, shipped, shared = truth.scene, truth.scene.shipped, truth.shared
     packer = CheckedPacker(make())
     before = shared_state((type(packer.own),))
     packer.prepare(scene)
@@ -224,7 +218,11 @@ def check_isolation(truth: Truth, make: Callable[[], Packer], frame: Frame, view
     client.receive(decode_losslessly(packer.pack(replace(frame, pvs=few, pvs_device=scene.device.upload(few)))))
     found += _check_decoy(truth, client, view, few)
     found += check_shared_state(before, shared_state((type(packer.own), type(client.own))))
-    return found + list(_check_again(truth, packer, first, view, shown))
+    found += _check_again(truth, packer, first, view, shown)
+    if changed := shared.changed():
+        sentence = f"It writes to {', '.join(changed)}, which all methods read."
+        found.append(violation("isolated", len(changed), sentence))
+    return found
 
 
 @dataclass(frozen=True)

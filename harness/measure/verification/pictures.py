@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -21,8 +22,21 @@ POINTS, FEW = 4096, 512  # pixels whose depth is examined, and of which a pictur
 APART, FAR = 0.05, 0.75  # share of the distance; share of the pixels that may be off by more: near things come in view
 
 
+@dataclass(frozen=True)
+class Shown:
+    """What a client says that it shows, on the host: triangle int32 (h, w) and depth float32 (h, w), as in Image."""
+
+    triangle: Ints | None
+    depth: Floats | None
+
+    @classmethod
+    def of(cls, image: Image) -> Shown:
+        """Of an image, which the client may draw over later."""
+        return cls(*(None if part is None else part.get() for part in (image.triangle, image.depth)))
+
+
 def check_picture(
-    truth: Truth, frame: Frame, draw: str, payload: Payload, novel: Seen, image: Image
+    truth: Truth, frame: Frame, draw: str, payload: Payload, novel: Seen, shown: Shown
 ) -> tuple[float, list[Violation]]:
     """The share of pixels that are holes, and what is wrong with what the client says.
 
@@ -32,12 +46,11 @@ def check_picture(
     known = np.zeros(truth.triangles.count + 1, bool)  # the last entry stands for no triangle
     known[frame.pvs] = True
     known[list(payload.unplaced)] = False
-    if image.triangle is not None:
-        return _check_ids(truth, novel, image.triangle.get(), known)
-    assert image.depth is not None, "harness/measure/returned.py lets in no image that has neither"
-    depth = image.depth.get()
-    holes = (novel.visibility >= 0) & ~(depth > 0)
-    return float(holes.mean()), list(_check_depth(truth, frame, draw, novel, depth, known))
+    if shown.triangle is not None:
+        return _check_ids(truth, novel, shown.triangle, known)
+    assert shown.depth is not None, "harness/measure/returned.py lets in no image that has neither"
+    holes = (novel.visibility >= 0) & ~(shown.depth > 0)
+    return float(holes.mean()), list(_check_depth(truth, frame, draw, novel, shown.depth, known))
 
 
 def _check_ids(truth: Truth, novel: Seen, ids: Ints, known: Bools) -> tuple[float, list[Violation]]:

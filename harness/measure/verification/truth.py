@@ -13,6 +13,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic import draws
 from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles, Floats, Ints
 from shading_atlas_bench.harness.measure.validity import Violation, Whole, first_few
+from shading_atlas_bench.harness.measure.verification.shared_arrays import SharedArrays
 from shading_atlas_bench.kernels.fragments.opacity import opacity_twin
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.kernels.shade.shade import shade_twin
@@ -58,6 +59,11 @@ class Truth:
         finest = Truth(self.scene.finest, self.seed)
         finest.drawing = self.drawing
         return finest
+
+    @cached_property
+    def shared(self) -> SharedArrays:
+        """The scene's arrays as they are when this is first asked for."""
+        return SharedArrays(self.scene)
 
     def generator(self, frame: int, name: str) -> draws.Generator:
         """Random numbers for one frame, by name."""

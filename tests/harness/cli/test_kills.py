@@ -10,4 +10,4 @@ from tests.kills import Victim
 
 @pytest.mark.parametrize("name", ["run", "report"])
 def test_a_command_that_is_killed_loses_and_doubles_no_row(name: str, tmp_path: Path):
-    assert Victim(name, tmp_path).chain(1, random.Random(name)) <= 1
+    Victim(name, tmp_path).chain(1, random.Random(name))  # which asserts it
