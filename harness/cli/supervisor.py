@@ -22,7 +22,16 @@ from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.errors import visible
-from shading_atlas_bench.harness.watch.ends import KILLED, SWITCH, TICK, crashed, ended_by, name_of, overdue_steps
+from shading_atlas_bench.harness.watch.ends import (
+    KILLED,
+    SWITCH,
+    TICK,
+    crashed,
+    ended_by,
+    name_of,
+    overdue_steps,
+    sentence_of,
+)
 from shading_atlas_bench.harness.watch.memory import too_little
 from shading_atlas_bench.harness.watch.processes import python
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
@@ -30,7 +39,7 @@ from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
 # `bench tables` runs these as processes of their own, each of which is watched.
 WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "list")
 COMMAND_LINE = "shading_atlas_bench.harness.cli.main"
-HARMLESS = {"--help", "--dry-run", "--list"}
+HARMLESS = {"--help", "--list"}
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
 # Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
 PATIENCE: dict[int, float] = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
@@ -122,7 +131,7 @@ class Supervisor:
             self.serial = True  # whose fault it was shows when they run one after the other
             return None
         if overdue:
-            return self._blame(overdue, "timeout", "it did not end")
+            return self._blame(overdue, "timeout")
         if building and device and (crashed(code) or code > 0):
             # The second time a kernel dies running, where only a method's step can have given it what it died of.
             methods_fault = (
@@ -133,21 +142,20 @@ class Supervisor:
             )
             if not methods_fault:
                 return self._compiler_died(building[0]["what"], device)
-        elif not crashed(code) and (code < 0 or not any(map(_has_owner, steps))):
+        elif not crashed(code) and (code < 0 or not steps):
             return _passed_on(code)
         how = f"crashed ({name_of(code)})" if crashed(code) else f"was ended with exit code {code}"
         return self._blame(steps, "failed", f"the process {how}")
 
-    def _blame(self, steps: list[dict[str, Any]], status: str, reason: str) -> int | None:
+    def _blame(self, steps: list[dict[str, Any]], status: str, reason: str = "") -> int | None:
         """End these steps and go on without them, or end the command where nothing is known that could go on."""
         ended = ended_by(steps, status, reason) if self.again else []
         if not ended:
-            what = "; ".join(step["what"] for step in steps) or "starting"
             kept = " Finished results are kept: the same command goes on from there." if self.again else ""
-            _say(f"{what}: {reason}.{kept}")
+            _say((" ".join(sentence_of(step, reason) for step in steps) or f"starting: {reason}.") + kept)
             return FAILED
-        for step in ended:
-            _say(f"{step['reason']} Going on without it.")
+        for step in filter(_has_owner, steps):
+            _say(f"{sentence_of(step, reason)} Going on without it.")
         self.ended += ended
         return None
 

@@ -41,7 +41,7 @@ from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.machine import load
 from shading_atlas_bench.harness.measure.returned import CheckedPacker, read_payload
 from shading_atlas_bench.harness.watch.stops import stops_apart
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
+from shading_atlas_bench.harness.watch.watchdog import time_limit
 from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
 from shading_atlas_bench.reports.pages.stress import magnitude
@@ -310,13 +310,10 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
 
     Raises InputError or DeviceError for what cannot be used.
     """
-    from shading_atlas_bench.harness.plugins import load_packer
+    from shading_atlas_bench.harness.workload.methods import load_in_time
     from shading_atlas_bench.kernels.device import Device
 
-    try:
-        packers = load_packer(spec)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+    packers = load_in_time(spec, timeout)
     opened = Device.open(device)
     tell_passed_over(opened)
     stages: dict[str, Stage] = {}
@@ -366,10 +363,8 @@ def _results(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Iter
 def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> TrialResult:
     """A check's result within a time limit; whatever is raised becomes one."""
     try:
-        with time_limit(timeout, f"{kit.kind.name}, check {name}"):
+        with time_limit(timeout, f"check {name}", who=kit.kind.name):
             return one(kit)
-    except PackTimeoutError:
-        return TrialResult("timeout", f"It took longer than {timeout:g} s.")
     except BaseException as error:
         return result_of(error)
 

@@ -18,7 +18,7 @@ from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.watch.stops import stops_apart
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, longer_than, time_limit
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.journal import journal
@@ -59,11 +59,11 @@ class Contender:
     method: str
     variant: str
     label: str
-    make: Callable[[], Packer] | None
+    packer: Packer | None
 
     def run(self, stage: Stage) -> TrialResult:
         """What comes out of a stage."""
-        return try_rasteriser(stage) if self.make is None else try_method(stage, self.make)
+        return try_rasteriser(stage) if self.packer is None else try_method(stage, maker(self.packer))
 
     @property
     def key(self) -> str:
@@ -71,13 +71,13 @@ class Contender:
         return f"{self.method}[{self.variant}]"
 
 
-def contenders(methods: tuple[str, ...]) -> list[Contender]:
+def contenders(methods: tuple[str, ...], timeout: float) -> list[Contender]:
     """The rasteriser and the methods of `--method`. Raises InputError for what cannot be loaded."""
-    from shading_atlas_bench.harness.workload.session import find_methods
+    from shading_atlas_bench.harness.workload.methods import find_methods
     from shading_atlas_bench.harness.workload.settings import Settings
 
-    found = find_methods(Settings(methods=methods))
-    own = [Contender(packer.name, variant_string(packer), label_of(packer), maker(packer)) for packer in found]
+    found = find_methods(Settings(methods=methods, timeout=timeout))
+    own = [Contender(packer.name, variant_string(packer), label_of(packer), packer) for packer in found]
     return [Contender(RASTER, "", RASTER, None), *own]
 
 
@@ -107,13 +107,13 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
 
     Raises InputError or DeviceError for what cannot be used.
     """
-    chosen, rows = chosen_tests(tests), contenders(methods or ("all",))
+    chosen, rows = chosen_tests(tests), contenders(methods or ("all",), timeout)
     opened = Device.open(device)
     tell_passed_over(opened)
     plan = {
         "tests": [test.name for test in chosen],
         "quick": quick,
-        "methods": {row.key: method_digest(type(row.make())) for row in rows if row.make},
+        "methods": {row.key: method_digest(type(row.packer)) for row in rows if row.packer},
         "device": opened.name,
         "suite": suite_digest(),
         "version": VERSION,
@@ -246,7 +246,8 @@ class StressRun:
             elif before := ended_steps(**ended):
                 found = TrialResult(before[0]["status"], before[0]["reason"])
             else:
-                with time_limit(self.timeout, f"{test.name} {step}: {row.label}", ended):
+                who = f"{row.label}, {test.name} {magnitude(test.magnitudes[step])}"
+                with time_limit(self.timeout, "", ended, who=who, late=longer_than(self.timeout)):
                     found = row.run(stage)
             self._keep(row, test, step, found)
             yield row
@@ -260,14 +261,15 @@ class StressRun:
         for before in ended_steps(**ended):
             return TrialResult(before["status"], before["reason"])
         try:
-            with time_limit(self.timeout, f"{test.name} {step}: the scene", ended):
+            who = f"{test.name} {magnitude(test.magnitudes[step])}"
+            with time_limit(self.timeout, "the scene", ended, who=who, late=longer_than(self.timeout)):
                 stage = Stage.of(self.device, test.make(test.magnitudes[step]))
                 _ = stage.reference
                 return stage
         except (SceneError, PathError) as error:
             return TrialResult("refused", str(error))
-        except PackTimeoutError:
-            return TrialResult("timeout", "The scene was not ready in time.")
+        except PackTimeoutError as error:
+            return TrialResult("timeout", f"the scene: {error}")
 
     def _keep(self, row: Contender, test: StressTest, step: int, found: TrialResult) -> None:
         first = self.log.find(row, test, 0)

@@ -20,8 +20,9 @@ from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import RUNS, locked
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT, duration, expected_pace
 from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS
-from shading_atlas_bench.harness.workload.session import find_methods, workload_hashes
+from shading_atlas_bench.harness.workload.session import workload_hashes
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, read_settings, settings_of
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device

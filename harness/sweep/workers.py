@@ -164,7 +164,7 @@ class _Crew:
                 self._give(worker)
         state, code = read_journal(worker.journal), worker.process.exitcode
         if steps := overdue_steps(state):
-            self._bury(worker, ended_by(steps, "timeout", "it did not end"))
+            self._bury(worker, ended_by(steps, "timeout"))
         elif code is not None:
             steps = list(state["steps"].values()) if state and crashed(code) else []
             self._bury(worker, ended_by(steps, "failed", f"the process crashed ({name_of(code)})") if steps else [])

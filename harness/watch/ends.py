@@ -29,11 +29,25 @@ def overdue_steps(state: dict[str, Any] | None) -> list[dict[str, Any]]:
     return [step for step in steps if step["deadline"] and now > step["deadline"]]
 
 
-def ended_by(steps: Iterable[dict[str, Any]], status: str, reason: str) -> list[dict[str, Any]]:
-    """What is to be noted of these steps, with status and reason; nothing of those of which nothing is."""
+def ended_by(steps: Iterable[dict[str, Any]], status: str, reason: str = "") -> list[dict[str, Any]]:
+    """What is to be noted of these steps, with status and reason; nothing of those of which nothing is.
+
+    reason: what happened to them; else they are past their time.
+    """
     return [
-        step["ended"] | {"status": status, "reason": f"{step['what']}: {reason}."} for step in steps if step["ended"]
+        step["ended"] | {"status": status, "reason": f"{_joined(step['what'], reason or step['late'])}."}
+        for step in steps
+        if step["ended"]
     ]
+
+
+def sentence_of(step: dict[str, Any], reason: str = "") -> str:
+    """The same of one step for people, with whose it was."""
+    return f"{_joined(step['who'], step['what'], reason or step['late'])}."
+
+
+def _joined(*parts: str) -> str:
+    return ": ".join(filter(None, parts))
 
 
 def crashed(code: int) -> bool:
