@@ -8,6 +8,7 @@ import os
 import sys
 import unicodedata
 from collections.abc import Callable
+from itertools import pairwise
 from typing import Annotated
 
 import typer
@@ -61,7 +62,8 @@ def _tell_version(asked: bool) -> None:
 @app.callback()
 def _common(
     told: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit", callback=_tell_version, is_eager=True)
+        bool,
+        typer.Option("--version", metavar="", help="Show the version and exit", callback=_tell_version, is_eager=True),
     ] = False,
 ) -> None:
     """Measure shading-atlas packers on identical scenes, paths, visible sets, shading and encoders."""
@@ -83,7 +85,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape
             stream.reconfigure(errors="backslashreplace")
-    for argument in sys.argv[1:]:
+    for before, argument in pairwise(sys.argv):
+        if "--out=" in (argument, f"{before}={argument}"):
+            _refuse("--out", "is empty: give a folder, or leave it out.")
         kinds = {unicodedata.category(letter) for letter in argument}
         if "Cs" in kinds:  # bytes that Python could not decode
             _refuse(argument, f"is not a name in {sys.getfilesystemencoding()}: rename it, or use a UTF-8 locale.")
@@ -96,7 +100,7 @@ def main() -> None:
             if sys.stdout:  # none where it was closed
                 sys.stdout.flush()  # here, where its failing can be told
     except KeyboardInterrupt:
-        print("Interrupted.", file=sys.stderr)
+        print("Stopped.", file=sys.stderr)
         sys.exit(130)
     except OSError as error:
         unheard = error.filename is None and not _stdout_takes_more()

@@ -18,6 +18,8 @@ import tempfile
 import threading
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -26,9 +28,9 @@ from shading_atlas_bench.harness.watch.ends import (
     KILLED,
     SWITCH,
     TICK,
+    cause_of,
     crashed,
     ended_by,
-    name_of,
     overdue_steps,
     sentence_of,
 )
@@ -41,8 +43,10 @@ WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "li
 COMMAND_LINE = "shading_atlas_bench.harness.cli.main"
 HARMLESS = {"--help", "--list"}
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
-# Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
-PATIENCE: dict[int, float] = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
+# A terminal sends Ctrl-C to all processes. Those that are watched, and their compilers' own, never hear of it where it
+# can be kept from them: as TERM, which ends them without a traceback, this one passes it on. Elsewhere, seconds later.
+KEPT = frozenset({signal.SIGINT})
+PATIENCE: dict[int, float] = {signal.SIGINT: 0.0 if hasattr(signal, "pthread_sigmask") else 1.0, signal.SIGTERM: 0.0}
 LONGEST = 4.0  # seconds that a process has to end then: what is finished is in the store
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 MOST_DEATHS = 2  # of one device's compiler
@@ -101,7 +105,8 @@ class Supervisor:
             environment[SERIAL] = "1"
         command = python("-m", COMMAND_LINE, *self.arguments, *self.again)
         # The other end of its standard input closes with this process, however that ends; then it ends too.
-        child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
+        with _kept_back():
+            child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
         waiting = threading.Thread(target=child.wait, daemon=True)  # `wait` with a timeout sleeps beyond the end
         waiting.start()
         told: float | None = None
@@ -122,8 +127,9 @@ class Supervisor:
     def _judge(self, code: int, overdue: list[dict[str, Any]], state: dict[str, Any]) -> int | None:
         """What the end of a process means: the exit code of the command, or None to start it again."""
         if self.stopped:
-            if code < 0 and self.again:
-                _say("Stopped. Finished results are kept: the same command goes on from there.")
+            if code < 0:
+                kept = " Finished results are kept: the same command goes on from there." if self.again else ""
+                _say(f"Stopped.{kept}")
             return code if code >= 0 else INTERRUPTED
         building, device = list(state["building"].values()), state["device"]
         steps = list(state["steps"].values())
@@ -144,7 +150,7 @@ class Supervisor:
                 return self._compiler_died(building[0]["what"], device)
         elif not crashed(code) and (code < 0 or not steps):
             return _passed_on(code)
-        how = f"crashed ({name_of(code)})" if crashed(code) else f"was ended with exit code {code}"
+        how = f"crashed ({cause_of(code)})" if crashed(code) else f"was ended with exit code {code}"
         return self._blame(steps, "failed", f"the process {how}")
 
     def _blame(self, steps: list[dict[str, Any]], status: str, reason: str = "") -> int | None:
@@ -184,6 +190,19 @@ class Supervisor:
             return FAILED
         _say(f"{sentence} It is passed over from now on.")
         return None
+
+
+@contextmanager
+def _kept_back() -> Iterator[None]:
+    """What is started in the block, and whatever that starts, does not get Ctrl-C; this process gets it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, KEPT)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _has_owner(step: dict[str, Any]) -> bool:

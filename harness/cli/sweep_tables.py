@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
+from shading_atlas_bench.harness.console import NARROWEST, counted, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
@@ -84,7 +84,7 @@ def _told_skips(cells: list[SweepCell], scene: Scene) -> dict[tuple[str, str], t
 
 def _show_axes(console: Console, grid: SweepGrid) -> None:
     """What is varied per contender, and what was left out and why."""
-    table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
+    table = make_table(counted(len(grid.cells), "cell"), "method", "cells", "varied")
     for contender in dict.fromkeys(cell.contender for cell in grid.cells):
         own = [cell for cell in grid.cells if cell.contender == contender]
         axes: dict[str, dict[str, None]] = {}
@@ -151,6 +151,7 @@ def _show_troubles(console: Console, points: list[Point]) -> None:
     for (contender, status), count in counts.items():
         reason = next(row["reason"] for row in cells if (row["contender"], row["status"]) == (contender, status))
         colour = COLOURS.get(status, "red")
-        console.print(styled("[{style}]{}[/] {} cells of {}: {}", status, count, contender, reason or "", style=colour))
+        cells_of = f"{counted(count, 'cell')} of {contender}"
+        console.print(styled("[{style}]{}[/] {}: {}", status, cells_of, reason or "", style=colour))
     stops = Counter(row["stop"].partition(":")[0] for row in cells if row["stop"])
     console.print("timing stopped: " + ", ".join(f"{count} {stop}" for stop, count in stops.most_common()))

@@ -14,7 +14,7 @@ from msgspec import Meta
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, StressTest
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult, try_method, try_rasteriser
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled, tell_passed_over
-from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.watch.stops import stops_apart
@@ -126,8 +126,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
         with stops_apart():
             StressRun(opened, chosen, rows, log, quick, timeout).everything()
     except KeyboardInterrupt:
-        console.print(f"Stopped. Finished trials are kept: the same command with --out {log.folder} goes on.")
-        raise
+        raise StoppedError(f"Finished trials are kept: the same command with --out {log.folder} goes on.") from None
     facts = {"Device": opened.name, "Date": datetime.now().strftime("%Y-%m-%d %H:%M"), "Trials": str(len(log.rows)),
              "Magnitudes": "three of each test" if quick else "all"}  # fmt: skip
     write_stress(log.folder, log.rows, {test.name: test.what for test in chosen}, facts)

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from shading_atlas_bench.__main__ import main as bench_main
 from shading_atlas_bench.harness.cli import supervisor
 from shading_atlas_bench.harness.cli.supervisor import Supervisor
 from shading_atlas_bench.harness.watch.ends import ended_by, overdue_steps, sentence_of
@@ -246,6 +247,34 @@ def test_the_watched_process_ends_with_its_supervisor(tmp_path: Path):
     process.kill()
     out, _ = process.communicate(timeout=60)  # ends when nobody has its standard output open any more
     assert b"report.html" not in out
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="asks Linux for the children of a process")
+def test_ctrl_c_ends_in_one_line_while_everything_is_imported(tmp_path: Path):
+    """A terminal sends it to all processes, compilers among them."""
+    command = [sys.executable, "-m", "shading_atlas_bench", *SMALL, "--out", str(tmp_path / "run")]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        until = time.monotonic() + 60
+        while not children.read_text(encoding="utf-8") and time.monotonic() < until:
+            os.sched_yield()
+        os.killpg(process.pid, signal.SIGINT)
+        said, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said == "bench: Stopped.\n"
+
+
+def test_so_does_one_that_comes_earlier(monkeypatch, capsys):
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(supervisor, "main", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        bench_main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "bench: Stopped.\n"
 
 
 def test_who_does_not_end_when_told_to_is_ended_within_five_seconds():
