@@ -12,7 +12,7 @@ from string import Formatter
 from typing import TYPE_CHECKING
 
 from rich import progress as bars
-from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.console import Console, ConsoleOptions, HighlighterType, JustifyMethod, OverflowMethod, RenderResult
 from rich.style import Style
 from rich.table import Table
 from rich.text import Span, Text
@@ -104,9 +104,22 @@ def tell_passed_over(device: Device) -> None:
         make_console(stderr=True).print(text, soft_wrap=True)
 
 
-def make_table(title: str, *columns: str) -> Table:
+class Headed(Table):
+    """A table below a bold line, which may be wider than it: rich would wrap a title to the table's width."""
+
+    def __init__(self, heading: str) -> None:
+        super().__init__(box=None, pad_edge=False, expand=False)
+        self.heading = heading
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        if self.heading:
+            yield Text(visible(self.heading), "bold")
+        yield from super().__rich_console__(console, options)
+
+
+def make_table(title: str, *columns: str) -> Headed:
     """A table without rows and frames, with a bold title and columns that fold."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=False)
+    table = Headed(title)
     table.caption_justify, table.caption_style = "left", "dim"
     for column in columns:
         table.add_column(column, overflow="fold")

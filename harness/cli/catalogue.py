@@ -18,7 +18,7 @@ def list_everything(
     ] = None,
     unit: Annotated[str | None, typer.Option(help="Of the file, as for bench run", metavar="UNIT")] = None,
     max_texture: Annotated[int | None, typer.Option(help="As for bench run", metavar="TEXELS")] = None,
-    allow_outside: Annotated[bool, typer.Option("--allow-outside", metavar="", help="As for bench run")] = False,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help="As for bench run")] = False,
 ) -> None:
     """Show the packers with their parameters, the scenes, paths, devices and metrics.
 

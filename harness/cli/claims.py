@@ -19,7 +19,7 @@ def claims(
     out: Annotated[
         Path | None, typer.Option(help="Folder of the results. Default: a new one in runs/", metavar="DIR")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", metavar="", help="Small pictures and few frames")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Small pictures and few frames")] = False,
     reuse: Annotated[
         list[Path] | None,
         typer.Option(
@@ -32,10 +32,8 @@ def claims(
         Path | None, typer.Option(help="Other claims, in the form of reports/claims.toml", metavar="FILE")
     ] = None,
     device: Annotated[str | None, typer.Option(help="Part of an OpenCL device's name", metavar="NAME")] = None,
-    allow_outside: Annotated[bool, typer.Option("--allow-outside", metavar="", help="As for bench run")] = False,
-    dry_run: Annotated[
-        bool, typer.Option("--dry-run", metavar="", help="Only say what would run for which claims")
-    ] = False,
+    allow_outside: Annotated[bool, typer.Option("--allow-outside", help="As for bench run")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would run for which claims")] = False,
 ) -> None:
     """Measure what the papers claim about the methods, and say which claims hold here.
 

@@ -14,7 +14,7 @@ from shading_atlas_bench.harness.errors import InputError
 def doctor(
     devices: Annotated[
         bool,
-        typer.Option("--devices", metavar="", help="Run every kernel on every OpenCL device, against its float64 twin"),
+        typer.Option("--devices", help="Run every kernel on every OpenCL device, against its float64 twin"),
     ] = False,
     device: Annotated[
         str | None, typer.Option(help="With --devices: only those with this in their names", metavar="NAME")

@@ -9,9 +9,10 @@ import sys
 import unicodedata
 from collections.abc import Callable
 from itertools import pairwise
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from shading_atlas_bench.errors import visible
 from shading_atlas_bench.harness.cli.catalogue import list_everything
@@ -29,8 +30,36 @@ from shading_atlas_bench.harness.cli.tables import tables
 from shading_atlas_bench.harness.progress import warnings_as_sentences
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
 
+if TYPE_CHECKING:
+    from typer._click.core import Parameter  # Typer brings a click of its own, and gives this no other name
+
+
+class Command(TyperCommand):
+    """A command whose help shows flags without a value, where Typer says `<bool>` behind them."""
+
+    def get_params(self, ctx: typer.Context) -> list[Parameter]:
+        """Its options and arguments."""
+        return _flags_alone(super().get_params(ctx))
+
+
+class Commands(TyperGroup):
+    """The same of all commands together."""
+
+    def get_params(self, ctx: typer.Context) -> list[Parameter]:
+        """Their common options."""
+        return _flags_alone(super().get_params(ctx))
+
+
+def _flags_alone(parameters: list[Parameter]) -> list[Parameter]:
+    for one in parameters:
+        if isinstance(one, TyperOption) and one.is_flag:
+            one.metavar = ""
+    return parameters
+
+
 app = typer.Typer(
     name="bench",
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -63,14 +92,14 @@ def _tell_version(asked: bool) -> None:
 def _common(
     told: Annotated[
         bool,
-        typer.Option("--version", metavar="", help="Show the version and exit", callback=_tell_version, is_eager=True),
+        typer.Option("--version", help="Show the version and exit", callback=_tell_version, is_eager=True),
     ] = False,
 ) -> None:
     """Measure shading-atlas packers on identical scenes, paths, visible sets, shading and encoders."""
 
 
 for name, command in COMMANDS.items():
-    app.command(name)(command)
+    app.command(name, cls=Command)(command)
 
 
 def _refuse(argument: str, why: str) -> None:

@@ -41,8 +41,7 @@ class Option:
 
     def parameter(self) -> inspect.Parameter:
         """As Typer takes it from a function's signature."""
-        metavar = "" if self.kind is bool else self.metavar  # Typer shows a type where there is none
-        info = typer.Option(self.default, self.flag, help=self.help, metavar=metavar, rich_help_panel=self.panel)
+        info = typer.Option(self.default, self.flag, help=self.help, metavar=self.metavar, rich_help_panel=self.panel)
         kind = list[str] if self.kind is list else self.kind
         annotation = kind if self.default is not None else kind | None
         return inspect.Parameter(self.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=annotation)

@@ -23,8 +23,8 @@ def stress(
     out: Annotated[
         Path | None, typer.Option(help="Folder of the results. Default: a new one in runs/", metavar="DIR")
     ] = None,
-    quick: Annotated[bool, typer.Option("--quick", metavar="", help="Three magnitudes of each test")] = False,
-    catalogue: Annotated[bool, typer.Option("--list", metavar="", help="Only show the catalogue")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Three magnitudes of each test")] = False,
+    catalogue: Annotated[bool, typer.Option("--list", help="Only show the catalogue")] = False,
     timeout: Annotated[float, typer.Option(help="For one trial", metavar="SECONDS")] = 120.0,
     device: Device = None,
 ) -> None:

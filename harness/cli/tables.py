@@ -17,14 +17,10 @@ def tables(
         list[str] | None, typer.Argument(metavar="[NAME]...", help="Tables, or all. Default with --check: all")
     ] = None,
     check: Annotated[
-        bool, typer.Option("--check", metavar="", help="Write nothing: say where a printed digit is another one now")
+        bool, typer.Option("--check", help="Write nothing: say where a printed digit is another one now")
     ] = False,
-    quick: Annotated[
-        bool, typer.Option("--quick", metavar="", help="With --check: only those of a minute or two")
-    ] = False,
-    write: Annotated[
-        bool, typer.Option("--write", metavar="", help="Run nothing: write the documents from the kept data")
-    ] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="With --check: only those of a minute or two")] = False,
+    write: Annotated[bool, typer.Option("--write", help="Run nothing: write the documents from the kept data")] = False,
     folder: Annotated[
         Path | None,
         typer.Option(
@@ -35,7 +31,7 @@ def tables(
         ),
     ] = None,
     listed: Annotated[
-        bool, typer.Option("--list", metavar="", help="Only show the tables, and of those named the commands")
+        bool, typer.Option("--list", help="Only show the tables, and of those named the commands")
     ] = False,
 ) -> None:
     """Measure the documents' tables anew, and write data, tables and numbers in sentences.

@@ -105,7 +105,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
                timeout: float) -> bool:  # fmt: skip
     """Run the catalogue into `out`; whether nothing went wrong. An interrupted run goes on where it was.
 
-    Raises InputError or DeviceError for what cannot be used.
+    Raises InputError or DeviceError for what cannot be used, and StoppedError when it is interrupted.
     """
     chosen, rows = chosen_tests(tests), contenders(methods or ("all",), timeout)
     opened = Device.open(device)

@@ -80,7 +80,7 @@ def check_devices(asked: str | None) -> bool:
     """Examine all devices, or those whose platform and name contain `asked`, and print what came out of it.
 
     False if something fails on one, or if none could be examined. Raises InputError if none matches, and for an
-    empty name.
+    empty name, and StoppedError when it is interrupted.
     """
     devices = _choose(asked)
     usable = [device for device in devices if device.refused() is None]

@@ -50,6 +50,7 @@ _REFUSED = _OPEN if sys.platform == "win32" else _OTHERS
 _HINTS = {
     errno.EACCES: _REFUSED,
     errno.EPERM: _REFUSED,
+    errno.EISDIR: "delete that folder, or give another one.",
     errno.ENOSPC: "make room, and run again.",
     errno.EDQUOT: "make room, and run again.",
     errno.EROFS: "give another folder.",
