@@ -31,13 +31,13 @@ from shading_atlas_bench.harness.progress import warnings_as_sentences
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
 
 if TYPE_CHECKING:
-    from typer._click.core import Parameter  # Typer brings a click of its own, and gives this no other name
+    from typer._click.core import Context, Parameter  # Typer brings a click of its own, and gives these no other names
 
 
 class Command(TyperCommand):
     """A command whose help shows flags without a value, where Typer says `<bool>` behind them."""
 
-    def get_params(self, ctx: typer.Context) -> list[Parameter]:
+    def get_params(self, ctx: Context) -> list[Parameter]:
         """Its options and arguments."""
         return _flags_alone(super().get_params(ctx))
 
@@ -45,7 +45,7 @@ class Command(TyperCommand):
 class Commands(TyperGroup):
     """The same of all commands together."""
 
-    def get_params(self, ctx: typer.Context) -> list[Parameter]:
+    def get_params(self, ctx: Context) -> list[Parameter]:
         """Their common options."""
         return _flags_alone(super().get_params(ctx))
 
