@@ -12,6 +12,7 @@ import numpy as np
 
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import find_packers
+from shading_atlas_bench.harness.watch.watchdog import answer_within
 from shading_atlas_bench.kernels.case import INPUTS, NOTHING, Case, Distance, Result, cases_in, distance, shared_cases
 from shading_atlas_bench.kernels.device import METHOD_KERNELS
 
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.packers.interface import Packer
 
 MODULE = f"{METHOD_KERNELS}.cases"  # in the package of a packer
+LIMIT = 60.0  # seconds for importing all of them
 
 
 def find_cases() -> list[Case]:
@@ -28,12 +30,13 @@ def find_cases() -> list[Case]:
     Raises InputError where a packer or its package's cases cannot be imported, and where two cases have one name, or
     measure kernels of one name.
     """
-    try:
-        modules = {packer.__module__ for packer in find_packers().values()}
-    except ValueError as error:
-        raise InputError(str(error)) from error
-    packages = {package for module in modules for package in _packages(module)}
-    found = [*shared_cases(), *_cases_of(packages)]
+    with answer_within(LIMIT, "An installed packer", "importing it with its cases"):
+        try:
+            modules = {packer.__module__ for packer in find_packers().values()}
+        except ValueError as error:
+            raise InputError(str(error)) from error
+        packages = {package for module in modules for package in _packages(module)}
+        found = [*shared_cases(), *_cases_of(packages)]
     named: dict[str, Case] = {}
     for case in found:
         for name in (case.name, *case.costs):

@@ -1,4 +1,5 @@
-"""How what is printed looks: at most 80 columns, tables without frames, progress with the time left.
+"""How what is printed looks: tables without frames in at most 80 columns, progress with the time left; a sentence with
+a path in it is one line, which terminals wrap.
 
 All text that others wrote, such as names, reasons and paths, goes through here: a text is printed as it is, never read
 as markup, and what would steer the terminal is shown as an escape. Markup is in the templates of `styled` only.
@@ -11,7 +12,7 @@ from string import Formatter
 from typing import TYPE_CHECKING
 
 from rich import progress as bars
-from rich.console import Console, HighlighterType, JustifyMethod, OverflowMethod
+from rich.console import Console, ConsoleOptions, HighlighterType, JustifyMethod, OverflowMethod, RenderResult
 from rich.style import Style
 from rich.table import Table
 from rich.text import Span, Text
@@ -54,24 +55,35 @@ class Terminal(Console):
 
 
 def make_console(stderr: bool = False) -> Terminal:
-    """The console that everything is printed to."""
+    """A new console, of the streams that there are now."""
     return Terminal(stderr)
+
+
+def counted(count: int, noun: str) -> str:
+    """A number of things, like "1 row" and "2 rows"."""
+    return f"{count} {noun}{'s' * (count != 1)}"
 
 
 def styled(template: str, *values: object, style: str = "") -> Text:
     """A template in rich's markup, its fields `{}` filled with values, each as it is or, of a Text, in its own style.
 
-    Fields may have format specifications. `[{style}]` is the style that is given.
+    Fields may have format specifications and, as in `{!r}`, conversions. `[{style}]` is the style that is given. Raises
+    ValueError unless there is one value for each field.
     """
     markup = ""
     filled: list[Text] = []
     given = iter(values)
-    for literal, field, specification, _ in Formatter().parse(template):
+    parsed = list(Formatter().parse(template))
+    if (fields := sum(field not in (None, "style") for _, field, _, _ in parsed)) != len(values):
+        raise ValueError(f"The template {template!r} has {fields} fields, and {len(values)} values are given.")
+    for literal, field, specification, conversion in parsed:
         markup += literal
         if field == "style":
             markup += style
         elif field is not None:
             value = next(given)
+            if conversion:
+                value = Formatter().convert_field(value, conversion)
             filled.append(value if isinstance(value, Text) else Text(visible(format(value, specification or ""))))
             markup += HOLE * len(filled[-1])
     text = Text.from_markup(markup, emoji=False)
@@ -92,9 +104,22 @@ def tell_passed_over(device: Device) -> None:
         make_console(stderr=True).print(text, soft_wrap=True)
 
 
-def make_table(title: str, *columns: str) -> Table:
+class Headed(Table):
+    """A table below a bold line, which may be wider than it: rich would wrap a title to the table's width."""
+
+    def __init__(self, heading: str) -> None:
+        super().__init__(box=None, pad_edge=False, expand=False)
+        self.heading = heading
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        if self.heading:
+            yield Text(visible(self.heading), "bold")
+        yield from super().__rich_console__(console, options)
+
+
+def make_table(title: str, *columns: str) -> Headed:
     """A table without rows and frames, with a bold title and columns that fold."""
-    table = Table(title=title, title_justify="left", title_style="bold", box=None, pad_edge=False, expand=False)
+    table = Headed(title)
     table.caption_justify, table.caption_style = "left", "dim"
     for column in columns:
         table.add_column(column, overflow="fold")

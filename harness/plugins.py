@@ -256,7 +256,7 @@ def _import_module(name: str) -> ModuleType:
     except BaseException as error:
         if is_stop(error):
             raise
-        raise ValueError(f"The module {name!r} cannot be imported: {_told(error)}.") from error
+        raise ValueError(f"The module {name!r} cannot be imported: {_told(error)}{_place(error)}.") from error
 
 
 def _told(error: BaseException) -> str:
@@ -283,8 +283,32 @@ def _import_file(path: Path) -> ModuleType:
         del sys.modules[name]
         if is_stop(error):
             raise
-        raise ValueError(f"The file {path} cannot be imported: {type(error).__name__}: {text_of(error)}.") from error
+        said = f"{type(error).__name__}: {text_of(error)}{_place(error, path)}.{_neighbour(error, path)}"
+        raise ValueError(f"The file {path} cannot be imported: {said}") from error
     return module
+
+
+def _place(error: BaseException, path: Path | None = None) -> str:
+    """Where an import went wrong: the last line in this file, or else in any that was run; empty where an error says
+    so itself, or no line was run."""
+    frames = traceback.extract_tb(error.__traceback__)
+    own = [frame for frame in frames if path is not None and frame.filename == str(path)]
+    code = [frame for frame in frames[1:] if not frame.filename.startswith("<") and "importlib" not in frame.filename]
+    if isinstance(error, SyntaxError) or not (own or code):
+        return ""
+    last = (own or code)[-1]
+    return f" ({Path(last.filename).name}, line {last.lineno})"
+
+
+def _neighbour(error: BaseException, path: Path) -> str:
+    """What to do where a file imports one beside it, which only packages can."""
+    name = (error.name or "").partition(".")[0] if isinstance(error, ModuleNotFoundError) else ""
+    if not name or not ((path.parent / f"{name}.py").is_file() or (path.parent / name).is_dir()):
+        return ""
+    return (
+        f" {name} lies beside it: make a package of the folder, with an __init__.py, and name "
+        f"{path.absolute().parent.name}.{path.stem}:CLASS in the folder above, or pip install it."
+    )
 
 
 def _checked(found: object, what: str) -> type[Packer]:

@@ -52,7 +52,7 @@ def warnings_as_sentences() -> None:
         line: str | None = None,
     ) -> None:
         if category is UserWarning:
-            print(f"bench: {visible(message)}", file=file or sys.stderr, flush=True)
+            print(f"bench: warning: {visible(message)}", file=file or sys.stderr, flush=True)
         else:
             in_full(message, category, filename, lineno, file, line)
 

@@ -25,9 +25,9 @@ class Journal:
     """The state of a process as a JSON object that another one may read at any time.
 
     device: what is known of the device in use. again: arguments with which the same command goes on. steps: what is
-    being done, each with `what`, `deadline` (of time.monotonic, or null) and `ended` (what is to be noted of it should
-    the process end here, or null). building: what a compiler is at, each with `what`, the `kernel`'s name, if it is
-    that of one, and `since` when (of time.time).
+    being done, each with `what`, `who` does it (or nothing), `deadline` (of time.monotonic, or null), what is said once
+    that is past (`late`), and `ended` (what is to be noted of it should the process end here, or null). building: what
+    a compiler is at, each with `what`, the `kernel`'s name, if it is that of one, and `since` when (of time.time).
     """
 
     def __init__(self, file: Path | None) -> None:
@@ -43,10 +43,19 @@ class Journal:
             self._write()
 
     @contextmanager
-    def step(self, what: str, seconds: float | None = None, ended: dict[str, Any] | None = None) -> Iterator[None]:
+    def step(
+        self,
+        what: str,
+        seconds: float | None = None,
+        ended: dict[str, Any] | None = None,
+        *,
+        who: str = "",
+        late: str = "",
+    ) -> Iterator[None]:
         """A step that may take `seconds`."""
         deadline = None if seconds is None else time.monotonic() + seconds
-        with self._entry("steps", {"what": what, "deadline": deadline, "ended": ended}):
+        late = late or f"it did not end within {seconds or 0:g} s"
+        with self._entry("steps", {"what": what, "who": who, "deadline": deadline, "late": late, "ended": ended}):
             yield
 
     @contextmanager

@@ -399,6 +399,8 @@ class Packer(ABC):
     mipmaps: bool = True
 
     def __init_subclass__(cls) -> None:
+        if not isinstance(cls.parameters, dict):
+            raise TypeError(f"the class {cls.__qualname__} has parameters that are no dict of names to Parameters")
         cls.parameters = COMMON | cls.parameters
 
     def __init__(self, **values: Value) -> None:

@@ -63,7 +63,7 @@ def test_the_wheel_has_the_licence_the_command_and_the_packers(wheel: zipfile.Zi
     names = wheel.namelist()
     assert any(name.endswith("licenses/LICENSE") for name in names)
     (entries,) = (wheel.read(name).decode() for name in names if name.endswith("entry_points.txt"))
-    assert "bench = shading_atlas_bench.harness.cli.supervisor:main" in entries
+    assert "bench = shading_atlas_bench.__main__:main" in entries
     assert "[shading_atlas_packers]" in entries
     assert [name for name in names if name.startswith("tests/")] == []
 

@@ -39,7 +39,8 @@ def list_everything(
 
 def show_catalogue() -> None:
     """Print packers with their parameters, scenes, paths, devices and metrics."""
-    from shading_atlas_bench.harness.plugins import find_packers, published_values, value_text
+    from shading_atlas_bench.harness.plugins import published_values, value_text
+    from shading_atlas_bench.harness.workload.methods import installed_in_time
     from shading_atlas_bench.harness.workload.presets import PRESETS
     from shading_atlas_bench.kernels.device import kernels_digest
     from shading_atlas_bench.kernels.runtime.opencl import find_devices, noted_death
@@ -48,7 +49,7 @@ def show_catalogue() -> None:
     from shading_atlas_bench.scenes.paths import list_paths
 
     console = make_console()
-    for name, packer in find_packers().items():
+    for name, packer in installed_in_time().items():
         console.print(styled("[bold]{}[/]  {} ({})", name, packer.paper.title, packer.paper.year))
         table = make_table("", "parameter", "default", "sweep", "meaning")
         for key, parameter in packer.parameters.items():

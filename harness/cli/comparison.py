@@ -29,12 +29,12 @@ def show_comparison(first: Path, second: Path) -> None:
 
     Raises InputError for a folder without results, and for runs that have nothing in common.
     """
+    from shading_atlas_bench.harness.run.folder import check_results
     from shading_atlas_bench.reports.analysis.compare import ALL, compare, differences
     from shading_atlas_bench.reports.charts.figures import coding_label
 
     for folder in (first, second):
-        if not (folder / "results.sqlite").is_file():
-            raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+        check_results(folder)
     console = make_console()
     rows = compare(first, second)
     if not rows:
@@ -47,10 +47,8 @@ def show_comparison(first: Path, second: Path) -> None:
     colours = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "dim"}
     for (label, variant, codec, crf), group in groups.items():
         coding = "every coding" if codec == ALL else coding_label(codec, crf)
-        table = make_table(
-            f"{label}, {coding}, frames: {group[0].frames}", "metric", "mean A", "mean B", "median A",
-            "median B", "B is", "p",
-        )  # fmt: skip
+        console.print(styled("[bold]{}, {}, frames: {}[/]", label, coding, group[0].frames))
+        table = make_table("", "metric", "mean A", "mean B", "median A", "median B", "B is", "p")
         for column in table.columns[1:5]:
             column.justify = "right"
         if variant:

@@ -11,16 +11,17 @@ from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
-from shading_atlas_bench.harness.workload.session import find_methods, open_head_motion, open_path, open_scene
+from shading_atlas_bench.harness.workload.methods import find_methods
+from shading_atlas_bench.harness.workload.session import open_head_motion, open_path, open_scene
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.skips import check_names, skipped_stages
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.packers.interface import Packer
-from shading_atlas_bench.scenes.model import Scene
 
 
-def show_plan(settings: Settings, out: Path | None) -> None:
-    """Print what `bench run` with these settings would do; opens all it needs, runs no kernel."""
+def show_plan(settings: Settings, out: Path | None) -> bool:
+    """Print what `bench run` with these settings would do; opens all it needs, runs no kernel. False where a method
+    cannot say whether the scene has something for it to do."""
     check_folder(out)
     packers = find_methods(settings)
     check_names(settings.no_skip, packers)
@@ -44,14 +45,15 @@ def show_plan(settings: Settings, out: Path | None) -> None:
     console.print(f"codec {settings.codec}" + (f", CRF {rates}, shown at {settings.display_crf}" if rates else ""))
     for note in [*scene.notes, *path.notes, *_beyond_budget(settings, packers)]:
         console.print(styled("[yellow]note[/] {}", note))
-    _print_methods(console, packers, scene, frames + f" x {settings.repeat}" * (settings.repeat > 1))
+    told = [told_skip(packer, scene, settings.timeout) for packer in packers]
+    _print_methods(console, packers, told, frames + f" x {settings.repeat}" * (settings.repeat > 1))
     table = make_table("skipped for this scene", "stage", "why")
     for name, reason in skipped_stages(scene.features, settings.no_skip).items():
         table.add_row(name, reason)
     console.print(table)
-    running = sum(told_skip(packer, scene) is None for packer in packers)
-    seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, running)
+    seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, told.count(None))
     console.print(f"about {duration(seconds)}; results in {out or 'a new folder below runs/'}")
+    return all(why is None or why[0] == "skipped" for why in told)
 
 
 def _beyond_budget(settings: Settings, packers: list[Packer]) -> list[str]:
@@ -63,10 +65,10 @@ def _beyond_budget(settings: Settings, packers: list[Packer]) -> list[str]:
     return [f"--samples does not reach {' and '.join(names)}: without an atlas {keep} of samples."]
 
 
-def _print_methods(console: Console, packers: list[Packer], scene: Scene, work: str) -> None:
+def _print_methods(console: Console, packers: list[Packer], told: list[tuple[str, str] | None], work: str) -> None:
+    """told: of each packer, the status and the reason where it does nothing. work: of the others."""
     table = make_table("methods", "method", "parameters", "what happens")
-    for packer in packers:
-        reason = told_skip(packer, scene)
+    for packer, why in zip(packers, told, strict=True):
         parameters = variant_string(packer).replace(",", ", ")
-        table.add_row(label_of(packer), parameters, f"skipped: {reason}" if reason else work)
+        table.add_row(label_of(packer), parameters, ": ".join(why) if why else work)
     console.print(table)

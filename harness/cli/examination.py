@@ -13,7 +13,8 @@ from shading_atlas_bench.harness.errors import InputError
 
 def doctor(
     devices: Annotated[
-        bool, typer.Option("--devices", help="Run every kernel on every OpenCL device, against its float64 twin")
+        bool,
+        typer.Option("--devices", help="Run every kernel on every OpenCL device, against its float64 twin"),
     ] = False,
     device: Annotated[
         str | None, typer.Option(help="With --devices: only those with this in their names", metavar="NAME")

@@ -37,3 +37,6 @@ def guarded() -> Iterator[None]:
     except StoppedError as stopped:
         make_console(stderr=True).print(f"Stopped. {stopped!s}", soft_wrap=True)
         raise typer.Exit(INTERRUPTED) from None
+    except KeyboardInterrupt:
+        make_console(stderr=True).print("Stopped.")
+        raise typer.Exit(INTERRUPTED) from None

@@ -8,9 +8,11 @@ import os
 import sys
 import unicodedata
 from collections.abc import Callable
-from typing import Annotated
+from itertools import pairwise
+from typing import TYPE_CHECKING, Annotated
 
 import typer
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from shading_atlas_bench.errors import visible
 from shading_atlas_bench.harness.cli.catalogue import list_everything
@@ -28,8 +30,36 @@ from shading_atlas_bench.harness.cli.tables import tables
 from shading_atlas_bench.harness.progress import warnings_as_sentences
 from shading_atlas_bench.harness.watch.ends import end_with_supervisor
 
+if TYPE_CHECKING:
+    from typer._click.core import Context, Parameter  # Typer brings a click of its own, and gives these no other names
+
+
+class Command(TyperCommand):
+    """A command whose help shows flags without a value, where Typer says `<bool>` behind them."""
+
+    def get_params(self, ctx: Context) -> list[Parameter]:
+        """Its options and arguments."""
+        return _flags_alone(super().get_params(ctx))
+
+
+class Commands(TyperGroup):
+    """The same of all commands together."""
+
+    def get_params(self, ctx: Context) -> list[Parameter]:
+        """Their common options."""
+        return _flags_alone(super().get_params(ctx))
+
+
+def _flags_alone(parameters: list[Parameter]) -> list[Parameter]:
+    for one in parameters:
+        if isinstance(one, TyperOption) and one.is_flag:
+            one.metavar = ""
+    return parameters
+
+
 app = typer.Typer(
     name="bench",
+    cls=Commands,
     no_args_is_help=True,
     add_completion=False,
     pretty_exceptions_enable=False,
@@ -61,14 +91,15 @@ def _tell_version(asked: bool) -> None:
 @app.callback()
 def _common(
     told: Annotated[
-        bool, typer.Option("--version", help="Show the version and exit", callback=_tell_version, is_eager=True)
+        bool,
+        typer.Option("--version", help="Show the version and exit", callback=_tell_version, is_eager=True),
     ] = False,
 ) -> None:
     """Measure shading-atlas packers on identical scenes, paths, visible sets, shading and encoders."""
 
 
 for name, command in COMMANDS.items():
-    app.command(name)(command)
+    app.command(name, cls=Command)(command)
 
 
 def _refuse(argument: str, why: str) -> None:
@@ -83,7 +114,9 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape
             stream.reconfigure(errors="backslashreplace")
-    for argument in sys.argv[1:]:
+    for before, argument in pairwise(sys.argv):
+        if "--out=" in (argument, f"{before}={argument}"):
+            _refuse("--out", "is empty: give a folder, or leave it out.")
         kinds = {unicodedata.category(letter) for letter in argument}
         if "Cs" in kinds:  # bytes that Python could not decode
             _refuse(argument, f"is not a name in {sys.getfilesystemencoding()}: rename it, or use a UTF-8 locale.")
@@ -96,7 +129,7 @@ def main() -> None:
             if sys.stdout:  # none where it was closed
                 sys.stdout.flush()  # here, where its failing can be told
     except KeyboardInterrupt:
-        print("Interrupted.", file=sys.stderr)
+        print("Stopped.", file=sys.stderr)
         sys.exit(130)
     except OSError as error:
         unheard = error.filename is None and not _stdout_takes_more()

@@ -9,7 +9,6 @@ import typer
 
 from shading_atlas_bench.harness.cli.guard import guarded
 from shading_atlas_bench.harness.console import make_console
-from shading_atlas_bench.harness.errors import InputError
 
 
 def report(
@@ -22,6 +21,7 @@ def report(
 
 def show_report(folder: Path) -> None:
     """Rebuild the CSV files and the report of a results folder. Raises InputError for a folder without results."""
+    from shading_atlas_bench.harness.run.folder import check_results
     from shading_atlas_bench.reports.analysis import sweep
     from shading_atlas_bench.reports.pages import claims_report, html, sweep_report
     from shading_atlas_bench.reports.store import csv_files
@@ -30,8 +30,7 @@ def show_report(folder: Path) -> None:
         claims_report.write_claims(folder)
         make_console().print(f"Rebuilt {folder}/claims.csv and claims.html", soft_wrap=True)
         return
-    if not (folder / "results.sqlite").is_file():
-        raise InputError(f"{folder} has no results.sqlite: give a folder that bench run wrote.")
+    check_results(folder)
     if sweep.is_sweep(folder):
         sweep_report.write_sweep(folder)
         make_console().print(f"Rebuilt {folder}/sweep.csv and report.html", soft_wrap=True)

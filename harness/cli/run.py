@@ -31,8 +31,7 @@ def run(given: Given) -> None:
         if dry_run:
             from shading_atlas_bench.harness.cli.dry_run import show_plan
 
-            show_plan(settings, out)
-            return
+            raise typer.Exit(0 if show_plan(settings, out) else SOME_FAILED)
         from shading_atlas_bench.harness.cli.summary import show_explained, show_summary
         from shading_atlas_bench.harness.console import TerminalProgress
         from shading_atlas_bench.harness.run.run import run as run_all

@@ -9,7 +9,7 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
+from shading_atlas_bench.harness.console import NARROWEST, counted, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.run.explain import FRAMES, ROUNDS
 from shading_atlas_bench.reports.store.middle import median
 from shading_atlas_bench.reports.store.results import Store
@@ -73,7 +73,7 @@ def _show(store: Store, folder: Path) -> None:
         console.print(styled("[dim]sample/pixel: time to gather a sample over the reference's to shade a pixel[/]"))
     for status, count, reason in _troubles(rows, labels):
         colour = "dim" if status == "skipped" else "red"
-        console.print(styled("[{style}]{}[/] {} rows: {}", status, count, reason, style=colour))
+        console.print(styled("[{style}]{}[/] {}: {}", status, counted(count, "row"), reason, style=colour))
     for prefix, colour in (("scene", "dim"), ("published", "dim"), ("rare", "yellow"), ("warning", "yellow")):
         for text in dict.fromkeys(store.notes.under(prefix).values()):
             console.print(styled("[{style}]{}[/] {}", NOTE_WORDS[prefix], text, style=colour))

@@ -18,11 +18,22 @@ import tempfile
 import threading
 import time
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.errors import visible
-from shading_atlas_bench.harness.watch.ends import KILLED, SWITCH, TICK, crashed, ended_by, name_of, overdue_steps
+from shading_atlas_bench.harness.watch.ends import (
+    KILLED,
+    SWITCH,
+    TICK,
+    cause_of,
+    crashed,
+    ended_by,
+    overdue_steps,
+    sentence_of,
+)
 from shading_atlas_bench.harness.watch.memory import too_little
 from shading_atlas_bench.harness.watch.processes import python
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
@@ -30,10 +41,12 @@ from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
 # `bench tables` runs these as processes of their own, each of which is watched.
 WATCHED = ("run", "sweep", "claims", "check", "stress", "kernels", "doctor", "list")
 COMMAND_LINE = "shading_atlas_bench.harness.cli.main"
-HARMLESS = {"--help", "--dry-run", "--list"}
+HARMLESS = {"--help", "--list"}
 ENDED, SERIAL = "BENCH_ENDED", "BENCH_SERIAL"  # variables for the process that goes on
-# Seconds before a signal is passed on: a terminal sends Ctrl-C to both, and one is enough.
-PATIENCE: dict[int, float] = {signal.SIGINT: 1.0, signal.SIGTERM: 0.0}
+# A terminal sends Ctrl-C to all processes. Those that are watched, and their compilers' own, never hear of it where it
+# can be kept from them: as TERM, which ends them without a traceback, this one passes it on. Elsewhere, seconds later.
+KEPT = frozenset({signal.SIGINT})
+PATIENCE: dict[int, float] = {signal.SIGINT: 0.0 if hasattr(signal, "pthread_sigmask") else 1.0, signal.SIGTERM: 0.0}
 LONGEST = 4.0  # seconds that a process has to end then: what is finished is in the store
 FAILED, UNUSABLE, INTERRUPTED = 1, 2, 130
 MOST_DEATHS = 2  # of one device's compiler
@@ -92,7 +105,8 @@ class Supervisor:
             environment[SERIAL] = "1"
         command = python("-m", COMMAND_LINE, *self.arguments, *self.again)
         # The other end of its standard input closes with this process, however that ends; then it ends too.
-        child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
+        with _kept_back():
+            child = subprocess.Popen(command, stdin=subprocess.PIPE, env=environment)
         waiting = threading.Thread(target=child.wait, daemon=True)  # `wait` with a timeout sleeps beyond the end
         waiting.start()
         told: float | None = None
@@ -113,8 +127,9 @@ class Supervisor:
     def _judge(self, code: int, overdue: list[dict[str, Any]], state: dict[str, Any]) -> int | None:
         """What the end of a process means: the exit code of the command, or None to start it again."""
         if self.stopped:
-            if code < 0 and self.again:
-                _say("Stopped. Finished results are kept: the same command goes on from there.")
+            if code < 0:
+                kept = " Finished results are kept: the same command goes on from there." if self.again else ""
+                _say(f"Stopped.{kept}")
             return code if code >= 0 else INTERRUPTED
         building, device = list(state["building"].values()), state["device"]
         steps = list(state["steps"].values())
@@ -122,7 +137,7 @@ class Supervisor:
             self.serial = True  # whose fault it was shows when they run one after the other
             return None
         if overdue:
-            return self._blame(overdue, "timeout", "it did not end")
+            return self._blame(overdue, "timeout")
         if building and device and (crashed(code) or code > 0):
             # The second time a kernel dies running, where only a method's step can have given it what it died of.
             methods_fault = (
@@ -133,21 +148,20 @@ class Supervisor:
             )
             if not methods_fault:
                 return self._compiler_died(building[0]["what"], device)
-        elif not crashed(code) and (code < 0 or not any(map(_has_owner, steps))):
+        elif not crashed(code) and (code < 0 or not steps):
             return _passed_on(code)
-        how = f"crashed ({name_of(code)})" if crashed(code) else f"was ended with exit code {code}"
+        how = f"crashed ({cause_of(code)})" if crashed(code) else f"was ended with exit code {code}"
         return self._blame(steps, "failed", f"the process {how}")
 
-    def _blame(self, steps: list[dict[str, Any]], status: str, reason: str) -> int | None:
+    def _blame(self, steps: list[dict[str, Any]], status: str, reason: str = "") -> int | None:
         """End these steps and go on without them, or end the command where nothing is known that could go on."""
         ended = ended_by(steps, status, reason) if self.again else []
         if not ended:
-            what = "; ".join(step["what"] for step in steps) or "starting"
             kept = " Finished results are kept: the same command goes on from there." if self.again else ""
-            _say(f"{what}: {reason}.{kept}")
+            _say((" ".join(sentence_of(step, reason) for step in steps) or f"starting: {reason}.") + kept)
             return FAILED
-        for step in ended:
-            _say(f"{step['reason']} Going on without it.")
+        for step in filter(_has_owner, steps):
+            _say(f"{sentence_of(step, reason)} Going on without it.")
         self.ended += ended
         return None
 
@@ -176,6 +190,19 @@ class Supervisor:
             return FAILED
         _say(f"{sentence} It is passed over from now on.")
         return None
+
+
+@contextmanager
+def _kept_back() -> Iterator[None]:
+    """What is started in the block, and whatever that starts, does not get Ctrl-C; this process gets it afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, KEPT)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def _has_owner(step: dict[str, Any]) -> bool:

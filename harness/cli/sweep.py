@@ -24,8 +24,7 @@ def sweep(given: Given) -> None:
         if dry_run:
             from shading_atlas_bench.harness.cli.sweep_tables import show_grid
 
-            show_grid(wanted, out)
-            return
+            raise typer.Exit(0 if show_grid(wanted, out) else SOME_FAILED)
         from shading_atlas_bench.harness.cli.sweep_tables import show_sweep
         from shading_atlas_bench.harness.console import TerminalProgress
         from shading_atlas_bench.harness.sweep.run import sweep as run_sweep

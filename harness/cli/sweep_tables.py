@@ -6,7 +6,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from shading_atlas_bench.harness.console import NARROWEST, folded, make_console, make_table, styled
+from shading_atlas_bench.harness.console import NARROWEST, counted, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.run.folder import check_folder
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
@@ -17,23 +17,27 @@ from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.reports.analysis.sweep import TOLD, candidates, groups, read_told
 from shading_atlas_bench.reports.pages.sweep_words import CODING_NAMES, COST_NAMES, verdict
 
+COLOURS = {"skipped": "dim"}  # of statuses; the others are red
+
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-    from shading_atlas_bench.harness.sweep.grid import SweepGrid
+    from shading_atlas_bench.harness.sweep.grid import SweepCell, SweepGrid
     from shading_atlas_bench.harness.sweep.request import SweepRequest
     from shading_atlas_bench.reports.analysis.sweep import Point
+    from shading_atlas_bench.scenes.model import Scene
 
 
-def show_grid(wanted: SweepRequest, out: Path | None) -> None:
-    """Print what `bench sweep` would do; opens every scene, runs no kernel."""
+def show_grid(wanted: SweepRequest, out: Path | None) -> bool:
+    """Print what `bench sweep` would do; opens every scene, runs no kernel. False where a method cannot say whether a
+    scene has something for it to do."""
     check_folder(out)
     grid = make_grid(wanted.settings, wanted.vary)
     open_head_motion(wanted.settings)
     device = Device.open(wanted.settings.device)
     console = make_console()
-    seconds = 10.0
+    seconds, well = 10.0, True
     for cells in grid.scenes():
         settings = cells[0].settings
         scene = open_scene(settings)
@@ -48,11 +52,12 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> None:
                 "s" * (settings.frames != 1),
             )
         )
-        for name, reason in {cell.packer.name: told_skip(cell.packer, scene) for cell in cells}.items():
-            if reason:
-                console.print(styled("[dim]{} is skipped:[/] {}", name, reason))
+        told = _told_skips(cells, scene)
+        for name, status, reason in dict.fromkeys((name, *why) for (name, _), why in told.items() if why):
+            console.print(styled("[{style}]{}[/] {}: {}", status, name, reason, style=COLOURS.get(status, "red")))
+            well &= status == "skipped"
         console.print(styled("[dim]needs no[/] {}", ", ".join(skipped_stages(scene.features))))
-        running = [cell for cell in cells if told_skip(cell.packer, scene) is None]
+        running = [cell for cell in cells if told[cell.key] is None]
         seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")
     _show_axes(console, grid)
@@ -60,11 +65,26 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> None:
     at_once = f" with {wanted.workers} workers" if wanted.workers > 1 else ""
     total = duration(seconds / wanted.workers)
     console.print(f"about {total}{at_once}{timing}; results in {out or 'a new folder below runs/'}")
+    return well
+
+
+def _told_skips(cells: list[SweepCell], scene: Scene) -> dict[tuple[str, str], tuple[str, str] | None]:
+    """By method and variant, the status and the reason where it does nothing in the scene. A method that once takes too
+    long to say so is not asked again with other parameters."""
+    told: dict[tuple[str, str], tuple[str, str] | None] = {}
+    late: dict[str, tuple[str, str]] = {}
+    for cell in cells:
+        name = cell.packer.name
+        if cell.key not in told:
+            why = told[cell.key] = late.get(name) or told_skip(cell.packer, scene, cell.settings.timeout)
+            if why and why[0] == "timeout":
+                late[name] = why
+    return told
 
 
 def _show_axes(console: Console, grid: SweepGrid) -> None:
     """What is varied per contender, and what was left out and why."""
-    table = make_table(f"{len(grid.cells)} cells", "method", "cells", "varied")
+    table = make_table(counted(len(grid.cells), "cell"), "method", "cells", "varied")
     for contender in dict.fromkeys(cell.contender for cell in grid.cells):
         own = [cell for cell in grid.cells if cell.contender == contender]
         axes: dict[str, dict[str, None]] = {}
@@ -130,7 +150,8 @@ def _show_troubles(console: Console, points: list[Point]) -> None:
     counts = Counter((row["contender"], row["status"]) for row in cells if row["status"] != "ok")
     for (contender, status), count in counts.items():
         reason = next(row["reason"] for row in cells if (row["contender"], row["status"]) == (contender, status))
-        colour = "dim" if status == "skipped" else "red"
-        console.print(styled("[{style}]{}[/] {} cells of {}: {}", status, count, contender, reason or "", style=colour))
+        colour = COLOURS.get(status, "red")
+        cells_of = f"{counted(count, 'cell')} of {contender}"
+        console.print(styled("[{style}]{}[/] {}: {}", status, cells_of, reason or "", style=colour))
     stops = Counter(row["stop"].partition(":")[0] for row in cells if row["stop"])
     console.print("timing stopped: " + ", ".join(f"{count} {stop}" for stop, count in stops.most_common()))

@@ -36,12 +36,12 @@ from shading_atlas_bench.harness.conformance.trial import (
     try_isolation,
     try_method,
 )
-from shading_atlas_bench.harness.console import make_console, styled, tell_passed_over
+from shading_atlas_bench.harness.console import counted, make_console, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.machine import load
 from shading_atlas_bench.harness.measure.returned import CheckedPacker, read_payload
 from shading_atlas_bench.harness.watch.stops import stops_apart
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, time_limit
+from shading_atlas_bench.harness.watch.watchdog import time_limit
 from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.packers.interface import Packer, Parameter
 from shading_atlas_bench.reports.pages.stress import magnitude
@@ -75,6 +75,7 @@ BEARABLE = {
     "empty-frames": 2,
 }
 BENCHMARK = 10.0  # seconds
+SKIPPED = "skipped: "  # how the sentence of a check begins that had nothing to check
 EXAMPLES, THOROUGH = 100, 1000
 
 
@@ -215,7 +216,7 @@ def kernels(kit: Kit) -> TrialResult:
     """Inaccurate where a kernel of the method's own package is beyond its bound; ok where there are none."""
     own = own_cases(kit.kind)
     if not own:
-        return TrialResult("ok", f"skipped: {kit.kind.__module__} is in no package with a module {MODULE}.")
+        return TrialResult("ok", f"{SKIPPED}{kit.kind.__module__} is in no package with a module {MODULE}.")
     for stage in own:
         for kind in INPUTS:
             apart = against_twin(kit.device, stage, kind)
@@ -310,13 +311,10 @@ def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, devic
 
     Raises InputError or DeviceError for what cannot be used.
     """
-    from shading_atlas_bench.harness.plugins import load_packer
+    from shading_atlas_bench.harness.workload.methods import load_in_time
     from shading_atlas_bench.kernels.device import Device
 
-    try:
-        packers = load_packer(spec)
-    except ValueError as error:
-        raise InputError(str(error)) from error
+    packers = load_in_time(spec, timeout)
     opened = Device.open(device)
     tell_passed_over(opened)
     stages: dict[str, Stage] = {}
@@ -333,7 +331,10 @@ def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bo
         failed += not found.good
         late += found.status == "timeout"
         mark = styled("[green]pass[/]") if found.good else styled("[bold red]FAIL[/]")
-        console.print(styled("{} {}", mark, f"{name}: {found.sentence}" if found.sentence else name))
+        if found.good and found.sentence.startswith(SKIPPED):
+            mark = styled("[dim]skip[/]")
+        sentence = found.sentence.removeprefix(SKIPPED)
+        console.print(styled("{} {}", mark, f"{name}: {sentence}" if sentence else name))
         for path in _write_pictures(out, kit.kind.name, name, found):
             console.print(styled("     [dim]{}[/]", path), soft_wrap=True)
     if late:
@@ -341,7 +342,9 @@ def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bo
         console.print(styled("[dim]--timeout SECONDS gives a check more than {:g} s. {}[/]", timeout, busy))
     if failed and out is None:
         console.print(styled("[dim]--out DIR writes pictures of what failed.[/]"))
-    verdict = styled("[bold red]{} checks failed[/]", failed) if failed else styled("[green]all checks passed[/]")
+    verdict = (
+        styled("[bold red]{} failed[/]", counted(failed, "check")) if failed else styled("[green]all checks passed[/]")
+    )
     console.print(styled("[bold]{}[/]  {}", kit.kind.name, verdict))
     return not failed
 
@@ -366,10 +369,8 @@ def _results(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> Iter
 def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> TrialResult:
     """A check's result within a time limit; whatever is raised becomes one."""
     try:
-        with time_limit(timeout, f"{kit.kind.name}, check {name}"):
+        with time_limit(timeout, f"check {name}", who=kit.kind.name):
             return one(kit)
-    except PackTimeoutError:
-        return TrialResult("timeout", f"It took longer than {timeout:g} s.")
     except BaseException as error:
         return result_of(error)
 

@@ -165,10 +165,10 @@ def find_failure(
     def tried(soup: Soup) -> bool:
         """Whether all is well; else it is noted."""
         try:
-            with time_limit(timeout, f"{packer.name}, fuzzing"):
+            with time_limit(timeout, "fuzzing", who=packer.name):
                 found = try_soup(device, packer, soup)
-        except PackTimeoutError:
-            found = TrialResult("timeout", "It did not finish in time.")
+        except PackTimeoutError as error:
+            found = TrialResult("timeout", str(error))
         if not (found.good or found.status == "refused"):
             failures.append((soup, found))
         return found.good or found.status == "refused"

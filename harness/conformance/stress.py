@@ -14,11 +14,11 @@ from msgspec import Meta
 from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, StressTest
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult, try_method, try_rasteriser
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled, tell_passed_over
-from shading_atlas_bench.harness.errors import InputError
+from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.watch.stops import stops_apart
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, longer_than, time_limit
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.journal import journal
@@ -59,11 +59,11 @@ class Contender:
     method: str
     variant: str
     label: str
-    make: Callable[[], Packer] | None
+    packer: Packer | None
 
     def run(self, stage: Stage) -> TrialResult:
         """What comes out of a stage."""
-        return try_rasteriser(stage) if self.make is None else try_method(stage, self.make)
+        return try_rasteriser(stage) if self.packer is None else try_method(stage, maker(self.packer))
 
     @property
     def key(self) -> str:
@@ -71,13 +71,13 @@ class Contender:
         return f"{self.method}[{self.variant}]"
 
 
-def contenders(methods: tuple[str, ...]) -> list[Contender]:
+def contenders(methods: tuple[str, ...], timeout: float) -> list[Contender]:
     """The rasteriser and the methods of `--method`. Raises InputError for what cannot be loaded."""
-    from shading_atlas_bench.harness.workload.session import find_methods
+    from shading_atlas_bench.harness.workload.methods import find_methods
     from shading_atlas_bench.harness.workload.settings import Settings
 
-    found = find_methods(Settings(methods=methods))
-    own = [Contender(packer.name, variant_string(packer), label_of(packer), maker(packer)) for packer in found]
+    found = find_methods(Settings(methods=methods, timeout=timeout))
+    own = [Contender(packer.name, variant_string(packer), label_of(packer), packer) for packer in found]
     return [Contender(RASTER, "", RASTER, None), *own]
 
 
@@ -105,15 +105,15 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
                timeout: float) -> bool:  # fmt: skip
     """Run the catalogue into `out`; whether nothing went wrong. An interrupted run goes on where it was.
 
-    Raises InputError or DeviceError for what cannot be used.
+    Raises InputError or DeviceError for what cannot be used, and StoppedError when it is interrupted.
     """
-    chosen, rows = chosen_tests(tests), contenders(methods or ("all",))
+    chosen, rows = chosen_tests(tests), contenders(methods or ("all",), timeout)
     opened = Device.open(device)
     tell_passed_over(opened)
     plan = {
         "tests": [test.name for test in chosen],
         "quick": quick,
-        "methods": {row.key: method_digest(type(row.make())) for row in rows if row.make},
+        "methods": {row.key: method_digest(type(row.packer)) for row in rows if row.packer},
         "device": opened.name,
         "suite": suite_digest(),
         "version": VERSION,
@@ -126,8 +126,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
         with stops_apart():
             StressRun(opened, chosen, rows, log, quick, timeout).everything()
     except KeyboardInterrupt:
-        console.print(f"Stopped. Finished trials are kept: the same command with --out {log.folder} goes on.")
-        raise
+        raise StoppedError(f"Finished trials are kept: the same command with --out {log.folder} goes on.") from None
     facts = {"Device": opened.name, "Date": datetime.now().strftime("%Y-%m-%d %H:%M"), "Trials": str(len(log.rows)),
              "Magnitudes": "three of each test" if quick else "all"}  # fmt: skip
     write_stress(log.folder, log.rows, {test.name: test.what for test in chosen}, facts)
@@ -246,7 +245,8 @@ class StressRun:
             elif before := ended_steps(**ended):
                 found = TrialResult(before[0]["status"], before[0]["reason"])
             else:
-                with time_limit(self.timeout, f"{test.name} {step}: {row.label}", ended):
+                who = f"{row.label}, {test.name} {magnitude(test.magnitudes[step])}"
+                with time_limit(self.timeout, "", ended, who=who, late=longer_than(self.timeout)):
                     found = row.run(stage)
             self._keep(row, test, step, found)
             yield row
@@ -260,14 +260,15 @@ class StressRun:
         for before in ended_steps(**ended):
             return TrialResult(before["status"], before["reason"])
         try:
-            with time_limit(self.timeout, f"{test.name} {step}: the scene", ended):
+            who = f"{test.name} {magnitude(test.magnitudes[step])}"
+            with time_limit(self.timeout, "the scene", ended, who=who, late=longer_than(self.timeout)):
                 stage = Stage.of(self.device, test.make(test.magnitudes[step]))
                 _ = stage.reference
                 return stage
         except (SceneError, PathError) as error:
             return TrialResult("refused", str(error))
-        except PackTimeoutError:
-            return TrialResult("timeout", "The scene was not ready in time.")
+        except PackTimeoutError as error:
+            return TrialResult("timeout", f"the scene: {error}")
 
     def _keep(self, row: Contender, test: StressTest, step: int, found: TrialResult) -> None:
         first = self.log.find(row, test, 0)

@@ -20,9 +20,10 @@ from shading_atlas_bench.arithmetic.functions import exp, log
 from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled
 from shading_atlas_bench.harness.doctor.worker import CaseOutcome
-from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.watch.ends import SWITCH, TICK, name_of, overdue_steps
+from shading_atlas_bench.harness.errors import InputError, StoppedError
+from shading_atlas_bench.harness.watch.ends import SWITCH, TICK, cause_of, overdue_steps
 from shading_atlas_bench.harness.watch.processes import python
+from shading_atlas_bench.harness.watch.stops import stops_apart
 from shading_atlas_bench.kernels.case import INPUTS
 from shading_atlas_bench.kernels.device import kernel_names, kernels_digest
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
@@ -79,7 +80,7 @@ def check_devices(asked: str | None) -> bool:
     """Examine all devices, or those whose platform and name contain `asked`, and print what came out of it.
 
     False if something fails on one, or if none could be examined. Raises InputError if none matches, and for an
-    empty name.
+    empty name, and StoppedError when it is interrupted.
     """
     devices = _choose(asked)
     usable = [device for device in devices if device.refused() is None]
@@ -94,13 +95,13 @@ def check_devices(asked: str | None) -> bool:
 
         reports = []
         try:
-            for device in devices:
-                refused, place = device.refused(), Path(folder) / device.key
-                reports.append(Report(device, passed_over=refused) if refused else examine(device, place, tell))
+            with stops_apart():
+                for device in devices:
+                    refused, place = device.refused(), Path(folder) / device.key
+                    reports.append(Report(device, passed_over=refused) if refused else examine(device, place, tell))
         except KeyboardInterrupt:
             show_reports(reports, _default())
-            make_console(stderr=True).print(f"Stopped: {len(reports)} of {len(devices)} devices were examined.")
-            raise
+            raise StoppedError(f"{len(reports)} of {len(devices)} devices were examined.") from None
     show_reports(reports, _default())
     return bool(usable) and all(report.status in ("ok", "passed over") for report in reports)
 
@@ -167,7 +168,7 @@ def _why(code: int, hung: list[dict[str, Any]], state: dict[str, Any] | None, lo
         at += f", while it built {building[0]['what']}"
     if hung:
         return f"it did not end {at}."
-    how = f"died ({name_of(code)})" if code < 0 or code > 0xFF else f"ended with exit code {code}"
+    how = f"died ({cause_of(code)})" if code < 0 or code > 0xFF else f"ended with exit code {code}"
     said = log_file.read_text(encoding="utf-8", errors="replace").strip().splitlines()
     return f"its process {how} {at}." + (f" Its last words: {said[-1].strip()[:200]}" if said else "")
 

@@ -13,15 +13,17 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from shading_atlas_bench.harness.console import TerminalProgress, make_console, make_table, styled
+from shading_atlas_bench.harness.console import TerminalProgress, counted, make_console, make_table, styled
 from shading_atlas_bench.harness.errors import InputError, StoppedError
 from shading_atlas_bench.harness.plugins import label_of, refuse_code, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import RUNS, locked
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT, duration, expected_pace
 from shading_atlas_bench.harness.run.run import run
+from shading_atlas_bench.harness.watch.stops import stops_apart
+from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.presets import LINKED_LISTS
-from shading_atlas_bench.harness.workload.session import find_methods, workload_hashes
+from shading_atlas_bench.harness.workload.session import workload_hashes
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, read_settings, settings_of
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.device import Device
@@ -209,7 +211,8 @@ def run_claims(wanted: ClaimsRequest, out: Path | None) -> bool:
                 styled("[dim]Run {} of {}:[/] {}  [dim]{}[/]", place + 1, len(runs), named.name, named.command)
             )
             try:
-                work.one(named)
+                with stops_apart():
+                    work.one(named)
             except (StoppedError, KeyboardInterrupt):
                 stopped = True
                 break
@@ -387,7 +390,7 @@ def show_needs(wanted: ClaimsRequest, out: Path | None) -> None:
     claims, runs = needs(wanted)
     variants_of(claims)
     console = make_console()
-    table = make_table(f"{len(claims.claims)} claims", "id", "published", "runs")
+    table = make_table(counted(len(claims.claims), "claim"), "id", "published", "runs")
     for claim in claims.claims:
         places = ", ".join("/".join(place) for place in claim.runs)
         table.add_row(claim.id, claim.published, places or "not measurable here")
@@ -402,7 +405,7 @@ def show_needs(wanted: ClaimsRequest, out: Path | None) -> None:
                 seconds += settings.frames * expected_pace(settings, "") * len(settings.methods)
         except SceneError as error:
             about = styled("  [yellow]not measured[/]: {}", error)
-        console.print(styled("[bold]{}[/]  {} claims{}", named.name, len(named.claims), about))
+        console.print(styled("[bold]{}[/]  {}{}", named.name, counted(len(named.claims), "claim"), about))
         console.print(styled("  [dim]{}[/]", named.command))
     console.print(f"about {duration(seconds)} on a quiet machine, more for scenes of millions of triangles")
 

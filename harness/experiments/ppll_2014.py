@@ -21,7 +21,7 @@ from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.ppll_2014_report import write_report
 from shading_atlas_bench.harness.measure.codecs import pack_lz4
 from shading_atlas_bench.harness.run.folder import make_folder
-from shading_atlas_bench.harness.workload.session import find_methods
+from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.settings import Settings, settings_of
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.harness.workload.views import Pose, client_view

@@ -18,7 +18,7 @@ from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints
 from shading_atlas_bench.harness.errors import is_stop, plain, told
 from shading_atlas_bench.harness.plugins import label_of, variant_string
-from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError
+from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, longer_than, time_limit
 from shading_atlas_bench.kernels.runtime.opencl import array_class
 from shading_atlas_bench.kernels.samples import Samples
 from shading_atlas_bench.packers.interface import (
@@ -93,7 +93,7 @@ def verdict_on(error: BaseException) -> tuple[str, str]:
     if is_stop(error):
         raise error
     if isinstance(error, PackTimeoutError):
-        return "timeout", "It did not finish in time."
+        return "timeout", text_of(error)
     if isinstance(error, (ReturnedError, NotShippedError)):
         return "invalid", plain(str(error), LONGEST_REASON)
     return "failed", told(error)
@@ -146,12 +146,15 @@ def fields_of(payload: Payload) -> dict[str, Any]:
     return found
 
 
-def told_skip(packer: Packer, scene: Scene) -> str | None:
-    """Why a packer has nothing to do in a scene, or None; of one that cannot say it, why not."""
+def told_skip(packer: Packer, scene: Scene, timeout: float) -> tuple[str, str] | None:
+    """Status and reason of a packer that has nothing to do in a scene, or cannot say it within `timeout` seconds; else
+    None."""
     try:
-        return CheckedPacker(packer).skip(scene)
+        with time_limit(timeout, "skip()", who=packer.name, late=longer_than(timeout)):
+            reason = CheckedPacker(packer).skip(scene)
     except BaseException as error:
-        return verdict_on(error)[1]
+        return verdict_on(error)
+    return ("skipped", reason) if reason else None
 
 
 def read_launches(stages: Iterable[object], left_out: Iterable[object]) -> None:

@@ -13,9 +13,11 @@ from shading_atlas_bench.harness.measure.metrics import Metrics
 from shading_atlas_bench.harness.measure.novel_view import draw_novel_view
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.measure.returned import verdict_on
+from shading_atlas_bench.harness.watch.watchdog import ended_steps, longer_than, time_limit
 from shading_atlas_bench.harness.workload.frames import FrameSource
+from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
-from shading_atlas_bench.harness.workload.session import Session, find_methods
+from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.harness.workload.skips import METRICS, PACKING, PICTURE, SET, Skip, known_skips
 from shading_atlas_bench.harness.workload.upload import upload_scene
 from shading_atlas_bench.packers.skips import Skips
@@ -24,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 FRAMES, ROUNDS = 3, 3
+PREPARE = 10  # packings' time that preparing may take, as in a run
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,11 @@ class Probe:
         self.applied = scene.skips.always | self.metrics.skipped
         self.pipelines = [Pipeline(packer, scene, settings) for packer in find_methods(settings)]
         for pipeline in self.pipelines:
-            with _guarded(pipeline):
+            for step in ended_steps(**_ended(pipeline)):
+                pipeline.dead = (step["status"], step["reason"])
+            if pipeline.dead:
+                continue
+            with self._guarded(pipeline, "preparing", PREPARE):
                 reason = pipeline.packer.skip(scene.host)
                 pipeline.dead = ("skipped", reason) if reason else None
                 if not reason:
@@ -81,7 +88,7 @@ class Probe:
             for pipeline in self.pipelines:
                 if pipeline.dead:
                     continue
-                with _guarded(pipeline):
+                with self._guarded(pipeline, f"frame {index}"):
                     packed = pipeline.pack(work.frame)
                     own = f"{PACKING} by {pipeline.method}"
                     spent[own] = spent.get(own, 0.0) + sum(packed.stages.values())
@@ -89,14 +96,23 @@ class Probe:
                     self.applied |= packed.skipped
         return {part: milliseconds / count for part, milliseconds in spent.items()}
 
+    @contextmanager
+    def _guarded(self, pipeline: Pipeline, doing: str, packs: int = 1) -> Iterator[None]:
+        """A packer that fails or takes longer than so many packings may is left out from here on."""
+        timeout = self.session.settings.timeout
+        limit = time_limit(
+            packs * timeout, f"skips, {doing}", _ended(pipeline), who=pipeline.method, late=longer_than(timeout)
+        )
+        try:
+            with limit:
+                yield
+        except BaseException as error:
+            pipeline.dead = verdict_on(error)
 
-@contextmanager
-def _guarded(pipeline: Pipeline) -> Iterator[None]:
-    """A packer that fails is left out from here on; why is in the rows of its run."""
-    try:
-        yield
-    except BaseException as error:
-        pipeline.dead = verdict_on(error)
+
+def _ended(pipeline: Pipeline) -> dict[str, str]:
+    """What is noted of a pipeline in whose step the process ends."""
+    return {"skips_of": pipeline.method, "variant": pipeline.variant}
 
 
 def explain(session: Session, progress: Callable[[str], None] = lambda text: None) -> list[Explained]:

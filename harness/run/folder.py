@@ -20,17 +20,28 @@ from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.results import FILE, Store
 
 RUNS = Path("runs")
+LOCK = ".lock"
 COMPLETE = "run/complete"  # note of a run that has ended: `bench report` makes a report of others, too
 
 
 def check_folder(out: Path | None) -> None:
     """Raise InputError for a results folder that holds something else already."""
-    if out is None or not out.exists() or (out / "results.sqlite").is_file():
+    if out is None or not out.exists() or (out / FILE).is_file():
         return
     if not out.is_dir():
         raise InputError(f"{out} is a file: give a folder for --out.")
-    if any(entry.name != ".lock" for entry in out.iterdir()):
+    if any(entry.name != LOCK for entry in out.iterdir()):
         raise InputError(f"The folder {out} holds other things than results: give a new or empty one for --out.")
+
+
+def check_results(folder: Path) -> None:
+    """Raise InputError for a folder without results."""
+    file = folder / FILE
+    if file.is_file():
+        return
+    if os.path.lexists(file):
+        raise InputError(f"{file} is no file: give a folder that bench run wrote.")
+    raise InputError(f"{folder} has no {FILE}: give a folder that bench run wrote.")
 
 
 def make_folder(out: Path) -> None:
@@ -98,7 +109,7 @@ def stops_kept(folder: Path) -> Iterator[None]:
 def in_use(folder: Path) -> bool:
     """Whether another process works in this folder."""
     try:
-        with FileLock(folder / ".lock", timeout=0):
+        with FileLock(folder / LOCK, timeout=0):
             return False
     except (Timeout, OSError):
         return True
@@ -110,13 +121,16 @@ def locked(folder: Path) -> Iterator[None]:
 
     Raises InputError if another process has it, or if the folder cannot be written.
     """
-    lock = FileLock(folder / ".lock", timeout=0)
+    lock = FileLock(folder / LOCK, timeout=0)
     try:
         folder.mkdir(parents=True, exist_ok=True)
         lock.acquire()
     except Timeout:
         raise InputError(f"{folder} is in use by another bench run: wait for it, or give another --out.") from None
     except OSError as error:
+        file = folder / LOCK
+        if os.path.lexists(file) and (file.is_symlink() or not file.is_file()):  # which nobody follows, or locks
+            raise InputError(f"{file} is no file: delete it, or give another --out.") from error
         raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error
     try:
         yield

@@ -38,7 +38,7 @@ from shading_atlas_bench.harness.run.full_atlas import note_full_atlas
 from shading_atlas_bench.harness.run.off_budget import note_off_budget
 from shading_atlas_bench.harness.run.plan import remember_pace
 from shading_atlas_bench.harness.run.rare import note_unseen
-from shading_atlas_bench.harness.watch.watchdog import ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import ended_steps, longer_than, time_limit
 from shading_atlas_bench.harness.workload.frames import FrameWorkload
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.kernels.journal import journal
@@ -153,13 +153,15 @@ class Run:
         """Prepare a pipeline that has frames left, and warm its kernels up."""
         if pipeline.dead:
             return
-        with self._guarded(pipeline, "preparing"), self._limited(pipeline, "preparing", PREPARE):
+        with self._guarded(pipeline, "preparing"), self._limited(pipeline, "preparing", packs=1):
             pipeline.rare_costs = pipeline.packer.rare_costs()
             if finished == self.frames:
                 return
             if reason := pipeline.packer.skip(self.session.scene.host):
                 pipeline.dead = ("skipped", reason)
-                return
+        if pipeline.dead:
+            return
+        with self._guarded(pipeline, "preparing"), self._limited(pipeline, "preparing", PREPARE):
             self.store.notes[f"prepare_ms/{pipeline.method}[{pipeline.variant}]"] = f"{pipeline.prepare():.1f}"
         if not pipeline.dead:
             with self._guarded(pipeline, "warming up"), self._limited(pipeline, "warming up", packs=3):
@@ -174,7 +176,8 @@ class Run:
     def _limited(self, pipeline: Pipeline, doing: str, packs: int) -> AbstractContextManager[None]:
         """The time limit of so many packings; should the process end in it, the next one does without the pipeline."""
         ended = {"folder": str(self.folder), "method": pipeline.method, "variant": pipeline.variant}
-        return time_limit(packs * self.settings.timeout, f"{doing}: {pipeline.method}", ended)
+        timeout = self.settings.timeout
+        return time_limit(packs * timeout, doing, ended, who=pipeline.method, late=longer_than(timeout))
 
     def _common_step(self, doing: str) -> AbstractContextManager[None]:
         """A step for all pipelines, which may take long, but not for ever."""
@@ -330,8 +333,6 @@ class Run:
             raise
         except BaseException as error:
             status, reason = verdict_on(error)
-            if status == "timeout":
-                reason = f"it took longer than --timeout {self.settings.timeout:g} allows."
             pipeline.dead = (status, f"{doing}: {reason}")
             if status == "failed":
                 lines = "".join(traceback.format_exception(error))

@@ -10,7 +10,8 @@ from importlib.metadata import PackageNotFoundError, version
 
 from shading_atlas_bench.harness.measure.machine import commit
 from shading_atlas_bench.harness.measure.noise import noise_warnings
-from shading_atlas_bench.harness.workload.session import Session, find_methods
+from shading_atlas_bench.harness.workload.methods import find_methods
+from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.harness.workload.skips import known_skips, skipped_stages
 from shading_atlas_bench.reports.store.results import Store
 

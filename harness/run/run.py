@@ -15,7 +15,8 @@ from shading_atlas_bench.harness.run.folder import COMPLETE, check_folder, folde
 from shading_atlas_bench.harness.run.loop import Run
 from shading_atlas_bench.harness.run.plan import make_plan
 from shading_atlas_bench.harness.run.provenance import write_notes
-from shading_atlas_bench.harness.workload.session import Session, find_methods, open_session
+from shading_atlas_bench.harness.workload.methods import find_methods
+from shading_atlas_bench.harness.workload.session import Session, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.skips import check_names
 from shading_atlas_bench.kernels.journal import journal

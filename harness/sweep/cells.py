@@ -12,6 +12,8 @@ from shading_atlas_bench.harness.run.plan import make_plan
 from shading_atlas_bench.harness.sweep.grid import SweepCell, SweepGrid, shuffled
 from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.timing import Timed, note_of
+from shading_atlas_bench.harness.watch.watchdog import answer_within
+from shading_atlas_bench.harness.workload.methods import making_limit
 from shading_atlas_bench.harness.workload.session import Session, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.store.results import Store
@@ -83,7 +85,8 @@ class SweepRun:
             store.set_plan(
                 make_plan(session, [Pipeline(other.packer, session.scene, cell.settings) for other in siblings])
             )
-            pipeline = Pipeline(cell.fresh(), session.scene, cell.settings)
+            with answer_within(making_limit(cell.settings.timeout), cell.packer.name, "making it"):
+                pipeline = Pipeline(cell.fresh(), session.scene, cell.settings)
             Run(session, [pipeline], store, folder, pictures=False).all_frames(self.progress)
             if not self.wanted.timed:
                 store.notes[note_of(cell)] = NOT_TIMED

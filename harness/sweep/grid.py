@@ -11,7 +11,8 @@ from typing import Any
 
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.plugins import label_of, nearest, parse_value, value_text, variant_string
-from shading_atlas_bench.harness.workload.session import find_methods
+from shading_atlas_bench.harness.watch.watchdog import answer_within
+from shading_atlas_bench.harness.workload.methods import find_methods, making_limit
 from shading_atlas_bench.harness.workload.settings import CELLS, Settings, SettingsError, parse_pair, parse_size
 from shading_atlas_bench.packers.interface import Packer
 
@@ -227,7 +228,9 @@ def _cell(packer: Packer, settings: Settings, combination: dict[str, str]) -> Sw
         varied[name] = text
     work = {name: text for name, text in varied.items() if name in SETTINGS and SETTINGS[name].work}
     contender = label_of(packer, [name for name in combination if name not in SETTINGS])
-    return SweepCell(contender, _made(packer, parameters), replace(settings, **fields), varied, work)
+    with answer_within(making_limit(settings.timeout), packer.name, "making it"):
+        made = _made(packer, parameters)
+    return SweepCell(contender, made, replace(settings, **fields), varied, work)
 
 
 def _parameter(packer: Packer, name: str, text: str) -> bool | int | float | str:

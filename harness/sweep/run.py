@@ -23,6 +23,7 @@ from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.analysis.sweep import FILE, Point
 from shading_atlas_bench.reports.pages.sweep_report import write_sweep
 from shading_atlas_bench.reports.store.csv_files import replace_file
+from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 
 
@@ -71,7 +72,7 @@ def sweep(wanted: SweepRequest, out: Path | None = None, progress: Progress | No
 def _has_begun(folder: Path, grid: SweepGrid) -> bool:
     """Whether a frame of any cell is finished."""
     for place in {folder / cell_folder for cell_folder in grid.folders().values()}:
-        if (place / "results.sqlite").is_file():
+        if (place / RESULTS).is_file():
             with Store(place) as store:
                 if store.finished():
                     return True

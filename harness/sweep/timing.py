@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from statistics import median
 
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.measure.returned import verdict_on
 from shading_atlas_bench.harness.sweep.grid import SweepCell
-from shading_atlas_bench.harness.watch.watchdog import ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import ended_steps, longer_than, time_limit
 from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.reports.analysis.sweep import passes
 from shading_atlas_bench.reports.store.columns import MEASURED_STATUSES
@@ -91,7 +92,7 @@ class Timed:
             entries = _one_pass(self.cell, session, warm, ended)
         except BaseException as error:  # whatever a method does, the other cells go on
             status, reason = verdict_on(error)
-            self._note("timeout" if status == "timeout" else f"failed: {reason}")
+            self._note(f"{'timeout' if status == 'timeout' else 'failed'}: {reason}")
             return False
         with Store(self.folder) as store:
             store.add_repetition(*self.cell.key, len(self.times), entries)
@@ -107,19 +108,20 @@ class Timed:
 
 def _one_pass(cell: SweepCell, session: Session, warm: bool, ended: dict[str, str]) -> list[tuple[int, str, float]]:
     """(frame, stage, milliseconds) of packing all frames with a packer of no past; host times are under `wall/`."""
-    pipeline = Pipeline(cell.fresh(), session.scene, session.settings)
-    limit, name = session.settings.timeout, pipeline.method
-    start = time.perf_counter()
-    with time_limit(PREPARE * limit, f"preparing: {name}", ended):
+    timeout = session.settings.timeout
+    limited = partial(time_limit, ended=ended, who=cell.packer.name, late=longer_than(timeout))
+    with limited(PREPARE * timeout, "preparing"):
+        pipeline = Pipeline(cell.fresh(), session.scene, session.settings)
+        start = time.perf_counter()
         pipeline.packer.prepare(pipeline.scene)
         session.device.finish()
     entries = [(0, "wall/prepare", (time.perf_counter() - start) * 1000)]
     if not warm:
-        with time_limit(2 * limit, f"warming up: {name}", ended):
+        with limited(2 * timeout, "warming up"):
             pipeline.warm_up(session.source.work, 0)
     for index in range(session.settings.frames):
         frame = session.source.work(index).frame
-        with time_limit(limit, f"timing frame {index}: {name}", ended):
+        with limited(timeout, f"timing frame {index}"):
             packed = pipeline.pack(frame)
         entries += [(index, stage, ms) for stage, ms in packed.stages.items()]
         entries.append((index, "wall/pack", packed.wall_ms))

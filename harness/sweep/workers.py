@@ -25,7 +25,7 @@ from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.progress import Progress, Task, warnings_as_sentences
 from shading_atlas_bench.harness.sweep.cells import Sessions, SweepRun
 from shading_atlas_bench.harness.sweep.grid import SweepGrid, make_grid, shuffled
-from shading_atlas_bench.harness.watch.ends import crashed, ended_by, name_of, overdue_steps
+from shading_atlas_bench.harness.watch.ends import cause_of, crashed, ended_by, overdue_steps
 from shading_atlas_bench.harness.watch.watchdog import ENDED, ended_steps
 from shading_atlas_bench.kernels.journal import VARIABLE, read_journal
 from shading_atlas_bench.reports.store.results import FILE, Store
@@ -164,10 +164,10 @@ class _Crew:
                 self._give(worker)
         state, code = read_journal(worker.journal), worker.process.exitcode
         if steps := overdue_steps(state):
-            self._bury(worker, ended_by(steps, "timeout", "it did not end"))
+            self._bury(worker, ended_by(steps, "timeout"))
         elif code is not None:
             steps = list(state["steps"].values()) if state and crashed(code) else []
-            self._bury(worker, ended_by(steps, "failed", f"the process crashed ({name_of(code)})") if steps else [])
+            self._bury(worker, ended_by(steps, "failed", f"the process crashed ({cause_of(code)})") if steps else [])
         elif worker.is_lost():
             self._bury(worker, [])
 

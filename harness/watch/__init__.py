@@ -1,1 +1,1 @@
-"""Ending what hangs, and telling how a process ended."""
+"""Processes: starting and ending them, telling how they ended, and the memory they may take."""

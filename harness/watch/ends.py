@@ -13,7 +13,7 @@ from shading_atlas_bench.kernels.journal import VARIABLE
 
 SWITCH = "BENCH_SUPERVISED"  # 0 switches watching off, for debuggers; watched processes find 1
 TICK = 0.2  # seconds between looks at the journal
-KILLED = 137
+KILLED = 137  # exit code, as shells have it, of who was ended by SIGKILL
 CRASHES = {
     getattr(signal, name)
     for name in ("SIGABRT", "SIGBUS", "SIGFPE", "SIGILL", "SIGSEGV", "SIGSYS", "SIGTRAP")
@@ -29,11 +29,25 @@ def overdue_steps(state: dict[str, Any] | None) -> list[dict[str, Any]]:
     return [step for step in steps if step["deadline"] and now > step["deadline"]]
 
 
-def ended_by(steps: Iterable[dict[str, Any]], status: str, reason: str) -> list[dict[str, Any]]:
-    """What is to be noted of these steps, with status and reason; nothing of those of which nothing is."""
+def ended_by(steps: Iterable[dict[str, Any]], status: str, reason: str = "") -> list[dict[str, Any]]:
+    """What is to be noted of these steps, with status and reason; nothing of those of which nothing is.
+
+    reason: what happened to them; else they are past their time.
+    """
     return [
-        step["ended"] | {"status": status, "reason": f"{step['what']}: {reason}."} for step in steps if step["ended"]
+        step["ended"] | {"status": status, "reason": f"{_joined(step['what'], reason or step['late'])}."}
+        for step in steps
+        if step["ended"]
     ]
+
+
+def sentence_of(step: dict[str, Any], reason: str = "") -> str:
+    """The same of one step for people, with whose it was."""
+    return f"{_joined(step['who'], step['what'], reason or step['late'])}."
+
+
+def _joined(*parts: str) -> str:
+    return ": ".join(filter(None, parts))
 
 
 def crashed(code: int) -> bool:
@@ -41,9 +55,12 @@ def crashed(code: int) -> bool:
     return -code in CRASHES or code >= WINDOWS_CRASH
 
 
-def name_of(code: int) -> str:
-    """The name of the signal, or the number of the exception, that such an exit code stands for."""
-    return hex(code) if code > 0 else signal.Signals(-code).name
+def cause_of(code: int) -> str:
+    """The signal, by its name or number, or the number of Windows' exception, that ended a process with this code."""
+    if code > 0:
+        return hex(code)
+    known = {one.value: one.name for one in signal.Signals}
+    return known.get(-code, f"signal {-code}")  # real-time signals have no names
 
 
 def end_with_supervisor() -> None:

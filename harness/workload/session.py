@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import hashlib
-import inspect
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.workload.frames import FrameSource
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
@@ -27,9 +23,6 @@ from shading_atlas_bench.scenes.load import list_scenes, load_scene
 from shading_atlas_bench.scenes.model import Scene
 from shading_atlas_bench.scenes.opaque import opaque_version
 from shading_atlas_bench.scenes.paths import CameraPath
-
-if TYPE_CHECKING:
-    from shading_atlas_bench.packers.interface import Packer
 
 OPENING = (
     3600.0  # seconds after which opening a session counts as hanging; repairing millions of triangles takes minutes
@@ -85,27 +78,6 @@ def workload_hashes(settings: Settings) -> tuple[str, str]:
     scene = open_scene(settings)
     motion = hash_of_motion(open_path(settings, scene), open_head_motion(settings), settings.latency)
     return scene.content_hash, motion
-
-
-def find_methods(settings: Settings) -> list[Packer]:
-    """The packers of `--method`, each once, in the order given. Raises InputError."""
-    from shading_atlas_bench.harness.plugins import load_packer, variant_string
-
-    found: dict[tuple[str, str], Packer] = {}
-    places: dict[str, str] = {}
-    for spec in settings.methods:
-        try:
-            packers = load_packer(spec)
-        except ValueError as error:
-            raise InputError(str(error)) from error
-        for packer in packers:
-            place = f"{Path(inspect.getfile(type(packer))).resolve()}:{type(packer).__qualname__}"
-            if places.setdefault(packer.name, place) != place:
-                raise InputError(
-                    f"Two packers are called {packer.name!r}: {places[packer.name]} and {place}. Give one another name."
-                )
-            found.setdefault((packer.name, variant_string(packer)), packer)
-    return list(found.values())
 
 
 def open_scene(settings: Settings) -> Scene:

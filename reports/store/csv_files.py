@@ -7,6 +7,7 @@ import errno
 import io
 import os
 import re
+import sys
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -43,7 +44,13 @@ Value = TypeVar("Value")
 # A cell that begins so is a formula to a spreadsheet, whoever wrote it. One apostrophe more before it makes it text.
 FORMULA = re.compile(r"'*[=+\-@\t\r]")
 
+_OPEN = "is it open in another program?"  # Windows lets nobody write such a file
+_OTHERS = "make it and its folder writable, or give another folder."
+_REFUSED = _OPEN if sys.platform == "win32" else _OTHERS
 _HINTS = {
+    errno.EACCES: _REFUSED,
+    errno.EPERM: _REFUSED,
+    errno.EISDIR: "delete that folder, or give another one.",
     errno.ENOSPC: "make room, and run again.",
     errno.EDQUOT: "make room, and run again.",
     errno.EROFS: "give another folder.",
@@ -129,7 +136,7 @@ def written(path: Path) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        hint = _HINTS.get(error.errno or 0, "is it open in another program?")
+        hint = _HINTS.get(error.errno or 0, "give another folder.")
         raise StoreFileError(f"{path} cannot be written ({error.strerror or error}): {hint}") from error
 
 

@@ -48,6 +48,13 @@ _TABLES = (
 SCHEMA_VERSION = crc32("".join(_TABLES).encode()) >> 1
 _OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
 
+METHODS = "methods."  # in a flat plan, before a method with its parameters; their value is a hash of its files
+HASHES = {
+    "suite": "files of the suite itself were edited",
+    "scene_hash": "the scene has another content",
+    "path_hash": "the camera path is another one",
+}
+
 
 class Store:
     """The results of one run, in `folder`/results.sqlite.
@@ -318,8 +325,31 @@ def flat(value: object, prefix: str = "") -> dict[str, Any]:
 
 
 def _differences(old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """What differs between two flat plans, each as part of a sentence; what hashes stand for, not they themselves."""
+
     def text(values: dict[str, Any], key: str) -> str:
         return json.dumps(values[key]) if key in values else "absent"
 
     keys = sorted(key for key in old.keys() | new.keys() if text(old, key) != text(new, key))
-    return [f"{key} was {text(old, key)} and is now {text(new, key)}" for key in keys]
+    methods = [key for key in keys if key.startswith(METHODS)]
+    others = [key for key in keys if key not in methods]
+    told = [HASHES.get(key) or f"{key} was {text(old, key)} and is now {text(new, key)}" for key in others]
+    return [*_of_methods(methods, old, new), *told]
+
+
+def _of_methods(keys: list[str], old: dict[str, Any], new: dict[str, Any]) -> list[str]:
+    """The same of the keys `methods.NAME[PARAMETERS]`."""
+
+    def names(chosen: Iterable[str]) -> list[str]:
+        return list(dict.fromkeys(key.removeprefix(METHODS).partition("[")[0] for key in chosen))
+
+    edited = names(key for key in keys if key in old and key in new)
+    before, now = (names(key for key in values if key.startswith(METHODS)) for values in (old, new))
+    changed = names(key for key in keys if key not in old or key not in new)
+    found = [f"the files of {name} were edited" for name in edited]
+    found += [f"{name} had other parameters" for name in changed if name in before and name in now]
+    if left := [name for name in changed if name not in now]:
+        found.append(f"it has {', '.join(left)}, too")
+    if lacking := [name for name in changed if name not in before]:
+        found.append(f"it lacks {', '.join(lacking)}")
+    return found

@@ -312,3 +312,34 @@ def test_a_packer_that_cannot_be_used_is_refused_when_it_is_loaded(tmp_path: Pat
     with pytest.raises(ValueError, match=re.escape(says)) as refused:
         load_packer(f"{file}:Mine")
     assert str(refused.value).isprintable()
+
+
+BROKEN = """
+from shading_atlas_bench.packers.interface import Packer
+
+
+class Whole(Packer):
+    pass
+
+
+class Mine(Packer):
+    parameters = 3
+"""
+
+
+def test_what_is_wrong_in_a_file_is_told_with_its_place(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text(BROKEN, encoding="utf-8")
+    sentence = r"the class Mine has parameters that are no dict of names to Parameters \(mine\.py, line 9\)\.$"
+    with pytest.raises(ValueError, match=sentence):
+        load_packer(f"{file}:Mine")
+
+
+def test_a_file_that_imports_its_neighbour_is_told_to_be_a_package(tmp_path):
+    file = tmp_path / "mine.py"
+    file.write_text("import base_of_mine\n", encoding="utf-8")
+    with pytest.raises(ValueError, match=r"No module named 'base_of_mine' \(mine\.py, line 1\)\.$"):
+        load_packer(f"{file}:Mine")
+    (tmp_path / "base_of_mine.py").touch()
+    with pytest.raises(ValueError, match=r"base_of_mine lies beside it: make a package of the folder"):
+        load_packer(f"{file}:Mine")

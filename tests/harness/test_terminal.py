@@ -90,6 +90,20 @@ def test_a_style_is_of_its_field_alone() -> None:
     )
 
 
+def test_a_template_has_a_value_for_each_field() -> None:
+    assert styled("{!r} {:>3} [{style}]x[/]", "a", 1, style="red").plain == "'a'   1 x"
+    for values in ((), (1,), (1, 2, 3)):
+        with pytest.raises(ValueError, match=f"has 2 fields, and {len(values)} values are given"):
+            styled("{} {}", *values)
+
+
+def test_a_title_may_be_wider_than_its_table(capsys: pytest.CaptureFixture[str]) -> None:
+    table = make_table("a title of many words", "x")
+    table.add_row("1")
+    Terminal().print(table)
+    assert [line.strip() for line in capsys.readouterr().out.splitlines()] == ["a title of many words", "x", "1"]
+
+
 def test_memory_that_runs_out_is_a_sentence(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(typer.Exit) as ended, guarded():
         raise MemoryError

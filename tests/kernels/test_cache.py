@@ -127,7 +127,7 @@ def test_warnings_for_people_are_printed_as_sentences(monkeypatch, capsys):
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)
     warnings_as_sentences()
     warnings.showwarning(UserWarning("It was damaged."), UserWarning, "cache.py", 3)
-    assert capsys.readouterr().err == "bench: It was damaged.\n"
+    assert capsys.readouterr().err == "bench: warning: It was damaged.\n"
     with pytest.warns(RuntimeWarning, match="overflow"):
         warnings.showwarning(RuntimeWarning("overflow"), RuntimeWarning, "metrics.py", 3)
     assert capsys.readouterr().err == ""

@@ -111,10 +111,33 @@ def test_another_plan_is_refused_naming_each_difference(tmp_path: Path) -> None:
         other = {"settings": PLAN["settings"] | {"frames": 13, "crf": (5,)}, "extra": None}
         with pytest.raises(StoreError) as caught:
             store.set_plan(other)
-        for part in ("settings.frames was 12 and is now 13", "settings.crf", "scene_hash", "extra was absent"):
+        for part in (
+            "settings.frames was 12 and is now 13",
+            "settings.crf",
+            "the scene has another content",
+            "extra was absent",
+        ):
             assert part in str(caught.value)
         assert "seed" not in str(caught.value)
         assert store.plan() == PLAN
+
+
+@pytest.mark.parametrize(
+    ("now", "told"),
+    [
+        ({"grid[a=1]": "y", "sas[b=1]": "x"}, "the files of grid were edited"),
+        ({"grid[a=2]": "x", "sas[b=1]": "x"}, "grid had other parameters"),
+        ({"grid[a=1]": "x", "grid[a=2]": "x"}, "grid had other parameters; it has sas, too"),
+        ({"tss[c=1,d=2]": "x"}, "it has grid, sas, too; it lacks tss"),
+        ({"grid": "x"}, "grid had other parameters; it has sas, too"),
+    ],
+)
+def test_of_methods_it_is_said_what_was_done_to_them(tmp_path: Path, now: dict, told: str) -> None:
+    with Store(tmp_path) as store:
+        store.set_plan({"methods": {"grid[a=1]": "x", "sas[b=1]": "x"}})
+        with pytest.raises(StoreError) as caught:
+            store.set_plan({"methods": now})
+    assert str(caught.value).startswith(f"{tmp_path} holds another run: {told}. Give")
 
 
 def test_before_the_first_frame_the_device_may_change(tmp_path: Path) -> None:
@@ -123,7 +146,7 @@ def test_before_the_first_frame_the_device_may_change(tmp_path: Path) -> None:
         store.set_plan(PLAN | {"device": "first"})
         store.set_plan(PLAN | {"device": "second"})
         assert (store.plan() or {})["device"] == "second"
-        with pytest.raises(StoreError, match="scene_hash"):
+        with pytest.raises(StoreError, match="the scene has another content"):
             store.set_plan(PLAN | {"device": "third", "scene_hash": "another"})
         store.commit_frame("sas", "", 0, [ROW])
         with pytest.raises(StoreError, match=r"device was \"second\""):

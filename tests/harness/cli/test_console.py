@@ -6,10 +6,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
 from shading_atlas_bench.harness.cli.catalogue import show_catalogue
 from shading_atlas_bench.harness.cli.comparison import show_comparison
 from shading_atlas_bench.harness.cli.dry_run import show_plan
+from shading_atlas_bench.harness.cli.main import COMMANDS, app
 from shading_atlas_bench.harness.cli.summary import show_summary
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.store.results import Store
@@ -93,3 +95,10 @@ def test_a_plan_says_whom_a_number_of_samples_does_not_reach(capsys: pytest.Capt
     ):
         show_plan(settings, None)
         assert (told in " ".join(capsys.readouterr().out.split())) == says
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_flags_are_shown_without_a_value(command: str) -> None:
+    shown = CliRunner().invoke(app, [command, "--help"]).output
+    assert "--help" in shown
+    assert "bool" not in shown.lower()

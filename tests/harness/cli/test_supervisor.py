@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
+from shading_atlas_bench.__main__ import main as bench_main
 from shading_atlas_bench.harness.cli import supervisor
 from shading_atlas_bench.harness.cli.supervisor import Supervisor
-from shading_atlas_bench.harness.watch.ends import ended_by, overdue_steps
+from shading_atlas_bench.harness.watch.ends import ended_by, overdue_steps, sentence_of
 from shading_atlas_bench.kernels.journal import Journal, read_journal
 from shading_atlas_bench.kernels.runtime.builtins_library import installed_package
 from shading_atlas_bench.kernels.runtime.vendors import mirror
@@ -41,13 +42,14 @@ def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: P
     rows = rows_of(folder)
     assert [status for status, _ in rows["sas"]] == ["ok"] * 3
     assert [status for status, _ in rows["aborting"]] == ["ok", "ok", "failed"]
-    assert rows["aborting"][2][1] == "frame 2: aborting: the process crashed (SIGABRT)."
+    assert rows["aborting"][2][1] == "frame 2: the process crashed (SIGABRT)."
     assert [status for status, _ in rows["aborting-beside"]] == ["failed"] * 3
-    assert "measuring frame 0: aborting-beside: the process crashed" in rows["aborting-beside"][0][1]
+    assert "measuring frame 0: the process crashed" in rows["aborting-beside"][0][1]
     assert "Going on without it." in done.stderr
     assert [status for status, _ in rows["exiting"] + rows["leaving"]] == ["failed"] * 6
     assert "SystemExit: 0" in rows["exiting"][0][1]
-    assert "leaving: the process was ended with exit code 0" in rows["leaving"][0][1]
+    assert "the process was ended with exit code 0" in rows["leaving"][0][1]
+    assert "leaving: warming up: the process was ended with exit code 0. Going on without it." in done.stderr
 
 
 @pytest.mark.skipif(os.name == "nt", reason="needs a C library's sleep")
@@ -57,10 +59,8 @@ def test_a_hang_that_no_thread_can_interrupt_is_ended_from_outside(tmp_path: Pat
     assert done.returncode == 1, done.stderr
     rows = rows_of(folder)
     assert [status for status, _ in rows["sas"]] == ["ok"] * 3
-    assert (
-        rows["holding"] == [("timeout", "frame 0: holding: it did not end.")] * 3
-        or rows["holding"] == [("timeout", "warming up: holding: it did not end.")] * 3
-    )
+    assert rows["holding"] == [("timeout", "warming up: it took longer than --timeout 2 allows.")] * 3
+    assert "bench: holding: warming up: it took longer than --timeout 2 allows. Going on without it." in done.stderr
 
 
 def test_a_crash_beside_a_compiling_method_is_not_its_compilers(tmp_path: Path):
@@ -87,8 +87,8 @@ def test_who_waits_for_a_hanging_method_is_not_blamed_for_it(tmp_path: Path):
 def test_a_check_that_hangs_in_a_kernel_ends_with_a_sentence(tmp_path: Path):
     done = bench("check", f"{BAD}:Spinning", "--timeout", "1")
     assert done.returncode == 1
-    assert "spinning, check " in done.stderr
-    assert "it did not end" in done.stderr
+    assert "bench: spinning: check " in done.stderr
+    assert "it took longer than 1 s." in done.stderr
 
 
 @pytest.fixture
@@ -187,7 +187,11 @@ def test_suspects_side_by_side_are_tried_one_after_the_other(quiet, tmp_path, bu
     watched.again = ["--out", "there"]
     state = journal_state(tmp_path, building=building, ended=ENDED)
     overdue = [*state["steps"].values()] if code == -9 else []
-    state["steps"]["other"] = {"what": "frame 1: n", "deadline": None, "ended": ENDED | {"method": "n"}}
+    state["steps"]["other"] = {
+        **dict.fromkeys(("what", "who", "late"), "n"),
+        "deadline": None,
+        "ended": ENDED | {"method": "n"},
+    }
     assert watched._judge(code, overdue, state) is None
     assert watched.serial
     assert watched.ended == []
@@ -207,9 +211,9 @@ def test_only_steps_past_their_time_are_overdue(tmp_path):
     with journal.step("slow", -1.0, ENDED), journal.step("fast", 60.0, ENDED), journal.step("endless"):
         overdue = overdue_steps(read_journal(tmp_path / "journal"))
     assert [step["what"] for step in overdue] == ["slow"]
-    assert ended_by(overdue, "timeout", "it did not end") == [
-        ENDED | {"status": "timeout", "reason": "slow: it did not end."}
-    ]
+    late = "slow: it did not end within -1 s."
+    assert ended_by(overdue, "timeout") == [ENDED | {"status": "timeout", "reason": late}]
+    assert sentence_of(overdue[0] | {"who": "m"}) == f"m: {late}"
     assert overdue_steps(read_journal(tmp_path / "journal")) == []
     assert overdue_steps(None) == []
 
@@ -243,6 +247,34 @@ def test_the_watched_process_ends_with_its_supervisor(tmp_path: Path):
     process.kill()
     out, _ = process.communicate(timeout=60)  # ends when nobody has its standard output open any more
     assert b"report.html" not in out
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="asks Linux for the children of a process")
+def test_ctrl_c_ends_in_one_line_while_everything_is_imported(tmp_path: Path):
+    """A terminal sends it to all processes, compilers among them."""
+    command = [sys.executable, "-m", "shading_atlas_bench", *SMALL, "--out", str(tmp_path / "run")]
+    with subprocess.Popen(
+        command, cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True
+    ) as process:
+        children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+        until = time.monotonic() + 60
+        while not children.read_text(encoding="utf-8") and time.monotonic() < until:
+            os.sched_yield()
+        os.killpg(process.pid, signal.SIGINT)
+        said, _ = process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert said == "bench: Stopped.\n"
+
+
+def test_so_does_one_that_comes_earlier(monkeypatch, capsys):
+    def interrupted() -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(supervisor, "main", interrupted)
+    with pytest.raises(SystemExit) as ended:
+        bench_main()
+    assert ended.value.code == 130
+    assert capsys.readouterr().err == "bench: Stopped.\n"
 
 
 def test_who_does_not_end_when_told_to_is_ended_within_five_seconds():

@@ -39,7 +39,7 @@ def stages() -> dict:
         (faulty.Elsewhere, "one triangle", "invalid", "First: triangles 0"),
         (faulty.Crashing, "empty set", "failed", "IndexError: there is no first triangle (faulty_packers.py, line"),
         (faulty.Silent, "overflow", "invalid", "have no place and are not listed"),
-        (faulty.Hanging, "screen-filling", "timeout", "did not finish in time"),
+        (faulty.Hanging, "screen-filling", "timeout", "it took longer than 0.5 s."),
     ],
 )
 def test_a_fault_is_found_and_named(device, stages, packer, name, status, words):

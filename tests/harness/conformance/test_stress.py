@@ -82,7 +82,7 @@ def test_a_planted_fault_is_named(stage, packer, status, words):
 def test_a_hang_ends_in_a_sentence(stage):
     with time_limit(0.2, "hanging"):
         found = try_method(stage, faulty.Hanging)
-    assert (found.status, found.sentence) == ("timeout", "It did not finish in time.")
+    assert (found.status, found.sentence) == ("timeout", "it took longer than 0.2 s.")
 
 
 def test_an_atlas_too_small_must_be_explained(device):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.progress import Progress
-from shading_atlas_bench.harness.run.folder import COMPLETE, RUNS, folder_for, locked
+from shading_atlas_bench.harness.run.folder import COMPLETE, RUNS, check_results, folder_for, locked
 from shading_atlas_bench.reports.store.csv_files import write_all
 from shading_atlas_bench.reports.store.results import FILE, Store
 from tests.reports.synthetic import PLAN, make_store
@@ -97,3 +98,18 @@ def test_what_fails_in_a_locked_folder_is_not_blamed_on_it():
         raise OSError("of something else")
     with locked(OWN), pytest.raises(InputError, match="in use"), locked(OWN):
         pass
+
+
+@pytest.mark.skipif(os.name == "nt", reason="makes links")
+def test_a_lock_that_is_a_link_is_named(tmp_path: Path):
+    (tmp_path / ".lock").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(InputError, match=r"\.lock is no file: delete it"), locked(tmp_path):
+        pass
+
+
+def test_results_that_are_no_file_are_called_so(tmp_path: Path):
+    with pytest.raises(InputError, match=r"has no results\.sqlite: give a folder"):
+        check_results(tmp_path)
+    (tmp_path / "results.sqlite").mkdir()
+    with pytest.raises(InputError, match=r"results\.sqlite is no file: give a folder"):
+        check_results(tmp_path)

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from shading_atlas_bench.harness.watch.ends import cause_of
 from shading_atlas_bench.harness.watch.processes import python
 from tests.harness.commands import ROOT
 
@@ -46,3 +48,9 @@ def test_a_child_runs_no_code_of_the_working_folder(tmp_path: Path) -> None:
     done = subprocess.run(command, cwd=tmp_path, env=environment, capture_output=True, text=True, check=False)
     assert (done.returncode, "has no results.sqlite" in done.stderr) == (2, True), done.stderr
     assert not (tmp_path / "ran").exists()
+
+
+def test_every_exit_code_has_a_cause():
+    assert cause_of(-signal.SIGTERM) == "SIGTERM"
+    assert cause_of(0xC0000005) == "0xc0000005"
+    assert [cause_of(-35), cause_of(-200)] == ["signal 35", "signal 200"]  # of real time, and of nowhere

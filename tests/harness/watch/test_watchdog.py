@@ -10,8 +10,16 @@ from typing import Any
 
 import pytest
 
+from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.run.loop import Run
-from shading_atlas_bench.harness.watch.watchdog import ENDED, PackTimeoutError, _Alarm, ended_steps, time_limit
+from shading_atlas_bench.harness.watch.watchdog import (
+    ENDED,
+    PackTimeoutError,
+    _Alarm,
+    answer_within,
+    ended_steps,
+    time_limit,
+)
 from shading_atlas_bench.harness.workload.settings import Settings
 
 
@@ -52,6 +60,27 @@ def test_one_that_rang_before_its_block_raises_in_it():
         busy()
 
 
+def test_the_error_says_what_the_limit_was_wherever_it_is_caught():
+    with time_limit(0.05, "looping"), pytest.raises(PackTimeoutError, match=r"^it took longer than 0\.05 s\.$"):
+        busy()
+    with time_limit(0.05, "looping", late="it slept"), pytest.raises(PackTimeoutError, match=r"^it slept\.$"):
+        busy()
+
+
+def test_what_hangs_is_told_of_whatever_its_code_makes_of_the_error():
+    def hang() -> None:
+        try:
+            busy()
+        except PackTimeoutError:
+            raise KeyError("of its own") from None
+
+    sentence = r"^mine cannot be used: making it took longer than 0\.05 s\.$"
+    with pytest.raises(InputError, match=sentence), answer_within(0.05, "mine", "making it"):
+        hang()
+    with pytest.raises(KeyError), answer_within(60, "mine", "making it"):
+        raise KeyError("at once")
+
+
 def test_a_profiler_sees_it_end() -> None:
     program = """
 import sys
@@ -76,7 +105,8 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
     asked = []
 
     @contextlib.contextmanager
-    def limit(seconds, what, ended):
+    def limit(seconds, what, ended, *, who, late):
+        assert (who, late) == ("m", "it took longer than --timeout 6 allows")
         asked.append((seconds, what))
         yield
 
@@ -91,4 +121,4 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
     runs.store = SimpleNamespace(notes={})
     runs._prepare(pipeline, finished=0)
     assert pipeline.dead is None
-    assert asked == [(60.0, "preparing: m"), (18.0, "warming up: m")]
+    assert asked == [(6.0, "preparing"), (60.0, "preparing"), (18.0, "warming up")]

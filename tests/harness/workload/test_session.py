@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.workload.session import Session, find_methods, open_session
+from shading_atlas_bench.harness.workload.methods import find_methods
+from shading_atlas_bench.harness.workload.session import Session, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.runtime.opencl import DeviceError

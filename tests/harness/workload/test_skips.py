@@ -13,8 +13,9 @@ from shading_atlas_bench.harness.run.explain import explain as measure_skips
 from shading_atlas_bench.harness.run.explain import rows_of
 from shading_atlas_bench.harness.run.run import run
 from shading_atlas_bench.harness.workload.frames import FrameSource
+from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
-from shading_atlas_bench.harness.workload.session import find_methods, open_session
+from shading_atlas_bench.harness.workload.session import open_session
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
 from shading_atlas_bench.harness.workload.skips import ALWAYS, SKIPS, check_names, known_skips, skipped_stages
 from shading_atlas_bench.harness.workload.upload import upload_scene
