@@ -2,19 +2,9 @@
 
 from __future__ import annotations
 
-import sys
+from shading_atlas_bench.memory import address_limit
 
 LEAST = 2_000_000_000  # bytes of addresses: the interpreter, a compiler and the smallest run
-
-
-def address_limit() -> int | None:
-    """The bytes of addresses that this process may have (`ulimit -v`); None where there is no limit."""
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    (limit, _) = resource.getrlimit(resource.RLIMIT_AS)
-    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def too_little() -> str:
