@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -13,7 +14,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array
 from shading_atlas_bench.scenes.files import SceneFiles, is_file
-from shading_atlas_bench.scenes.gltf_values import JsonObject, picked, whole
+from shading_atlas_bench.scenes.gltf_values import LONGEST_NAME, JsonObject, picked, whole
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.raw import RawScene
 
@@ -110,17 +111,21 @@ class GltfDocument:
             return bytes(self._view(image["bufferView"]))
         if "uri" not in image:
             raise ValueError("it has neither data nor the name of a file")
-        return self._fetch(image["uri"])
+        return self._fetch(image["uri"], self._raw.check)
 
-    def _fetch(self, uri: str) -> bytes:
+    def _fetch(self, uri: str, count: Callable[[int, str], None]) -> bytes:
+        """What a URI stands for. count: called with the bytes of a file before it is read, and what it is."""
         if not isinstance(uri, str):
             raise ValueError(f"the name of a file is {uri!r:.60}, not text")
         if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
-        file = self._files.beside(self._path, unquote(uri))
+            try:
+                return base64.b64decode(uri.partition(",")[2])
+            except ValueError as error:
+                raise ValueError("the text of a data URI is not base64") from error
+        file = self._files.exact(self._path, unquote(uri))
         if not is_file(file):
-            raise FileNotFoundError(f"the file {uri} beside it is missing")
-        self._raw.take(file.stat().st_size, f"the file {uri}")
+            raise ValueError(f"{uri:.{LONGEST_NAME}} {self._files.absence(self._path, unquote(uri))}")
+        count(file.stat().st_size, f"the file {uri}")
         return file.read_bytes()
 
     def _view(self, index: int) -> memoryview:
@@ -129,10 +134,13 @@ class GltfDocument:
         if buffer not in self._buffers:
             entry = self.entry("buffers", buffer)
             chunk = self._chunk if buffer == 0 else None
-            own = chunk if "uri" not in entry else self._fetch(entry["uri"])
+            own = chunk if "uri" not in entry else self._fetch(entry["uri"], self._raw.take)
             if own is None:
                 compressed = " without " + " and ".join(entry["extensions"]) if entry.get("extensions") else ""
                 raise ValueError(f"buffer {buffer} has no data{compressed}")
+            if len(own) < (length := whole(entry, "byteLength", 0)):
+                found = f"{len(own):,} bytes, fewer than its byteLength of {length:,}"
+                raise ValueError(f"buffer {buffer} has {found}; the file is cut off or damaged")
             self._buffers[buffer] = own
         offset, length = whole(view, "byteOffset", 0), whole(view, "byteLength", 0)
         if offset + length > len(self._buffers[buffer]):
@@ -197,18 +205,24 @@ def named_files(path: Path, files: SceneFiles) -> list[Path]:
     except (OSError, ValueError):
         return []
     names = [entry["uri"] for entry in entries if isinstance(entry.get("uri"), str)]
-    return [files.beside(path, unquote(name)) for name in names if not name.startswith("data:")]
+    return [files.exact(path, unquote(name)) for name in names if not name.startswith("data:")]
 
 
 def _parsed(data: bytes) -> tuple[JsonObject, memoryview | None]:
     """The JSON and the binary chunk of a file's bytes; its first ones say whether it is a GLB container."""
     text, chunk = _split_glb(memoryview(data)) if data[:4] == b"glTF" else (data, None)
+    if not text:
+        raise ValueError("it is empty")
     try:
         document = json.loads(bytes(text))
         if b"\\u" in bytes(text):  # escapes of half a character, which nothing can write again
             document = json.loads(json.dumps(document, ensure_ascii=False).encode(errors="replace"))
     except RecursionError as error:
         raise ValueError("its JSON is nested too deeply") from error
+    except UnicodeDecodeError as error:
+        raise ValueError("its JSON is not UTF-8") from error
+    except json.JSONDecodeError as error:
+        raise ValueError(f"its JSON is wrong in line {error.lineno}, column {error.colno}") from error
     if not isinstance(document, dict):
         raise ValueError("its JSON is not an object")
     for kind in _LISTS:

@@ -108,7 +108,7 @@ def ply_textures(path: Path, files: SceneFiles) -> list[Path]:
     """The images named in a PLY file's header; they need not exist."""
     with path.open("rb") as file:
         header = file.read(1 << 16).partition(b"end_header")[0]
-    return [files.named(path, name) for name in _pictures(header)]
+    return [files.expect(path, name) for name in _pictures(header)]
 
 
 def _pictures(header: bytes) -> list[bytes]:
@@ -334,7 +334,7 @@ def _material(path: Path, name: bytes, files: SceneFiles, raw: RawScene) -> Mate
     material, file = Material(name=shown(name), double_sided=True), files.find(path, name)
     try:
         if file is None:
-            raise ImageError("the file is missing")
+            raise ImageError(f"the file {files.absence(path, name)}")
         raw.textures.append(Texture(shown(file.name), read_texture(file, shown(file.name), True, raw)))
     except ImageError as error:
         raw.note(f"The texture {shown(name)} is left out: {error}.")

@@ -9,9 +9,9 @@ import zlib
 import numpy as np
 import pytest
 
-from shading_atlas_bench.scenes.images import read_image
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import SceneError
+from tests.scenes.checks import read_image
 from tests.scenes.glb_files import SQUARE, Glb
 
 TEXTURED = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"

@@ -58,7 +58,7 @@ def test_whole_files_load(tmp_path, kind):
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "does not have"),
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not a number, dropped: 1"),
         ("a.stl", b"solid nothing\nendsolid\n", "."),
-        ("a.stl", FOUR_CORNERS, "Not every facet in it has three vertices"),
+        ("a.stl", FOUR_CORNERS, "not every facet in it has three vertices"),
         ("a.glb", b"glTF", "cut off"),
         ("a.gltf", b"[]", "not an object"),
         ("a.ply", b"ply\n", "a.ply"),
