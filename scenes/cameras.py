@@ -31,14 +31,8 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
     if not is_file(file):
         return [], None
     try:
-        content = json.loads(file.read_bytes())
-        if not isinstance(content, dict):
-            raise ValueError("it is no object")
-        entries = content.get("cameras", [])
-        if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
-            raise ValueError("its cameras are no list of objects")
+        entries, unit = _content(json.loads(file.read_bytes()))
         cameras = [_camera(entry, number) for number, entry in enumerate(entries)]
-        unit = content.get("metres_per_unit")
     except OSError as error:
         raise SceneError(f"{file} cannot be read: {reason_of(error)}.") from error
     except UnicodeDecodeError as error:
@@ -52,6 +46,16 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
     except ValueError as error:
         raise SceneError(f"{file} cannot be used: {error}.") from error
     return cameras, None if unit is None else _metres(unit, file)
+
+
+def _content(content: Any) -> tuple[list[dict[str, Any]], Any]:
+    """The entries of cameras, and the unit, None where there is none."""
+    if not isinstance(content, dict):
+        raise ValueError("it is no object")
+    entries = content.get("cameras", [])
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise ValueError("its cameras are no list of objects")
+    return entries, content.get("metres_per_unit")
 
 
 def _metres(unit: Any, file: Path) -> float:

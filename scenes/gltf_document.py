@@ -52,12 +52,13 @@ class GltfDocument:
     def __init__(self, path: Path, files: SceneFiles, raw: RawScene) -> None:
         self._path, self._files, self._raw = path, files, raw
         self.json, self._chunk = _parsed(path.read_bytes())
-        version = str(self.json.get("asset", {}).get("version", "2.0"))
+        version = str(self.json.get("asset", {}).get("version", "2.0"))[:LONGEST_NAME]
         if not version.startswith("2"):
             raise SceneError(f"{path} is glTF {version}; only glTF 2.0 can be read, so convert it first.")
         missing = [name for name in self._names("extensionsRequired") if name not in _READ]
         if missing:
-            raise SceneError(f"{path} needs {' and '.join(missing)}, which cannot be read; export it without.")
+            names = " and ".join(missing)[:LONGEST_NAME]
+            raise SceneError(f"{path} needs {names}, which cannot be read; export it without.")
         self._buffers: dict[int, bytes | memoryview] = {}
         self._accessors: dict[int, Array] = {}
 
@@ -88,7 +89,7 @@ class GltfDocument:
         """
         entry = self.entry("accessors", index)
         if entry["type"] not in kinds:
-            raise ValueError(f"{name} has entries of type {entry['type']}, not {' or '.join(kinds)}")
+            raise ValueError(f"{name} has entries of type {entry['type']!s:.{LONGEST_NAME}}, not {' or '.join(kinds)}")
         if index not in self._accessors:
             self._accessors[index] = self._read_accessor(entry)
         return self._accessors[index]
@@ -148,7 +149,7 @@ class GltfDocument:
         return memoryview(self._buffers[buffer])[offset : offset + length]
 
     def _read_accessor(self, accessor: JsonObject) -> Array:
-        component = np.dtype("<" + _COMPONENTS[accessor["componentType"]])
+        component = _component(accessor)
         columns, rows = _WIDTHS[accessor["type"]]
         count = whole(accessor, "count", 0)
         if "bufferView" in accessor:
@@ -170,7 +171,7 @@ class GltfDocument:
 
     def _with_sparse(self, values: Array, sparse: JsonObject, component: np.dtype[Any]) -> Array:
         where, what = sparse["indices"], sparse["values"]
-        kind = np.dtype("<" + _COMPONENTS[where["componentType"]])
+        kind = _component(where)
         if kind.kind != "u":
             raise ValueError(f"a sparse accessor has indices of {kind.name}, not unsigned integers")
         count = whole(sparse, "count", 0)
@@ -179,6 +180,14 @@ class GltfDocument:
         columns, height = values.shape[1:]
         values[rows[:, 0, 0]] = _strided(data, component, columns, height, count)
         return values
+
+
+def _component(entry: JsonObject) -> np.dtype[Any]:
+    """The type of each number of an accessor. Raises ValueError for one that is none of the format's."""
+    kind = entry["componentType"]
+    if type(kind) is not int or kind not in _COMPONENTS:
+        raise ValueError(f"componentType is {kind!r:.{LONGEST_NAME}}, none of {', '.join(map(str, _COMPONENTS))}")
+    return np.dtype("<" + _COMPONENTS[kind])
 
 
 def _strided(

@@ -258,5 +258,7 @@ def _suffix(data: bytes) -> str:
 
 def _reason(message: str) -> str:
     """The first line of what OpenImageIO says, without the file's name in quotation marks: it may be one of a copy."""
-    lines = re.sub(r' ?\(?"[^"]*"\)?', "", message).strip().splitlines()
-    return lines[0].rstrip(". ") if lines else "unknown format"
+    lines = re.sub(r' \("[^"]*"\)', "", message).strip().splitlines()
+    if not lines or "could not find a format reader" in lines[0]:
+        return "it is of no known format"
+    return re.sub(r'"[^"]*"', "it", lines[0]).rstrip(". ")

@@ -132,11 +132,11 @@ def _elements(header: bytes) -> list[Element]:
     elements: list[Element] = []
     for line in header.decode("latin-1").splitlines()[1:]:
         words = line.split()
-        if words[:1] == ["element"] and len(words) == 3:
+        if words[:1] == ["element"] and len(words) == 3 and re.fullmatch(r"-?\d{1,18}", words[2]):
             elements.append(Element(words[1], int(words[2])))
-        elif words[:2] == ["property", "list"] and len(words) == 5 and elements:
+        elif words[:2] == ["property", "list"] and len(words) == 5 and elements and _TYPES.keys() >= set(words[2:4]):
             elements[-1].kinds[words[4]] = (_TYPES[words[3]], _TYPES[words[2]])
-        elif words[:1] == ["property"] and len(words) == 3 and elements:
+        elif words[:1] == ["property"] and len(words) == 3 and elements and words[1] in _TYPES:
             elements[-1].kinds[words[2]] = (_TYPES[words[1]], "")
         elif words and words[0] not in ("comment", "obj_info", "format"):
             raise ValueError(f"its header has a line that cannot be read: {line[:60]}")

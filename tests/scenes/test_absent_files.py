@@ -102,15 +102,16 @@ def test_files_that_may_not_be_read(tmp_path, png):
     load_in(tmp_path, "a.obj", f"mtllib a.mtl\n{OBJ}")  # so that all modules are there
     load_in(tmp_path, "a.ply", PLY.format("a.png"))
     with without_rights() as folder:
+        choices: list[dict[str, Any]] = [{}, {"cache": folder / "cache"}]
         for name in ("a.png", "a.bin", "secret.mtl", "secret.obj", "secret.gltf", "secret.stl", "secret.txt"):
             (folder / name).write_bytes(b"secret")
             (folder / name).chmod(0)
         for name in ("secret.obj", "secret.gltf", "secret.stl"):
-            for options in ({}, {"cache": folder / "cache"}):
+            for options in choices:
                 with pytest.raises(SceneError) as caught:
                     load_scene(str(folder / name), **options)
                 assert str(caught.value) == f"{folder / name} cannot be read: permission is denied."
-        for options in ({}, {"cache": folder / "cache"}):
+        for options in choices:
             with pytest.raises(SceneError) as caught:
                 load_in(folder, "a.obj", f"mtllib secret.mtl\n{OBJ}", **options)
             reason = f"permission is denied ({folder / 'secret.mtl'})"

@@ -242,8 +242,8 @@ def test_morph_targets_move_colours_coordinates_and_tangents(tmp_path, png):
 
 
 USING_IT = (
-    '"bufferViews": [{"buffer": 0}], "accessors": [{"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}], '
-    '"meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], "nodes": [{"mesh": 0}]}'
+    '"bufferViews": [{"buffer": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], '
+    '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}], "nodes": [{"mesh": 0}]}'
 )
 
 
@@ -302,3 +302,28 @@ def test_a_broken_image_is_named(tmp_path):
         glb.json["images"] = [image]
         (note,) = [note for note in loaded(tmp_path, glb).notes if "left out" in note]
         assert note.startswith(f"Image 0{named} is left out: the ")
+
+
+@pytest.mark.parametrize("kind", [9, 5126.0, "5126", [5126]])
+def test_an_unknown_type_of_numbers_is_named(tmp_path, kind):
+    glb = square_scene()
+    glb.json["accessors"][0]["componentType"] = kind
+    assert f"componentType is {kind!r}, none of 5120, 5121, 5122, 5123, 5125, 5126" in refusal(tmp_path, glb)
+
+
+def test_sentences_stay_short(tmp_path):
+    """Where words belong, text of any length may stand."""
+    for change in (
+        {"asset": {"version": "9" * 10_000}},
+        {"buffers": [{"uri": "n" * 10_000}]},
+        {"extensionsRequired": ["n" * 10_000] * 100},
+    ):
+        glb = square_scene()
+        text = json.dumps({**glb.json, "buffers": [{"uri": "data:;base64,AAAA", "byteLength": 3}], **change})
+        (tmp_path / "a.gltf").write_text(text, encoding="utf-8")
+        with pytest.raises(SceneError) as caught:
+            load_scene(str(tmp_path / "a.gltf"))
+        assert len(str(caught.value)) < 2000
+    glb = square_scene()
+    glb.json["accessors"][0]["type"] = "n" * 10_000
+    assert len(refusal(tmp_path, glb)) < 2000

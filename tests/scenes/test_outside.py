@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -120,9 +121,14 @@ def test_a_material_library_names_from_where_it_is(inside):
 
 def test_folders_elsewhere_are_not_listed(inside, tmp_path, monkeypatch):
     """Names in another case are looked for in the scene's own folder, from wherever a name leads back to it."""
-    listed = []
+    listed: list[Path] = []
     listing = Path.iterdir
-    monkeypatch.setattr(Path, "iterdir", lambda folder: [listed.append(folder.resolve()), *listing(folder)][1:])
+
+    def noted(folder: Path) -> Iterator[Path]:
+        listed.append(folder.resolve())
+        return iter(list(listing(folder)))
+
+    monkeypatch.setattr(Path, "iterdir", noted)
     for name, there in (
         ("../A.PNG", False),
         ("../../scene/SUB/a.png", False),
