@@ -360,7 +360,7 @@ def _flattened(parts: list[CompletePart]) -> tuple[FlatMesh, Doubles]:
     triangles = sum(len(part.transforms) * len(part.indices) for part in parts)
     sets = max(len(part.further_uvs) for part in parts)
     if max(vertices, triangles * 3) >= 1 << 31:
-        raise SceneError(f"It has {triangles:,} triangles, more than 32-bit indices can number; use --decimate.")
+        raise SceneError(f"it has {triangles:,} triangles, more than 32-bit indices can number; use --decimate.")
     bumpy = any(part.tangents is not None for part in parts)
     tangent = np.tile(np.array([1, 0, 0, 1], np.float32), (vertices if bumpy else 0, 1))
     further = np.zeros((sets, vertices, 2), np.float32)

@@ -13,8 +13,9 @@ from typing import Any
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arctan, tan
-from shading_atlas_bench.scenes.files import is_file
+from shading_atlas_bench.scenes.files import is_file, reason_of
 from shading_atlas_bench.scenes.model import Camera, SceneError
 from shading_atlas_bench.scenes.units import UNITS
 
@@ -30,18 +31,31 @@ def read_cameras(file: Path) -> tuple[list[Camera], float | None]:
     if not is_file(file):
         return [], None
     try:
-        content = json.loads(file.read_bytes())
-        cameras = [_camera(entry, number) for number, entry in enumerate(content.get("cameras", []))]
-        unit = content.get("metres_per_unit")
+        entries, unit = _content(json.loads(file.read_bytes()))
+        cameras = [_camera(entry, number) for number, entry in enumerate(entries)]
+    except OSError as error:
+        raise SceneError(f"{file} cannot be read: {reason_of(error)}.") from error
+    except UnicodeDecodeError as error:
+        raise SceneError(f"{file} is no valid JSON: it is not UTF-8.") from error
     except json.JSONDecodeError as error:
         raise SceneError(f"{file} is no valid JSON: line {error.lineno}, column {error.colno}.") from error
     except KeyError as error:
         raise SceneError(f"{file} has a camera without {error}.") from error
     except RecursionError as error:
         raise SceneError(f"{file} cannot be used: it is nested too deeply.") from error
-    except (ValueError, TypeError, AttributeError, OverflowError, OSError) as error:
+    except ValueError as error:
         raise SceneError(f"{file} cannot be used: {error}.") from error
     return cameras, None if unit is None else _metres(unit, file)
+
+
+def _content(content: Any) -> tuple[list[dict[str, Any]], Any]:
+    """The entries of cameras, and the unit, None where there is none."""
+    if not isinstance(content, dict):
+        raise ValueError("it is no object")
+    entries = content.get("cameras", [])
+    if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
+        raise ValueError("its cameras are no list of objects")
+    return entries, content.get("metres_per_unit")
 
 
 def _metres(unit: Any, file: Path) -> float:
@@ -57,13 +71,8 @@ def _metres(unit: Any, file: Path) -> float:
 
 
 def _camera(entry: dict[str, Any], number: int) -> Camera:
-    direction, up = np.array(entry["dir"], np.float64), np.array(entry.get("up", (0, 1, 0)), np.float64)
-    eye = np.array(entry["eye"], np.float64)
-    for name, vector in (("eye", eye), ("dir", direction), ("up", up)):
-        if vector.shape != (3,) or not (np.abs(vector) <= _LARGEST).all():
-            raise ValueError(f"camera {number} has no usable {name}")
-        if name != "eye" and not np.linalg.norm(vector, axis=-1) > 0:
-            raise ValueError(f"camera {number} has no usable {name}")
+    entry = {"up": (0, 1, 0), **entry}
+    direction, eye, up = (_vector(entry, name, number) for name in ("dir", "eye", "up"))
     fov = _angle(entry, "fov_x_deg", number)
     high = _angle(entry, "fov_min_axis_deg", number)
     if fov is None and high is not None:  # the vertical one of a 16:9 picture
@@ -72,11 +81,27 @@ def _camera(entry: dict[str, Any], number: int) -> Camera:
     return Camera(tuple(eye.tolist()), tuple(direction.tolist()), tuple(up.tolist()), fov, f"camera {number}")
 
 
+def _vector(entry: dict[str, Any], name: str, number: int) -> Doubles:
+    """A position, or a direction of some length."""
+    try:
+        vector = np.array(entry[name], np.float64)
+    except (ValueError, TypeError, OverflowError):
+        vector = np.zeros(0)
+    if vector.shape != (3,) or not (np.abs(vector) <= _LARGEST).all():
+        raise ValueError(f"camera {number} has no usable {name}")
+    if name != "eye" and not np.linalg.norm(vector, axis=-1) > 0:
+        raise ValueError(f"camera {number} has no usable {name}")
+    return vector
+
+
 def _angle(entry: dict[str, Any], name: str, number: int) -> float | None:
     """A field of view in degrees, where it is stated."""
     if name not in entry:
         return None
-    angle = float(entry[name])
+    try:
+        angle = float(entry[name])
+    except (ValueError, TypeError, OverflowError):
+        raise ValueError(f"camera {number} has a {name} that is no number") from None
     if not 0 < angle < 180:
         raise ValueError(f"camera {number} has a {name} of {angle:g}, not between 0 and 180")
     return angle

@@ -1,9 +1,10 @@
-"""Files that a scene file names, and how their names and its text are encoded."""
+"""The files that a scene file names: which it may name, how their names are encoded, and why one is not there."""
 
 from __future__ import annotations
 
 import contextlib
 import os
+import stat
 import unicodedata
 from pathlib import Path, PurePosixPath
 
@@ -12,16 +13,19 @@ from shading_atlas_bench.scenes.model import SceneError
 
 # Encodings in which programs have written file names into OBJ, MTL and PLY files, besides UTF-8 and the file system's.
 _ENCODINGS = ("cp1252", "cp932", "gb18030", "big5", "cp949", "cp1251")
-_MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
-_LINE_ENDS = bytes.maketrans(bytes(range(32)), b" " * 10 + b"\n" + b" " * 2 + b"\n" + b" " * 18)
+_KINDS = {stat.S_IFDIR: "a folder", stat.S_IFIFO: "a pipe", stat.S_IFSOCK: "a socket"}
+_KINDS |= dict.fromkeys((stat.S_IFCHR, stat.S_IFBLK), "a device")
+MISSING = "is missing"
 
 
 class SceneFiles:
     """The files that a scene file may name: those in its own folder and below, wherever links lead, or with
     `allow_outside` any.
 
-    Names count from the file that has them, which may lie in a folder below. A name of a file elsewhere raises
-    SceneError; one of nothing is just that of a missing file.
+    `exact` takes a name to the letter, as glTF's are meant; `find` one as OBJ, MTL and PLY files have it, in an unknown
+    encoding, and in another case than the file's; `expect` does too, and says where a file that is missing belongs.
+    Names count from the file that has them, which may lie in a folder below. SceneError is raised for the name of a
+    file elsewhere, and for that of one that does not fit into memory.
     """
 
     def __init__(self, scene_file: Path, allow_outside: bool = False) -> None:
@@ -29,16 +33,12 @@ class SceneFiles:
         self._folder = scene_file.parent.resolve()
         self._listed: dict[Path, dict[str, list[Path]]] = {}
 
-    def own(self, name: str) -> Path:
-        """The file of this name in the scene's folder; it need not be there."""
-        return self.beside(self._scene_file, name)
-
-    def beside(self, file: Path, name: str) -> Path:
-        """The file that `file` names; programs on Windows write backslashes between folders. It need not be there."""
-        return self._allowed(file.parent / name.replace("\\", "/"), name)
+    def exact(self, file: Path, name: str) -> Path:
+        """The path that `file` names; programs on Windows write backslashes between folders. It need not be there."""
+        return self._usable(file.parent / name.replace("\\", "/"), name)
 
     def find(self, file: Path, name: bytes) -> Path | None:
-        """The file that `file` names in an unknown encoding; None where none or several match.
+        """The file that `file` names; None where none or several match.
 
         As it is written comes first, then with backslashes between folders, in other encodings, without quotation marks
         or what may be a comment, and last without regard to upper and lower case.
@@ -47,26 +47,48 @@ class SceneFiles:
         for some in (forms[:1], forms):
             exact = {path for path in (file.parent / form for form in some) if is_file(path)}
             if len(exact) == 1:
-                return self._allowed(exact.pop(), name)
-        alike = {path for form in forms for path in self._alike(file.parent, form) if is_file(path)}
-        return self._allowed(alike.pop(), name) if len(alike) == 1 else None
+                return self._usable(exact.pop(), name)
+        alike = self._alike(file.parent, forms)
+        return self._usable(alike.pop(), name) if len(alike) == 1 else None
 
-    def named(self, file: Path, name: bytes) -> Path:
+    def expect(self, file: Path, name: bytes) -> Path:
         """As `find`, but where nothing matches, a path by that name."""
-        return self.find(file, name) or self.beside(file, _forms(name)[0])
+        return self.find(file, name) or self.exact(file, _forms(name)[0])
 
-    def _allowed(self, path: Path, name: bytes | str) -> Path:
-        """The path. Raises SceneError for a file elsewhere, and for one that no memory holds."""
-        if not is_file(path):
-            return path
-        check_memory(path.stat().st_size, f"The file {shown(path.name)}")
-        if self._allow_outside or path.resolve().is_relative_to(self._folder):
-            return path
-        sentence = f"{self._scene_file} names {shown(name)}, a file outside of its folder"
+    def absence(self, file: Path, name: bytes | str) -> str:
+        """Why there is no file that `file` names, as what follows the name in a sentence."""
+        forms = [name.replace("\\", "/")] if isinstance(name, str) else _forms(name)
+        if "://" in forms[0]:
+            return "is on the network, and nothing is fetched"
+        alike = set() if isinstance(name, str) else self._alike(file.parent, forms)
+        if len(alike) > 1:
+            return f"is one of several: {', '.join(sorted(shown(path.name) for path in alike))}"
+        reasons = (absence(file.parent / form) for form in forms)
+        return next((reason for reason in reasons if reason != MISSING), MISSING)
+
+    def _usable(self, path: Path, name: bytes | str) -> Path:
+        """The path. Raises SceneError for a file elsewhere, and for one that does not fit into memory."""
+        if is_file(path):
+            self._check_place(path, name)
+            check_memory(path.stat().st_size, f"the file {shown(path.name)}")
+        return path
+
+    def _check_place(self, path: Path, name: bytes | str) -> None:
+        """Raises SceneError for a file elsewhere, by its name or by links."""
+        end = path.resolve()
+        if self._allow_outside or end.is_relative_to(self._folder):
+            return
+        written, own = (Path(os.path.abspath(place)) for place in (path, self._scene_file.parent))
+        place = f"which leads by a link to {shown(str(end))}," if written.is_relative_to(own) else "a file"
+        sentence = f"{self._scene_file} names {shown(name)}, {place} outside of its folder"
         raise SceneError(f"{sentence}: --allow-outside reads such files too.")
 
-    def _alike(self, folder: Path, form: str) -> list[Path]:
-        """Paths below a folder whose names differ from the form's by upper and lower case or composed accents only."""
+    def _alike(self, folder: Path, forms: list[str]) -> set[Path]:
+        """Files below a folder whose names differ from one of the forms by upper and lower case or composed accents
+        only."""
+        return {path for form in forms for path in self._alike_paths(folder, form) if is_file(path)}
+
+    def _alike_paths(self, folder: Path, form: str) -> list[Path]:
         places = [folder]
         for part in PurePosixPath(form).parts:
             if part == "..":
@@ -76,13 +98,43 @@ class SceneFiles:
         return places
 
     def _children(self, folder: Path) -> dict[str, list[Path]]:
-        """What is in a folder, by `_key`, listed once; nothing where it cannot be listed."""
+        """What is in a folder, by `_key`, listed once; nothing where it cannot be listed.
+
+        Of folders elsewhere only the way back to the scene's own is known: what else they hold is not looked for.
+        """
         if folder not in self._listed:
             found = self._listed[folder] = {}
             with contextlib.suppress(OSError, ValueError):
-                for child in folder.iterdir():
+                for child in self._visible(folder):
                     found.setdefault(_key(child.name), []).append(child)
         return self._listed[folder]
+
+    def _visible(self, folder: Path) -> list[Path]:
+        end = folder.resolve()
+        if self._allow_outside or end.is_relative_to(self._folder):
+            return list(folder.iterdir())
+        return [folder / self._folder.relative_to(end).parts[0]] if self._folder.is_relative_to(end) else []
+
+
+def absence(path: Path) -> str:
+    """Why there is no file of that name, as what follows the name in a sentence."""
+    try:
+        kind = stat.S_IFMT(path.stat().st_mode)
+    except PermissionError:
+        return "cannot be reached: permission is denied"
+    except (OSError, ValueError):
+        with contextlib.suppress(OSError, ValueError):
+            return f"is a link to {shown(os.readlink(path))}, which is missing"
+        return MISSING
+    return f"is {_KINDS.get(kind, 'no plain file')}, which is not read"
+
+
+def reason_of(error: OSError) -> str:
+    """Why a file cannot be read, as the system has it, to follow a colon."""
+    if isinstance(error, PermissionError):
+        return "permission is denied"
+    text = error.strerror or str(error) or type(error).__name__
+    return text[:1].lower() + text[1:]
 
 
 def written_differently(name: bytes, file: Path) -> bool:
@@ -99,36 +151,9 @@ def is_file(path: Path) -> bool:
         return False
 
 
-def is_there(path: Path) -> bool:
-    """Whether there is anything of that name; False for names that nothing can have."""
-    try:
-        return path.exists()
-    except (OSError, ValueError):
-        return False
-
-
-def is_utf8(path: Path) -> bool:
-    """Whether a path can be written as UTF-8; others hold bytes that Python keeps as they are."""
-    try:
-        return bool(str(path).encode())
-    except UnicodeEncodeError:
-        return False
-
-
 def shown(name: bytes | str) -> str:
     """A name for people: UTF-8, and \\xNN for bytes that are not; different names stay different."""
     return (name if isinstance(name, bytes) else os.fsencode(name)).decode("utf-8", errors="backslashreplace")
-
-
-def file_text(path: Path) -> bytes:
-    """A text file's bytes with lines that end in \\n, without a byte order mark and control characters.
-
-    UTF-16 becomes UTF-8; other encodings stay as they are, all of them hold ASCII.
-    """
-    data = path.read_bytes()
-    encoding = _MARKS.get(data[:2])
-    data = data[2:].decode(encoding, errors="replace").encode() if encoding else data.removeprefix(b"\xef\xbb\xbf")
-    return data.replace(b"\r\n", b"\n").translate(_LINE_ENDS)
 
 
 def _forms(name: bytes) -> list[str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import struct
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from urllib.parse import unquote
@@ -13,7 +14,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array
 from shading_atlas_bench.scenes.files import SceneFiles, is_file
-from shading_atlas_bench.scenes.gltf_values import JsonObject, picked, whole
+from shading_atlas_bench.scenes.gltf_values import LONGEST_NAME, JsonObject, picked, whole
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.raw import RawScene
 
@@ -51,12 +52,13 @@ class GltfDocument:
     def __init__(self, path: Path, files: SceneFiles, raw: RawScene) -> None:
         self._path, self._files, self._raw = path, files, raw
         self.json, self._chunk = _parsed(path.read_bytes())
-        version = str(self.json.get("asset", {}).get("version", "2.0"))
+        version = str(self.json.get("asset", {}).get("version", "2.0"))[:LONGEST_NAME]
         if not version.startswith("2"):
             raise SceneError(f"{path} is glTF {version}; only glTF 2.0 can be read, so convert it first.")
         missing = [name for name in self._names("extensionsRequired") if name not in _READ]
         if missing:
-            raise SceneError(f"{path} needs {' and '.join(missing)}, which cannot be read; export it without.")
+            names = " and ".join(missing)[:LONGEST_NAME]
+            raise SceneError(f"{path} needs {names}, which cannot be read; export it without.")
         self._buffers: dict[int, bytes | memoryview] = {}
         self._accessors: dict[int, Array] = {}
 
@@ -87,7 +89,7 @@ class GltfDocument:
         """
         entry = self.entry("accessors", index)
         if entry["type"] not in kinds:
-            raise ValueError(f"{name} has entries of type {entry['type']}, not {' or '.join(kinds)}")
+            raise ValueError(f"{name} has entries of type {entry['type']!s:.{LONGEST_NAME}}, not {' or '.join(kinds)}")
         if index not in self._accessors:
             self._accessors[index] = self._read_accessor(entry)
         return self._accessors[index]
@@ -110,17 +112,21 @@ class GltfDocument:
             return bytes(self._view(image["bufferView"]))
         if "uri" not in image:
             raise ValueError("it has neither data nor the name of a file")
-        return self._fetch(image["uri"])
+        return self._fetch(image["uri"], self._raw.check)
 
-    def _fetch(self, uri: str) -> bytes:
+    def _fetch(self, uri: str, count: Callable[[int, str], None]) -> bytes:
+        """What a URI stands for. count: called with the bytes of a file before it is read, and what it is."""
         if not isinstance(uri, str):
             raise ValueError(f"the name of a file is {uri!r:.60}, not text")
         if uri.startswith("data:"):
-            return base64.b64decode(uri.partition(",")[2])
-        file = self._files.beside(self._path, unquote(uri))
+            try:
+                return base64.b64decode(uri.partition(",")[2])
+            except ValueError as error:
+                raise ValueError("the text of a data URI is not base64") from error
+        file = self._files.exact(self._path, unquote(uri))
         if not is_file(file):
-            raise FileNotFoundError(f"the file {uri} beside it is missing")
-        self._raw.take(file.stat().st_size, f"the file {uri}")
+            raise ValueError(f"{uri:.{LONGEST_NAME}} {self._files.absence(self._path, unquote(uri))}")
+        count(file.stat().st_size, f"the file {uri}")
         return file.read_bytes()
 
     def _view(self, index: int) -> memoryview:
@@ -129,10 +135,13 @@ class GltfDocument:
         if buffer not in self._buffers:
             entry = self.entry("buffers", buffer)
             chunk = self._chunk if buffer == 0 else None
-            own = chunk if "uri" not in entry else self._fetch(entry["uri"])
+            own = chunk if "uri" not in entry else self._fetch(entry["uri"], self._raw.take)
             if own is None:
                 compressed = " without " + " and ".join(entry["extensions"]) if entry.get("extensions") else ""
                 raise ValueError(f"buffer {buffer} has no data{compressed}")
+            if len(own) < (length := whole(entry, "byteLength", 0)):
+                found = f"{len(own):,} bytes, fewer than its byteLength of {length:,}"
+                raise ValueError(f"buffer {buffer} has {found}; the file is cut off or damaged")
             self._buffers[buffer] = own
         offset, length = whole(view, "byteOffset", 0), whole(view, "byteLength", 0)
         if offset + length > len(self._buffers[buffer]):
@@ -140,7 +149,7 @@ class GltfDocument:
         return memoryview(self._buffers[buffer])[offset : offset + length]
 
     def _read_accessor(self, accessor: JsonObject) -> Array:
-        component = np.dtype("<" + _COMPONENTS[accessor["componentType"]])
+        component = _component(accessor)
         columns, rows = _WIDTHS[accessor["type"]]
         count = whole(accessor, "count", 0)
         if "bufferView" in accessor:
@@ -162,7 +171,7 @@ class GltfDocument:
 
     def _with_sparse(self, values: Array, sparse: JsonObject, component: np.dtype[Any]) -> Array:
         where, what = sparse["indices"], sparse["values"]
-        kind = np.dtype("<" + _COMPONENTS[where["componentType"]])
+        kind = _component(where)
         if kind.kind != "u":
             raise ValueError(f"a sparse accessor has indices of {kind.name}, not unsigned integers")
         count = whole(sparse, "count", 0)
@@ -171,6 +180,14 @@ class GltfDocument:
         columns, height = values.shape[1:]
         values[rows[:, 0, 0]] = _strided(data, component, columns, height, count)
         return values
+
+
+def _component(entry: JsonObject) -> np.dtype[Any]:
+    """The type of each number of an accessor. Raises ValueError for one that is none of the format's."""
+    kind = entry["componentType"]
+    if type(kind) is not int or kind not in _COMPONENTS:
+        raise ValueError(f"componentType is {kind!r:.{LONGEST_NAME}}, none of {', '.join(map(str, _COMPONENTS))}")
+    return np.dtype("<" + _COMPONENTS[kind])
 
 
 def _strided(
@@ -197,18 +214,24 @@ def named_files(path: Path, files: SceneFiles) -> list[Path]:
     except (OSError, ValueError):
         return []
     names = [entry["uri"] for entry in entries if isinstance(entry.get("uri"), str)]
-    return [files.beside(path, unquote(name)) for name in names if not name.startswith("data:")]
+    return [files.exact(path, unquote(name)) for name in names if not name.startswith("data:")]
 
 
 def _parsed(data: bytes) -> tuple[JsonObject, memoryview | None]:
     """The JSON and the binary chunk of a file's bytes; its first ones say whether it is a GLB container."""
     text, chunk = _split_glb(memoryview(data)) if data[:4] == b"glTF" else (data, None)
+    if not text:
+        raise ValueError("it is empty")
     try:
         document = json.loads(bytes(text))
         if b"\\u" in bytes(text):  # escapes of half a character, which nothing can write again
             document = json.loads(json.dumps(document, ensure_ascii=False).encode(errors="replace"))
     except RecursionError as error:
         raise ValueError("its JSON is nested too deeply") from error
+    except UnicodeDecodeError as error:
+        raise ValueError("its JSON is not UTF-8") from error
+    except json.JSONDecodeError as error:
+        raise ValueError(f"its JSON is wrong in line {error.lineno}, column {error.colno}") from error
     if not isinstance(document, dict):
         raise ValueError("its JSON is not an object")
     for kind in _LISTS:

@@ -11,8 +11,9 @@ import numpy as np
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes
 from shading_atlas_bench.arithmetic.functions import sin_cos
 from shading_atlas_bench.arithmetic.matrices import transform
+from shading_atlas_bench.scenes.files import reason_of
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
-from shading_atlas_bench.scenes.gltf_values import JsonObject, number, numbers, whole
+from shading_atlas_bench.scenes.gltf_values import LONGEST_NAME, JsonObject, number, numbers, whole
 from shading_atlas_bench.scenes.images import read_texture
 from shading_atlas_bench.scenes.model import Material, SceneError, Texture
 from shading_atlas_bench.scenes.raw import RawScene
@@ -187,10 +188,21 @@ class GltfMaterials:
             return read_texture(self._document.image_bytes(index), self._name(index), srgb, self._raw)
         except SceneError:
             raise
-        except (OSError, KeyError, ValueError) as error:
-            reason = f"it lacks {error}" if isinstance(error, KeyError) else error
-            self._raw.note(f"Image {index} is left out: {reason}.")
-            return None
+        except OSError as error:
+            reason = reason_of(error)
+        except KeyError as error:
+            reason = f"it lacks {error}"
+        except ValueError as error:
+            reason = str(error)
+        self._raw.note(f"Image {index}{self._written(index)} is left out: {reason}.")
+        return None
+
+    def _written(self, index: int) -> str:
+        """The name of an image's file, or its own, in brackets; nothing where it has neither, or there is no image."""
+        image = dict(enumerate(self._document.items("images"))).get(index, {})
+        uri = str(image.get("uri", "data:"))
+        name = image.get("name", "") if uri.startswith("data:") else uri
+        return f" ({name:.{LONGEST_NAME}})" if isinstance(name, str) and name else ""
 
 
 def _image_index(texture: JsonObject) -> int | None:

@@ -6,6 +6,7 @@ from typing import Any, TypeAlias, overload
 
 JsonObject: TypeAlias = dict[str, Any]  # of a file, its values not yet checked
 
+LONGEST_NAME = 200  # letters that are shown of what stands where a name belongs
 _SHOWN = 60  # characters of a wrong value
 
 

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import os
+import re
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import cache, reduce
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +17,7 @@ from numpy.typing import NDArray
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Longs
 from shading_atlas_bench.arithmetic.functions import power
 from shading_atlas_bench.errors import BenchError
-from shading_atlas_bench.scenes.files import is_utf8
+from shading_atlas_bench.scenes.files import reason_of
 from shading_atlas_bench.scenes.raw import RawScene
 
 if TYPE_CHECKING:
@@ -25,6 +27,9 @@ _LARGEST = 1 << 28  # texels; anything above is a damaged header, not a texture
 _LARGEST_BYTES = 1 << 31  # of such an image as it is stored: some formats are only read whole
 _ROWS = 64  # that are read at a time
 _FULL = 65535  # light is counted in whole numbers up to it while texels are averaged
+_PNG, _INTERLACED = b"\x89PNG", 28  # how such a file begins, and its byte that is 0 where its rows follow each other
+# What OpenImageIO says of an image whose header claims more than it was told to read.
+_CLAIM = re.compile(r"Uncompressed image size ([\d.]+) MB exceeds .*Image claimed to be (\d+x\d+)", re.DOTALL)
 
 
 class ImageError(BenchError, ValueError):
@@ -32,60 +37,79 @@ class ImageError(BenchError, ValueError):
 
 
 def read_texture(source: Path | bytes, name: str, srgb: bool, raw: RawScene) -> Bytes:
-    """The texels of a texture, as of `read_image`, no side longer than the raw scene's `max_texture`: its mip level
-    that fits, made while it is read, which is noted under this name.
+    """The texels of an image file, or of such a file's bytes: uint8 (H, W, 4), row 0 on top, alpha not premultiplied.
 
+    Greyscale becomes RGB; a missing alpha is 255. No side is longer than the raw scene's `max_texture`: of a larger
+    image it is the mip level that fits, made while it is read, which is noted under this name.
     srgb: whether its colours are sRGB, so that light is averaged and not their codes. Raises ImageError where it
-    cannot be read, and SceneError where the textures do not fit into memory.
+    cannot be read, and SceneError, before it is, where the textures do not fit into memory.
     """
-    texels, width, height = _read(source, raw.max_texture, srgb)
-    raw.take(texels.nbytes, "all its textures", "give a smaller --max-texture")
+    with _as_file(source) as path:
+        texels, width, height = _read(path, name, srgb, raw)
+    raw.take(texels.nbytes, "all its textures")
     rows, columns = texels.shape[:2]
     if (columns, rows) != (width, height):
         raw.note(f"The texture {name} of {width}x{height} is reduced to {columns}x{rows} (--max-texture).")
     return texels
 
 
-def read_image(source: Path | bytes) -> Bytes:
-    """The texels of an image file, or of such a file's bytes: uint8 (H, W, 4), row 0 on top, alpha not premultiplied.
-
-    Greyscale becomes RGB; a missing alpha is 255. Raises ImageError where it cannot be read.
-    """
-    return _read(source, None, True)[0]
-
-
-def _read(source: Path | bytes, most: int | None, srgb: bool) -> tuple[Bytes, int, int]:
-    """The texels, sides no longer than `most`, and the width and height that the image is stored with."""
-    if isinstance(source, Path):  # OpenImageIO takes names in UTF-8 only
-        return _read_file(source, most, srgb) if is_utf8(source) else _read(source.read_bytes(), most, srgb)
-    handle, name = tempfile.mkstemp(suffix=_suffix(source))  # and no bytes in every format
+@contextmanager
+def _as_file(source: Path | bytes) -> Iterator[Path]:
+    """An image as OpenImageIO takes it in every format: as a file, whose name is UTF-8."""
+    if isinstance(source, Path) and _is_utf8(source):
+        yield source
+        return
+    try:
+        data = source.read_bytes() if isinstance(source, Path) else source
+    except OSError as error:
+        raise ImageError(f"the image cannot be read: {reason_of(error)}") from error
+    handle, name = tempfile.mkstemp(suffix=_suffix(data))
     try:
         with os.fdopen(handle, "wb") as file:
-            file.write(source)
-        return _read_file(Path(name), most, srgb)
+            file.write(data)
+        yield Path(name)
     finally:
         Path(name).unlink()
 
 
-def _read_file(path: Path, most: int | None, srgb: bool) -> tuple[Bytes, int, int]:
-    import OpenImageIO
+def _is_utf8(path: Path) -> bool:
+    """Whether a path can be written as UTF-8; others hold bytes that Python keeps as they are."""
+    try:
+        return bool(str(path).encode())
+    except UnicodeEncodeError:
+        return False
 
-    config = OpenImageIO.ImageSpec()
-    config.attribute("oiio:UnassociatedAlpha", 1)
-    source = OpenImageIO.ImageInput.open(str(path), config)
-    if source is None:
-        raise ImageError(f"the image cannot be read ({_first_line(OpenImageIO.geterror())})")
+
+def _follows_rows(path: Path) -> bool:
+    """Whether a file is decoded row by row; others may be decoded whole."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(_INTERLACED + 1)
+    except OSError as error:
+        raise ImageError(f"the image cannot be read: {reason_of(error)}") from error
+    return head.startswith(_PNG) and head[_INTERLACED:] == b"\0"
+
+
+def _read(path: Path, name: str, srgb: bool, raw: RawScene) -> tuple[Bytes, int, int]:
+    """The texels, and the width and height that the image is stored with."""
+    rows_follow = _follows_rows(path)
+    source = _opened(path, name, raw, _LARGEST_BYTES if rows_follow else min(_LARGEST_BYTES, raw.room))
     try:
         spec = source.spec()
         width, height, stored = spec.width, spec.height, spec.image_bytes(native=True)
         if width < 1 or height < 1 or width * height > _LARGEST or stored > _LARGEST_BYTES:
-            raise ImageError(f"the image has an unusable size of {width}x{height}")
+            raise ImageError(_unusable(f"{width}x{height}"))
         halvings = 0
-        while most is not None and max(width, height) >> halvings > most:
+        while max(width, height) >> halvings > raw.max_texture:
             halvings += 1
+        made = 4 * max(1, width >> halvings) * max(1, height >> halvings)
+        raw.check(made, "all its textures", "give a smaller --max-texture")
+        by_rows, channels = halvings and not spec.tile_width, min(spec.nchannels, 4)
+        beside = 0 if by_rows or (not halvings and channels == 4) else width * height * channels
+        raw.check(made + beside + (0 if rows_follow else stored), f"the texture {name} as it is stored")
         if not halvings:
             return _to_rgba(_whole(source)), width, height
-        whole = _whole(source) if spec.tile_width else None
+        whole = None if by_rows else _whole(source)
 
         def rows(start: int, end: int) -> Bytes:
             return _read_rows(source, start, end) if whole is None else whole[start:end]
@@ -93,6 +117,33 @@ def _read_file(path: Path, most: int | None, srgb: bool) -> tuple[Bytes, int, in
         return _reduced(rows, width, height, halvings, srgb), width, height
     finally:
         source.close()
+
+
+def _opened(path: Path, name: str, raw: RawScene, most: int) -> ImageInput:
+    """The image of at most so many bytes as it is stored: some formats are decoded as they are opened.
+
+    libpng writes what is wrong with an image to standard error before OpenImageIO says it. That stream is the whole
+    process', in which a device is opened at the same time: turned away meanwhile, it would lose others' words.
+    """
+    import OpenImageIO
+
+    OpenImageIO.attribute("limits:imagesize_MB", max(1, most >> 20))
+    config = OpenImageIO.ImageSpec()
+    config.attribute("oiio:UnassociatedAlpha", 1)
+    source = OpenImageIO.ImageInput.open(str(path), config)
+    if source is not None:
+        return source
+    message = OpenImageIO.geterror()
+    if claim := _CLAIM.match(message):
+        if (size := int(float(claim[1]) * (1 << 20))) <= _LARGEST_BYTES:
+            raw.check(size, f"the texture {name} as it is stored")
+        raise ImageError(_unusable(claim[2]))
+    raise ImageError(f"the image cannot be read ({_reason(message)})")
+
+
+def _unusable(size: str) -> str:
+    most = f"{_LARGEST:,} texels and {_LARGEST_BYTES / 1e9:.1f} GB"
+    return f"the image has an unusable size of {size}: at most {most} are read"
 
 
 def _whole(source: ImageInput) -> Bytes:
@@ -116,7 +167,7 @@ def _read_rows(source: ImageInput, start: int, end: int) -> Bytes:
 
 def _checked(source: ImageInput, texels: object) -> Bytes:
     if texels is None:
-        raise ImageError(f"the image is damaged ({_first_line(source.geterror())})")
+        raise ImageError(f"the image is damaged ({_reason(source.geterror())})")
     return np.asarray(texels)
 
 
@@ -205,5 +256,9 @@ def _suffix(data: bytes) -> str:
     return next((suffix for magic, suffix in known.items() if data.startswith(magic)), ".image")
 
 
-def _first_line(message: str) -> str:
-    return message.strip().splitlines()[0] if message.strip() else "unknown format"
+def _reason(message: str) -> str:
+    """The first line of what OpenImageIO says, without the file's name in quotation marks: it may be one of a copy."""
+    lines = re.sub(r' \("[^"]*"\)', "", message).strip().splitlines()
+    if not lines or "could not find a format reader" in lines[0]:
+        return "it is of no known format"
+    return re.sub(r'"[^"]*"', "it", lines[0]).rstrip(". ")

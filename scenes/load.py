@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import difflib
 import os
+import struct
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -17,7 +18,7 @@ from shading_atlas_bench.scenes.cache import fetch, scene_key, store
 from shading_atlas_bench.scenes.cameras import CAMERAS, read_cameras
 from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.features import content_digest, find_features
-from shading_atlas_bench.scenes.files import SceneFiles, is_file, is_there
+from shading_atlas_bench.scenes.files import MISSING, SceneFiles, absence, is_file, reason_of
 from shading_atlas_bench.scenes.gltf import read_gltf
 from shading_atlas_bench.scenes.lights import add_lights
 from shading_atlas_bench.scenes.memory import check_memory
@@ -79,14 +80,15 @@ def load_scene(
         if repair or decimate is not None:
             raise SceneError(f"{name_or_path} is made to size: use --detail instead of --repair and --decimate.")
         options |= {"detail": detail, "seed": seed}
-        return _through_cache(cache, options, [], lambda: _make(name_or_path, detail, seed))
+        entry = cache / scene_key(options, []) if cache else None
+        return _through_cache(entry, lambda: _make(name_or_path, detail, seed))
     path = _existing(name_or_path)
     options |= {"name": _scene_name(path), "max_texture": max_texture}
     check_memory(path.stat().st_size, f"The file {path}")
     files, raw = SceneFiles(path, allow_outside), RawScene(max_texture=max_texture)
     with _in_words(path):
-        inputs = input_files(path, files) if cache else []
-    return _through_cache(cache, options, inputs, lambda: _load_file(path, files, raw, unit, repair, decimate))
+        entry = cache / scene_key(options, input_files(path, files)) if cache else None
+    return _through_cache(entry, lambda: _load_file(path, files, raw, unit, repair, decimate))
 
 
 def _check_options(unit: float | None, detail: int | None, decimate: float | None, max_texture: int) -> None:
@@ -100,17 +102,14 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
         raise SceneError(f"The ratio of triangles to keep must be above 0 and at most 1, not {decimate}.")
 
 
-def _through_cache(
-    cache: Path | None, options: Mapping[str, object], files: list[Path], load: Callable[[], Scene]
-) -> Scene:
-    """The scene from the cache, or loaded and stored there; whichever it is, its arrays cannot be written to."""
-    if cache is None:
+def _through_cache(entry: Path | None, load: Callable[[], Scene]) -> Scene:
+    """The scene from its entry in the cache, or loaded and stored there; whichever it is, its arrays cannot be written to."""
+    if entry is None:
         return fixed(load())
-    path = cache / scene_key(options, files)
-    scene = fetch(path)
+    scene = fetch(entry)
     if scene is None:
         scene = fixed(load())
-        store(path, scene)
+        store(entry, scene)
     return scene
 
 
@@ -124,15 +123,16 @@ def _make(name: str, detail: int | None, seed: int) -> Scene:
     return make(seed=seed) if detail is None else make(detail=detail, seed=seed)
 
 
-def real_scenes() -> Path:
-    """The folder of scenes that are no part of this project."""
-    return Path(os.environ.get("BENCH_SCENES", "../shared/scenes"))
+def real_scenes() -> Path | None:
+    """The folder of scenes that are no part of this project; None where BENCH_SCENES names none."""
+    named = os.environ.get("BENCH_SCENES")
+    return Path(named) if named else None
 
 
 def scene_path(name: str) -> Path:
     """The file of that name, or else that in the folder of real scenes, where it is there."""
-    elsewhere = real_scenes() / name
-    return elsewhere if is_file(elsewhere) and not is_there(Path(name)) else Path(name)
+    here, folder = Path(name), real_scenes()
+    return folder / name if folder and not is_file(here) and is_file(folder / name) else here
 
 
 def _existing(name_or_path: str) -> Path:
@@ -143,10 +143,12 @@ def _existing(name_or_path: str) -> Path:
         if path.suffix.lower() in _READERS:
             return path
         raise SceneError(f"{path} is of a format that cannot be read; readable are {formats}.")
-    if is_there(path) and path.is_dir():
-        raise SceneError(f"{path} is a folder; name a scene file in it ({formats}).")
+    if (why := absence(path)) != MISSING:
+        raise SceneError(f"{path} {why}; name a scene file ({formats}).")
     if path.suffix or len(path.parts) > 1:
-        raise SceneError(f"There is no scene file {path}, nor one of that name in {real_scenes()} (BENCH_SCENES).")
+        folder = real_scenes()
+        further = f", nor one of that name in {folder} (BENCH_SCENES)" if folder else ""
+        raise SceneError(f"There is no scene file {path}{further}.")
     known = ", ".join(_PROCEDURAL)
     near = difflib.get_close_matches(name_or_path, _PROCEDURAL, n=1, cutoff=0.0)
     raise SceneError(f"There is no scene {name_or_path!r}; did you mean {near[0]!r}? Known are {known}, or a file.")
@@ -165,7 +167,7 @@ def _load_file(
         load_pymeshlab()  # where it is missing, that is said before a large file is read
     with _in_words(path):
         _READERS[path.suffix.lower()](path, files, raw)
-        cameras, stated_unit = read_cameras(files.own(CAMERAS))
+        cameras, stated_unit = read_cameras(files.exact(path, CAMERAS))
         raw.cameras = cameras + raw.cameras
         scene = assemble(_scene_name(path), raw, repair, decimate, str(path))
     standing = _scaled(scene, path, unit, stated_unit)
@@ -242,6 +244,9 @@ def _in_words(path: Path) -> Iterator[None]:
             yield
     except SceneError as error:
         raise error if str(path) in str(error) else SceneError(f"{path} cannot be read: {error}") from error
+    except OSError as error:
+        other = f" ({error.filename})" if error.filename not in (None, str(path)) else ""
+        raise SceneError(f"{path} cannot be read: {reason_of(error)}{other}.") from error
     except Exception as error:
         kind = path.suffix[1:].upper()
         raise SceneError(f"{path} cannot be read as {kind}: {_reason(error)}.") from error
@@ -249,13 +254,16 @@ def _in_words(path: Path) -> Iterator[None]:
 
 def _reason(error: Exception) -> str:
     """A damaged file's error in words."""
-    text = str(error).strip().splitlines()[0].rstrip(".") if str(error).strip() else type(error).__name__
     if isinstance(error, KeyError):
         return f"it lacks {error}"
     if isinstance(error, MemoryError):
         return "it claims to hold more than fits into memory"
-    if isinstance(error, ImportError):
+    if isinstance(error, ImportError | UnicodeDecodeError):
         return "it is damaged, its text is in no known encoding"
     if isinstance(error, IndexError):
-        return f"it is damaged, something refers to what it does not have ({text})"
-    return f"it is damaged or incomplete ({text})"
+        return "it is damaged, something refers to what it does not have"
+    if isinstance(error, struct.error):
+        return "it is damaged or incomplete, it ends within its data"
+    if isinstance(error, ValueError) and (text := str(error).strip()):
+        return f"it is damaged or incomplete ({text.splitlines()[0].rstrip('.')})"
+    return "it is damaged, a value in it is of another kind than its format has"

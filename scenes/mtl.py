@@ -11,10 +11,11 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
-from shading_atlas_bench.scenes.files import SceneFiles, file_text, is_file, shown, written_differently
+from shading_atlas_bench.scenes.files import SceneFiles, is_file, shown, written_differently
 from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Material, Texture
 from shading_atlas_bench.scenes.raw import RawScene
+from shading_atlas_bench.scenes.text_lines import file_text
 
 _NUMBER = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
 _SWITCH = re.compile(rb"(on|off)$", re.IGNORECASE)
@@ -89,7 +90,7 @@ def map_files(library: Path, files: SceneFiles) -> list[Path]:
         return []
     entries = [statements for _, statements in _entries(library)]
     names = (map_statement(entry[key]).name for entry in entries for key in _MAPS if key in entry)
-    return [files.named(library, name) for name in dict.fromkeys(names) if name]
+    return [files.expect(library, name) for name in dict.fromkeys(names) if name]
 
 
 def read_mtl(library: Path, files: SceneFiles, raw: RawScene) -> dict[bytes, LibraryMaterial]:
@@ -209,10 +210,11 @@ class _Reader:
         return found[0] if found else 1.0
 
     def _found(self, statement: MapStatement) -> FoundMap | None:
-        """The statement with its file; None where that is missing."""
+        """The statement with its file; None where there is none."""
         file = self.files.find(self.library, statement.name)
         if file is None:
-            self.raw.note(f"The texture {shown(statement.name)} is left out: the file is missing.")
+            why = self.files.absence(self.library, statement.name)
+            self.raw.note(f"The texture {shown(statement.name)} is left out: the file {why}.")
             return None
         if written_differently(statement.name, file):
             self.raw.note(f"The texture {shown(statement.name)} is read from {shown(file.name)}.")

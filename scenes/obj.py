@@ -17,12 +17,12 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Longs
 from shading_atlas_bench.scenes.file_colours import linear_colours, whole
-from shading_atlas_bench.scenes.files import SceneFiles, file_text, shown, written_differently
+from shading_atlas_bench.scenes.files import SceneFiles, shown, written_differently
 from shading_atlas_bench.scenes.model import Indices, Material
 from shading_atlas_bench.scenes.mtl import LibraryMaterial, read_mtl
 from shading_atlas_bench.scenes.polygons import distinct, triangulated
 from shading_atlas_bench.scenes.raw import Part, RawScene
-from shading_atlas_bench.scenes.text_lines import TextLines, numbers
+from shading_atlas_bench.scenes.text_lines import TextLines, file_text, numbers
 
 _Values = TypeVar("_Values", Doubles, Longs)
 
@@ -251,7 +251,7 @@ def _defined(path: Path, text: bytes, files: SceneFiles, raw: RawScene) -> dict[
     defined: dict[bytes, LibraryMaterial] = {}
     for name, file in library_files(path, text, files):
         if file is None:
-            raw.note(f"The material library {shown(name)} is missing; its materials are grey.")
+            raw.note(f"The material library {shown(name)} {files.absence(path, name)}; its materials are grey.")
             continue
         if written_differently(name, file):
             raw.note(f"The material library {shown(name)} is read from {shown(file.name)}.")

@@ -14,11 +14,11 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
 from shading_atlas_bench.scenes.file_colours import linear_colours, whole
-from shading_atlas_bench.scenes.files import SceneFiles, file_text
+from shading_atlas_bench.scenes.files import SceneFiles
 from shading_atlas_bench.scenes.model import Indices, SceneError
 from shading_atlas_bench.scenes.polygons import triangulated, usable_polygons, vertex_numbers
 from shading_atlas_bench.scenes.raw import Part, RawScene
-from shading_atlas_bench.scenes.text_lines import TextLines, numbers
+from shading_atlas_bench.scenes.text_lines import TextLines, file_text, numbers
 
 _SIZES = re.compile(rb"\s*(\d+)\s+(\d+)(?!\S)(?:[ \t]+\d+(?!\S)|\s+\d+(?=[ \t]*\n))?")
 
@@ -49,7 +49,7 @@ def read_off(path: Path, _files: SceneFiles, raw: RawScene) -> None:
     head = re.match(rb"\s*(?:(ST)?(C)?(N)?(4?n?)OFF\b)?\s*(BINARY)?", text)
     assert head is not None  # every part of the pattern may be absent
     if head[4] or head[5]:
-        raise SceneError("Its points are binary or of more than three dimensions; it has to be a plain OFF file.")
+        raise SceneError("its points are binary or of more than three dimensions; it has to be a plain OFF file.")
     sizes = _SIZES.match(text, head.end())
     if sizes is None:
         raise ValueError("it does not begin with OFF and the numbers of its vertices and faces")

@@ -18,7 +18,7 @@ from shading_atlas_bench.arithmetic import draws
 from shading_atlas_bench.arithmetic.arrays import Doubles
 from shading_atlas_bench.arithmetic.functions import arcsin, arctan2, cos, hypot, sin, tan
 from shading_atlas_bench.errors import BenchError
-from shading_atlas_bench.scenes.files import is_file
+from shading_atlas_bench.scenes.files import MISSING, absence, is_file, reason_of
 from shading_atlas_bench.scenes.lines import curve, smoothed
 from shading_atlas_bench.scenes.model import Scene
 from shading_atlas_bench.scenes.quaternions import about, looking, multiply, slerp
@@ -38,7 +38,6 @@ HALF_ACROSS, HALF_UP = 30.0, 18.0
 
 _LARGEST = 1e18  # in a file: beyond it squares leave float32's range
 _SHORTEST = 1e-100  # quaternion, as a file has it, whose squares can be added
-_SHOWN = 60  # characters of a wrong line
 
 _PATHS = {
     "walk": "a person's walk through the scene with head bob and a look around, 660 frames at 60 Hz; objects: orbit",
@@ -171,6 +170,8 @@ def _file(name: str) -> Path:
     file = Path(name)
     if is_file(file):
         return file
+    if (why := absence(file)) != MISSING:
+        raise PathError(f"{file} {why}.")
     near = difflib.get_close_matches(name, _PATHS, 1)
     hint = f"; did you mean {near[0]}?" if near else "."
     raise PathError(f"There is no path or file {name!r}; the paths are {', '.join(_PATHS)}{hint}")
@@ -198,24 +199,24 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
     Raises PathError naming the file and the line where there are not `columns` numbers, none larger than 1e18.
     """
     if not is_file(file):  # others, as pipes, may have no end
-        raise PathError(f"There is no file {file}.")
+        why = absence(file)
+        raise PathError(f"There is no file {file}." if why == MISSING else f"{file} {why}.")
     try:
         lines = file.read_text(encoding="utf-8").splitlines()
-    except (OSError, UnicodeDecodeError) as error:
-        raise PathError(f"{file} cannot be read as text: {error}.") from error
+    except OSError as error:
+        raise PathError(f"{file} cannot be read: {reason_of(error)}.") from error
+    except UnicodeDecodeError as error:
+        raise PathError(f"{file} cannot be read as text: it is not UTF-8.") from error
     rows: list[tuple[int, list[float]]] = []
     for number, line in enumerate(lines, 1):
         words = line.split("#")[0].replace(",", " ").split()
         if not words or (header and number == 1):
             continue
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            values = []
-        if len(values) != columns or not np.isfinite(values).all():
-            found = line.strip()
-            shown = repr(found if len(found) <= _SHOWN else f"{found[:_SHOWN]}...")
-            raise PathError(f"{file}, line {number}: expected {columns} numbers ({meaning}), found {shown}.")
+        values = [_number(word) for word in words]
+        wrong = [place for place, value in enumerate(values, 1) if not np.isfinite(value)]
+        if len(values) != columns or wrong:  # its words are not shown: by mistake it may be a file of secrets
+            found = f"found {len(values)}" if len(values) != columns else f"value {wrong[0]} is no finite number"
+            raise PathError(f"{file}, line {number}: expected {columns} numbers ({meaning}), {found}.")
         if max(map(abs, values)) > _LARGEST:
             raise PathError(f"{file}, line {number}: {max(values, key=abs):g} is larger than {_LARGEST:g}.")
         if rows and not values[0] > rows[-1][1][0]:
@@ -224,6 +225,14 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
     if not rows:
         raise PathError(f"{file} has no poses; each line needs {columns} numbers ({meaning}).")
     return rows
+
+
+def _number(word: str) -> float:
+    """The number that a word is, or not a number."""
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
 
 
 def _frame_times(count: int) -> Doubles:

@@ -108,7 +108,7 @@ def ply_textures(path: Path, files: SceneFiles) -> list[Path]:
     """The images named in a PLY file's header; they need not exist."""
     with path.open("rb") as file:
         header = file.read(1 << 16).partition(b"end_header")[0]
-    return [files.named(path, name) for name in _pictures(header)]
+    return [files.expect(path, name) for name in _pictures(header)]
 
 
 def _pictures(header: bytes) -> list[bytes]:
@@ -132,11 +132,11 @@ def _elements(header: bytes) -> list[Element]:
     elements: list[Element] = []
     for line in header.decode("latin-1").splitlines()[1:]:
         words = line.split()
-        if words[:1] == ["element"] and len(words) == 3:
+        if words[:1] == ["element"] and len(words) == 3 and re.fullmatch(r"-?\d{1,18}", words[2]):
             elements.append(Element(words[1], int(words[2])))
-        elif words[:2] == ["property", "list"] and len(words) == 5 and elements:
+        elif words[:2] == ["property", "list"] and len(words) == 5 and elements and _TYPES.keys() >= set(words[2:4]):
             elements[-1].kinds[words[4]] = (_TYPES[words[3]], _TYPES[words[2]])
-        elif words[:1] == ["property"] and len(words) == 3 and elements:
+        elif words[:1] == ["property"] and len(words) == 3 and elements and words[1] in _TYPES:
             elements[-1].kinds[words[2]] = (_TYPES[words[1]], "")
         elif words and words[0] not in ("comment", "obj_info", "format"):
             raise ValueError(f"its header has a line that cannot be read: {line[:60]}")
@@ -334,7 +334,7 @@ def _material(path: Path, name: bytes, files: SceneFiles, raw: RawScene) -> Mate
     material, file = Material(name=shown(name), double_sided=True), files.find(path, name)
     try:
         if file is None:
-            raise ImageError("the file is missing")
+            raise ImageError(f"the file {files.absence(path, name)}")
         raw.textures.append(Texture(shown(file.name), read_texture(file, shown(file.name), True, raw)))
     except ImageError as error:
         raw.note(f"The texture {shown(name)} is left out: {error}.")

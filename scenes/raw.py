@@ -9,7 +9,7 @@ from typing import SupportsInt
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles
-from shading_atlas_bench.scenes.memory import check_memory
+from shading_atlas_bench.scenes.memory import check_memory, room
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Indices, Light, Material, Texture
 
 MAX_TEXTURE = 8192  # texels, of a side: what OpenCL devices take as an image at least
@@ -88,8 +88,17 @@ class RawScene:
 
     def take(self, size: int, what: str, remedy: str = "use a larger machine") -> None:
         """Count bytes that the scene is about to take. Raises SceneError where they do not fit into memory."""
+        self.check(size, what, remedy)
         self.taken += size
-        check_memory(self.taken, f"The scene, with {what},", remedy)
+
+    def check(self, size: int, what: str, remedy: str = "use a larger machine") -> None:
+        """Raise SceneError where bytes that are about to be taken for a while do not fit into memory."""
+        check_memory(self.taken + size, f"the scene, with {what},", remedy)
+
+    @property
+    def room(self) -> int:
+        """The bytes that the scene may still take."""
+        return room() - self.taken
 
     def note(self, sentence: str, count: SupportsInt = 1) -> None:
         """Count something for the report; nothing is noted for a count of 0."""

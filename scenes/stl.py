@@ -20,7 +20,7 @@ def read_stl(path: Path, _files: SceneFiles, raw: RawScene) -> None:
     """All triangles of an STL file, text or bytes; colours, which programs keep in various ways, are noted only.
 
     Raises SceneError where triangles of a text cannot be read, or bytes are of another number than their count tells,
-    or, for damaged texts, whatever trimesh raises.
+    ValueError for damaged texts, or whatever else trimesh raises.
     """
     if not _is_text(path):
         table = np.fromfile(path, _TRIANGLE, offset=_HEAD)
@@ -35,10 +35,12 @@ def read_stl(path: Path, _files: SceneFiles, raw: RawScene) -> None:
         warnings.filterwarnings("error", category=DeprecationWarning, message=".*unmatched data")  # cut off silently
         try:
             mesh = load_stl_ascii(file)
+        except UnicodeDecodeError:
+            raise
         except ValueError as error:
-            if "reshape" not in str(error):
-                raise
-            raise SceneError("Not every facet in it has three vertices.") from error
+            if "reshape" in str(error):
+                raise SceneError("not every facet in it has three vertices.") from error
+            raise ValueError("its lines do not follow each other as the format has them") from error
     for solid in mesh["geometry"].values() if "geometry" in mesh else [mesh]:
         raw.parts.append(Part(np.asarray(solid["vertices"], np.float64), np.asarray(solid["faces"], np.int64), 0))
     _check_text(path, sum(len(part.indices) for part in raw.parts))
@@ -56,14 +58,14 @@ def _is_text(path: Path) -> bool:
     if b"\0" not in data or b"facet" in data[:1024].lower() or data.startswith(_MARKS):
         return True
     if size < _HEAD:
-        raise SceneError(f"It is cut off: it has {size:,} bytes, fewer than a binary STL file's head of {_HEAD}.")
+        raise SceneError(f"it is cut off: it has {size:,} bytes, fewer than a binary STL file's head of {_HEAD}.")
     wrong = "is cut off" if size < needed else "goes on behind its triangles"
     sentence = f"it has {size:,} bytes where its count of {count:,} triangles needs {needed:,}"
-    raise SceneError(f"It {wrong}, or its count is wrong: {sentence}.")
+    raise SceneError(f"it {wrong}, or its count is wrong: {sentence}.")
 
 
 def _check_text(path: Path, read: int) -> None:
     """Raises SceneError where a text holds other than the triangles that were read."""
     facets = path.read_bytes().lower().count(b"endfacet")
     if facets != read:
-        raise SceneError(f"Of its {facets:,} triangles only {read:,} can be read; it is damaged.")
+        raise SceneError(f"of its {facets:,} triangles only {read:,} can be read; it is damaged.")

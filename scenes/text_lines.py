@@ -1,8 +1,9 @@
-"""Text files of numbers, read by kinds of lines at once instead of one by one."""
+"""Text files, and their numbers, read by kinds of lines at once instead of one by one."""
 
 from __future__ import annotations
 
 import warnings
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
@@ -14,10 +15,14 @@ from shading_atlas_bench.scenes.model import Indices
 _Number = TypeVar("_Number", np.float64, np.int64)
 
 _BLANK = 32  # it and all bytes below it separate words
+_MARKS = {b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
+_CONTROLS = bytes(range(_BLANK))
+# Old Macs' line ends become ours, and all other control characters blanks.
+_SEPARATORS = bytes.maketrans(_CONTROLS, bytes(ord("\n") if byte in b"\n\r" else _BLANK for byte in _CONTROLS))
 
 
 class TextLines:
-    """The lines of a text that hold any words; the text is as `scenes.files.file_text` gives it.
+    """The lines of a text that hold any words; the text is as `file_text` gives it.
 
     starts, ends: int64 (L), the first byte of each line's first word, and the byte after the line.
     counts: int64 (L), words of each line.
@@ -54,6 +59,18 @@ class TextLines:
         for byte in range(keyword):
             part[places + byte] = _BLANK
         return part.tobytes()
+
+
+def file_text(path: Path) -> bytes:
+    """The bytes of a text file, whose lines end in \\n, without a byte order mark.
+
+    Other control characters become spaces. UTF-16 becomes UTF-8; other encodings stay as they are: all of them hold
+    ASCII.
+    """
+    data = path.read_bytes()
+    encoding = _MARKS.get(data[:2])
+    data = data[2:].decode(encoding, errors="replace").encode() if encoding else data.removeprefix(b"\xef\xbb\xbf")
+    return data.replace(b"\r\n", b"\n").translate(_SEPARATORS)
 
 
 def numbers(text: bytes, count: int, dtype: type[_Number]) -> NDArray[_Number]:

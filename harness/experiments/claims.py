@@ -51,7 +51,7 @@ from shading_atlas_bench.reports.pages.claims_report import (
 from shading_atlas_bench.reports.store.csv_files import replace_file
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
-from shading_atlas_bench.scenes.load import list_scenes, real_scenes, scene_path
+from shading_atlas_bench.scenes.load import list_scenes, scene_path
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
@@ -115,7 +115,7 @@ def scene_file(name: str) -> str:
     path = scene_path(name)
     if name in list_scenes() or path.is_file():
         return str(path)
-    raise SceneError(f"The scene {name} is not in {real_scenes()}: let BENCH_SCENES name the folder that has it.")
+    raise SceneError(f"There is no scene {name}: let BENCH_SCENES name the folder that has it.")
 
 
 def needs(wanted: ClaimsRequest) -> tuple[Claims, list[NamedRun]]:

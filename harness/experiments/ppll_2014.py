@@ -107,27 +107,25 @@ def show_experiment(wanted: Experiment, out: Path) -> None:
     console.print(f"{len(MODELS) * len(wanted.sizes) * len(MODES) * wanted.frames} frames; results in {out}")
 
 
-def model_file(name: str) -> Path:
-    """Where a model is looked for: in the folder of real scenes (BENCH_SCENES, or ../shared/scenes)."""
-    return real_scenes() / MODELS[name]
+def model_file(name: str) -> Path | None:
+    """A model's file in the folder of real scenes (BENCH_SCENES); None where it is not there."""
+    folder = real_scenes()
+    return folder / MODELS[name] if folder and (folder / MODELS[name]).is_file() else None
 
 
 def stand_ins() -> str:
     """A sentence about the models that are not there; nothing if all are."""
-    missing = [name for name in MODELS if not model_file(name).is_file()]
+    missing = [name for name in MODELS if model_file(name) is None]
     if not missing:
         return ""
-    names = ", ".join(missing)
-    return (
-        f"Shells stand in for {names}: the models are not in {model_file(missing[0]).parents[1]}, so published numbers "
-        "are of other surfaces (BENCH_SCENES names a folder that has them)."
-    )
+    remedy = "let BENCH_SCENES name the folder that has these models"
+    return f"Shells stand in for {', '.join(missing)}: published numbers are of other surfaces; {remedy}."
 
 
 def half_transparent(name: str) -> Scene:
     """A model, else the shells of another seed for each, alpha 0.5."""
     file, seed = model_file(name), list(MODELS).index(name)
-    scene = load_scene(str(file) if file.is_file() else "shells", seed=seed, cache=cache_root() / "scenes")
+    scene = load_scene(str(file or "shells"), seed=seed, cache=cache_root() / "scenes")
     materials = [
         replace(m, base_colour=(*m.base_colour[:3], ALPHA), alpha_mode="blend", double_sided=True)
         for m in scene.materials

@@ -2,24 +2,14 @@
 
 from __future__ import annotations
 
-import sys
+from shading_atlas_bench.memory import address_limit
 
 LEAST = 2_000_000_000  # bytes of addresses: the interpreter, a compiler and the smallest run
 
 
-def _address_limit() -> int | None:
-    """The bytes of addresses that this process may have (`ulimit -v`); None where there is no limit."""
-    if sys.platform == "win32":
-        return None
-    import resource
-
-    (limit, _) = resource.getrlimit(resource.RLIMIT_AS)
-    return None if limit == resource.RLIM_INFINITY else limit
-
-
 def too_little() -> str:
     """A sentence where the limit lets no run begin; else nothing."""
-    limit = _address_limit()
+    limit = address_limit()
     if limit is None or limit >= LEAST:
         return ""
     return f"The limit of memory (ulimit -v) is {limit / 1e9:.2g} GB: give {LEAST / 1e9:g} GB or more."
@@ -27,6 +17,6 @@ def too_little() -> str:
 
 def ran_out() -> str:
     """The sentence for memory that ran out."""
-    limit = _address_limit()
+    limit = address_limit()
     bound = "" if limit is None else f", of which a limit (ulimit -v) allows {limit / 1e9:.2g} GB"
     return f"Memory ran out{bound}: give more of it, or a smaller scene, --size or --atlas."

@@ -6,9 +6,12 @@ from pathlib import Path
 
 import numpy as np
 
+from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.files import SceneFiles
+from shading_atlas_bench.scenes.images import read_texture
 from shading_atlas_bench.scenes.model import Scene
+from shading_atlas_bench.scenes.raw import RawScene
 
 
 def assert_sound(scene: Scene) -> None:
@@ -47,6 +50,11 @@ def assert_sound(scene: Scene) -> None:
 def inputs_of(path: Path) -> list[Path]:
     """The files that loading a scene file reads."""
     return input_files(path, SceneFiles(path))
+
+
+def read_image(source: Path | bytes) -> Bytes:
+    """The texels of an image file or its bytes, uint8 (H, W, 4)."""
+    return read_texture(source, "an image", True, RawScene())
 
 
 def area(scene: Scene) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import json
 import re
 
 import numpy as np
@@ -240,16 +241,27 @@ def test_morph_targets_move_colours_coordinates_and_tangents(tmp_path, png):
     assert "Morph targets of COLOR_2 where there is no COLOR_2 to move, not used: 2." in scene.notes
 
 
+USING_IT = (
+    '"bufferViews": [{"buffer": 0}], "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}], '
+    '"accessors": [{"bufferView": 0, "componentType": 5126, "count": 1, "type": "VEC3"}], "nodes": [{"mesh": 0}]}'
+)
+
+
 @pytest.mark.parametrize(
     ("text", "words"),
     [
+        ("", r"damaged or incomplete \(it is empty\)\.$"),
+        ("\n{]", r"\(its JSON is wrong in line 2, column 2\)\.$"),
+        (b'{"\xff": 1}', r"\(its JSON is not UTF-8\)\.$"),
+        ('{"asset": 5}', r"it is damaged, a value in it is of another kind than its format has\.$"),
+        ('{"buffers": [{"uri": "data:,AAA"}], ' + USING_IT, r"\(the text of a data URI is not base64\)\.$"),
         ("[" * 100_000, "nested too deeply"),
         ('{"asset": {"version": "2.0"}, "nodes": {"a": 1}}', "its nodes are not a list of objects"),
         ('{"asset": {"version": "2.0"}, "meshes": [3]}', "its meshes are not a list of objects"),
     ],
 )
 def test_json_of_another_shape_is_refused(tmp_path, text, words):
-    (tmp_path / "a.gltf").write_bytes(text.encode())
+    (tmp_path / "a.gltf").write_bytes(text.encode() if isinstance(text, str) else text)
     with pytest.raises(SceneError, match=words):
         load_scene(str(tmp_path / "a.gltf"), cache=tmp_path / "cache")
 
@@ -258,3 +270,60 @@ def test_a_node_is_drawn_once_however_often_a_scene_names_it(tmp_path):
     glb = square_scene({"mesh": 0, "children": [1]}, {"mesh": 0, "translation": [2, 0, 0]})
     glb.json["scenes"] = [{"nodes": [1, 0, 1, 0]}]
     assert loaded(tmp_path, glb).triangle_count == 4
+
+
+@pytest.mark.parametrize("length", [1, 10**15, -1, "36"])
+def test_a_buffer_is_as_long_as_it_says(tmp_path, length):
+    """Longer it may be: in a GLB container it is filled up to a multiple of 4 bytes."""
+    glb = square_scene()
+    claim = {**glb.json, "buffers": [{"byteLength": length, "uri": "a.bin"}]}
+    (tmp_path / "a.bin").write_bytes(glb.data)
+    (tmp_path / "a.gltf").write_text(json.dumps(claim), encoding="utf-8")
+    if length == 1:
+        assert load_scene(str(tmp_path / "a.gltf")).triangle_count == 2
+        return
+    found = f"{len(glb.data)} bytes, fewer than its byteLength of 1,000,000,000,000,000; the file is cut off or damaged"
+    words = f"buffer 0 has {found}" if length == 10**15 else f"byteLength is {length!r}, not a whole number"
+    with pytest.raises(SceneError, match=words):
+        load_scene(str(tmp_path / "a.gltf"))
+
+
+def test_a_broken_image_is_named(tmp_path):
+    """By its file, or else by its own name."""
+    (tmp_path / "wood.png").write_bytes(b"no image")
+    data = "data:image/png;base64,AAAA"
+    for image, named in (
+        ({"uri": "wood.png", "name": "planks"}, " (wood.png)"),
+        ({"uri": data, "name": "planks"}, " (planks)"),
+        ({"uri": data}, ""),
+        ({"uri": 5, "name": 6}, " (5)"),
+    ):
+        glb = full_scene(b"")
+        glb.json["images"] = [image]
+        (note,) = [note for note in loaded(tmp_path, glb).notes if "left out" in note]
+        assert note.startswith(f"Image 0{named} is left out: the ")
+
+
+@pytest.mark.parametrize("kind", [9, 5126.0, "5126", [5126]])
+def test_an_unknown_type_of_numbers_is_named(tmp_path, kind):
+    glb = square_scene()
+    glb.json["accessors"][0]["componentType"] = kind
+    assert f"componentType is {kind!r}, none of 5120, 5121, 5122, 5123, 5125, 5126" in refusal(tmp_path, glb)
+
+
+def test_sentences_stay_short(tmp_path):
+    """Where words belong, text of any length may stand."""
+    for change in (
+        {"asset": {"version": "9" * 10_000}},
+        {"buffers": [{"uri": "n" * 10_000}]},
+        {"extensionsRequired": ["n" * 10_000] * 100},
+    ):
+        glb = square_scene()
+        text = json.dumps({**glb.json, "buffers": [{"uri": "data:;base64,AAAA", "byteLength": 3}], **change})
+        (tmp_path / "a.gltf").write_text(text, encoding="utf-8")
+        with pytest.raises(SceneError) as caught:
+            load_scene(str(tmp_path / "a.gltf"))
+        assert len(str(caught.value)) < 2000
+    glb = square_scene()
+    glb.json["accessors"][0]["type"] = "n" * 10_000
+    assert len(refusal(tmp_path, glb)) < 2000

@@ -5,13 +5,18 @@ import struct
 import subprocess
 import sys
 import zlib
+from types import SimpleNamespace
 
 import numpy as np
+import psutil
 import pytest
 
-from shading_atlas_bench.scenes.images import read_image
+from shading_atlas_bench.scenes import images
+from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import SceneError
+from shading_atlas_bench.scenes.raw import RawScene
+from tests.scenes.checks import read_image
 from tests.scenes.glb_files import SQUARE, Glb
 
 TEXTURED = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n"
@@ -27,15 +32,18 @@ CMYK = (
 )
 
 
-def png_of(kind: int, depth: int, width: int, row: bytes, *chunks: tuple[bytes, bytes]) -> bytes:
+def chunks(*parts: tuple[bytes, bytes]) -> bytes:
+    """A PNG of these chunks."""
+    whole = (
+        struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data)) for name, data in parts
+    )
+    return b"\x89PNG\r\n\x1a\n" + b"".join(whole)
+
+
+def png_of(kind: int, depth: int, width: int, row: bytes, *more: tuple[bytes, bytes]) -> bytes:
     """A PNG of one row, with more chunks before it."""
-
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
     header = struct.pack(">IIBBBBB", width, 1, depth, kind, 0, 0, 0)
-    parts = [(b"IHDR", header), *chunks, (b"IDAT", zlib.compress(b"\0" + row)), (b"IEND", b"")]
-    return b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts)
+    return chunks((b"IHDR", header), *more, (b"IDAT", zlib.compress(b"\0" + row)), (b"IEND", b""))
 
 
 PNGS = {
@@ -155,13 +163,10 @@ def test_textures_that_are_too_large_are_reduced(tmp_path):
 def test_large_images_take_no_more_memory_than_they_are_reduced_to(tmp_path):
     """A picture of 16384x16384 in 0.8 MB: 0.8 GB as it is stored, 1 GB as texels."""
 
-    def chunk(name: bytes, data: bytes) -> bytes:
-        return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
-
     squeezed = zlib.compressobj(1)
     rows = b"".join(squeezed.compress(b"\0" + b"\x80" * (3 << 14)) for _ in range(1 << 14)) + squeezed.flush()
-    parts = [(b"IHDR", struct.pack(">IIBBBBB", 1 << 14, 1 << 14, 8, 2, 0, 0, 0)), (b"IDAT", rows), (b"IEND", b"")]
-    (tmp_path / "a.png").write_bytes(b"\x89PNG\r\n\x1a\n" + b"".join(chunk(*part) for part in parts))
+    header = struct.pack(">IIBBBBB", 1 << 14, 1 << 14, 8, RGB, 0, 0, 0)
+    (tmp_path / "a.png").write_bytes(chunks((b"IHDR", header), (b"IDAT", rows), (b"IEND", b"")))
     (tmp_path / "a.mtl").write_text("newmtl m\nmap_Kd a.png\n", encoding="utf-8")
     (tmp_path / "a.obj").write_text(f"mtllib a.mtl\n{TEXTURED}", encoding="utf-8")
     program = (
@@ -174,3 +179,69 @@ def test_large_images_take_no_more_memory_than_they_are_reduced_to(tmp_path):
     )
     told = subprocess.run([sys.executable, "-c", program, str(tmp_path / "a.obj")], capture_output=True, check=True)
     assert int(told.stdout) < 400 << 20
+
+
+def claiming(width: int, height: int, size: int = 100_000, interlaced: bool = False) -> bytes:
+    """A PNG of RGB whose header claims a width and height, in about `size` bytes."""
+    header = struct.pack(">IIBBBBB", width, height, 8, RGB, 0, 0, interlaced)
+    return chunks((b"IHDR", header), (b"IDAT", zlib.compress(b"") + bytes(size)), (b"IEND", b""))
+
+
+def gif_claiming(width: int, height: int) -> bytes:
+    head = b"GIF89a" + struct.pack("<HH", width, height) + b"\x80\0\0\0\0\0\xff\xff\xff,"
+    return head + struct.pack("<HHHH", 0, 0, width, height) + b"\0\x02\x02\x44\x01\0;" + bytes(width * height // 500)
+
+
+@pytest.fixture
+def nothing_decoded(monkeypatch):
+    """Reading a row fails the test."""
+    for name in ("_whole", "_read_rows"):
+        monkeypatch.setattr(images, name, lambda *_: pytest.fail("the image was read"))
+
+
+@pytest.mark.usefixtures("nothing_decoded")
+def test_sizes_are_counted_from_the_header_before_anything_is_read(monkeypatch):
+    """On a machine of 40 MB; of 2000x2000 texels there are 16 MB as RGBA, beside 12 MB as they are read and stored."""
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(total=40_000_000))
+    more = r"takes 0\.\d GB, more than half of this machine's memory, 0.0 GB: use a larger machine"
+    for data, size, words in (
+        (claiming(3000, 3000), 8192, "the scene, with all its textures, .*: give a smaller --max-texture"),
+        (claiming(2000, 2000), 8192, f"the scene, with the texture a as it is stored, {more}"),
+        (claiming(2500, 2500, interlaced=True), 1024, f"the scene, with the texture a as it is stored, {more}"),
+        (gif_claiming(4000, 4000), 1, f"the scene, with the texture a as it is stored, {more}"),
+    ):
+        with pytest.raises(SceneError, match=words):
+            read_texture(data, "a", True, RawScene(max_texture=size))
+
+
+@pytest.mark.usefixtures("nothing_decoded")
+def test_images_of_no_use_are_left_out_by_their_size(tmp_path):
+    for size in (200_000, 20_000):
+        (tmp_path / "a.png").write_bytes(claiming(size, size, 4_000_000))
+        with pytest.raises(ImageError) as caught:
+            read_texture(tmp_path / "a.png", "a", True, RawScene())
+        most = "at most 268,435,456 texels and 2.1 GB are read"
+        assert str(caught.value) == f"the image has an unusable size of {size}x{size}: {most}"
+
+
+def test_a_small_image_of_rows_is_read_on_a_machine_that_could_not_hold_it_whole(monkeypatch):
+    monkeypatch.setattr(psutil, "virtual_memory", lambda: SimpleNamespace(total=10_000_000))
+    rows = zlib.compress(b"".join(b"\0" + b"\x80" * 6000 for _ in range(2000)))
+    header = struct.pack(">IIBBBBB", 2000, 2000, 8, RGB, 0, 0, 0)
+    raw = RawScene(max_texture=1000)
+    data = chunks((b"IHDR", header), (b"IDAT", rows), (b"IEND", b""))
+    assert read_texture(data, "a", False, raw).tolist() == [[[128, 128, 128, 255]] * 1000] * 1000
+    assert raw.taken == 4_000_000
+
+
+@pytest.mark.parametrize("damage", ["cut", "header", "magic"])
+def test_reasons_name_no_copy_and_end_without_a_stop(tmp_path, png, damage):
+    data = {"cut": png[:50], "header": png[:20] + b"\xff" + png[21:], "magic": b"no image"}[damage]
+    for source in (data, tmp_path / "a.png"):
+        (tmp_path / "a.png").write_bytes(data)
+        with pytest.raises(ImageError) as caught:
+            read_texture(source, "a", True, RawScene())
+        sentence = str(caught.value)
+        assert sentence.startswith("the image ")
+        assert not sentence.endswith((".", ".)"))
+        assert "/" not in sentence

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from shading_atlas_bench.scenes.load import list_scenes, load_scene
+from shading_atlas_bench.scenes.load import list_scenes, load_scene, real_scenes
 from shading_atlas_bench.scenes.model import SceneError
 from tests.scenes.glb_files import square_scene
 
@@ -58,10 +58,14 @@ def test_whole_files_load(tmp_path, kind):
         ("a.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "does not have"),
         ("a.obj", b"v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "not a number, dropped: 1"),
         ("a.stl", b"solid nothing\nendsolid\n", "."),
-        ("a.stl", FOUR_CORNERS, "Not every facet in it has three vertices"),
+        ("a.stl", FOUR_CORNERS, "not every facet in it has three vertices"),
         ("a.glb", b"glTF", "cut off"),
         ("a.gltf", b"[]", "not an object"),
+        ("a.stl", b"endsolid a\nsolid a\n", "its lines do not follow each other as the format has them"),
         ("a.ply", b"ply\n", "a.ply"),
+        ("a.ply", PLY.replace(b"float y", b"flkat y"), "a line that cannot be read: property flkat y"),
+        ("a.ply", PLY.replace(b"list uchar", b"list ochar"), "cannot be read: property list ochar int vertex_indices"),
+        ("a.ply", PLY.replace(b"vertex 3", b"vertex x"), "a line that cannot be read: element vertex x"),
         ("a.off", b"OFF\n3 1 0\n0 0 0\n", "a.off"),
     ],
 )
@@ -117,3 +121,17 @@ def test_a_scene_that_is_not_here_is_looked_for_among_the_real_ones(tmp_path, mo
         (folder / "lane" / "street.obj").write_text(f"v 0 0 0\nv {size} 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
         wide, high, _ = np.ptp(load_scene("lane/street.obj").positions, axis=0)
         assert wide == size * high
+
+
+def test_without_a_folder_of_real_scenes_none_is_searched(tmp_path, monkeypatch):
+    (tmp_path / "shared" / "scenes").mkdir(parents=True)
+    (tmp_path / "shared" / "scenes" / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", encoding="utf-8")
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    for named in (None, ""):
+        monkeypatch.delenv("BENCH_SCENES", raising=False)
+        if named is not None:
+            monkeypatch.setenv("BENCH_SCENES", named)
+        assert real_scenes() is None
+        with pytest.raises(SceneError, match=r"^There is no scene file a\.obj\.$"):
+            load_scene("a.obj")

@@ -250,7 +250,7 @@ def test_two_files_of_nearly_the_same_name_are_none(tmp_path, png):
         pytest.skip("this file system does not tell upper and lower case apart")
     scene = load_with(tmp_path, "newmtl m\nmap_Kd A.png\n")
     assert used(scene)[0].base_texture == -1
-    assert "The texture A.png is left out: the file is missing." in scene.notes
+    assert "The texture A.png is left out: the file is one of several: A.PNG, a.png." in scene.notes
 
 
 def test_names_with_blanks_and_quotes(tmp_path, png):

@@ -2,6 +2,7 @@
 
 import json
 import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -65,10 +66,12 @@ def written(folder: Path, kind: str, place: str) -> tuple[str, str]:
     return str(folder / name), f"{place}{named}"
 
 
-def refused(file: str, name: str, **options: Any) -> None:
+def refused(file: str, name: str, end: Path | None = None, **options: Any) -> None:
+    """The file that is named is refused; end: where a link leads to, if it is one."""
     with pytest.raises(SceneError) as caught:
         load_scene(file, **options)
-    sentence = f"{file} names {name}, a file outside of its folder: --allow-outside reads such files too."
+    place = f"which leads by a link to {end}," if end else "a file"
+    sentence = f"{file} names {name}, {place} outside of its folder: --allow-outside reads such files too."
     assert str(caught.value) == sentence
 
 
@@ -95,7 +98,12 @@ def test_files_elsewhere_are_read_where_they_are_allowed_only(inside, tmp_path, 
 @pytest.mark.parametrize("kind", NAMING)
 def test_links_are_followed_first(inside, tmp_path, kind):
     (inside / "link").symlink_to(tmp_path, target_is_directory=True)
-    refused(*written(inside, kind, "link/"))
+    file, name = written(inside, kind, "link/")
+    refused(file, name, tmp_path / Path(name).name)
+    (inside / Path(name).name).symlink_to(f"../{Path(name).name}")
+    file, name = written(inside, kind, "")
+    refused(file, name, tmp_path / name)
+    (inside / name).unlink()
     (inside / "within").symlink_to(inside / "sub", target_is_directory=True)
     assert load_scene(written(inside, kind, "within/")[0]).triangle_count == 1
     (tmp_path / "other").symlink_to(inside, target_is_directory=True)  # the same scene by another name
@@ -109,15 +117,41 @@ def test_a_material_library_names_from_where_it_is(inside):
     assert len(load_scene(str(inside / "a.obj")).textures) == 1
     (inside / "sub" / "b.mtl").write_text("newmtl m\nmap_Kd ..\\..\\a.png\n", encoding="utf-8")
     refused(str(inside / "a.obj"), "..\\..\\a.png")
-    (inside / "sub" / "b.mtl").write_text("newmtl m\nmap_Kd ../../A.PNG\n", encoding="utf-8")
-    refused(str(inside / "a.obj"), "../../A.PNG")
+
+
+def test_folders_elsewhere_are_not_listed(inside, tmp_path, monkeypatch):
+    """Names in another case are looked for in the scene's own folder, from wherever a name leads back to it."""
+    listed: list[Path] = []
+    listing = Path.iterdir
+
+    def noted(folder: Path) -> Iterator[Path]:
+        listed.append(folder.resolve())
+        return iter(list(listing(folder)))
+
+    monkeypatch.setattr(Path, "iterdir", noted)
+    for name, there in (
+        ("../A.PNG", False),
+        ("../../scene/SUB/a.png", False),
+        ("../SCENE/SUB/A.PNG", True),
+        (f"{inside}/SUB/A.PNG", False),
+    ):
+        (inside / "a.mtl").write_text(f"newmtl m\nmap_Kd {name}\n", encoding="utf-8")
+        (inside / "a.obj").write_text(f"mtllib a.mtl\n{OBJ}", encoding="utf-8")
+        scene = load_scene(str(inside / "a.obj"))
+        assert len(scene.textures) == there, name
+        assert there or f"The texture {name} is left out: the file is missing." in scene.notes
+    assert listed
+    assert all(folder.is_relative_to(inside) for folder in listed)
+    (inside / "a.mtl").write_text("newmtl m\nmap_Kd ../A.PNG\n", encoding="utf-8")
+    assert len(load_scene(str(inside / "a.obj"), allow_outside=True).textures) == 1
+    assert tmp_path in listed
 
 
 def test_cameras_are_the_scenes_own(inside, tmp_path):
     (tmp_path / "cameras.json").write_text('{"metres_per_unit": 3}', encoding="utf-8")
     (inside / "cameras.json").symlink_to(tmp_path / "cameras.json")
     (inside / "a.obj").write_text(OBJ, encoding="utf-8")
-    refused(str(inside / "a.obj"), "cameras.json")
+    refused(str(inside / "a.obj"), "cameras.json", tmp_path / "cameras.json")
     assert load_scene(str(inside / "a.obj"), allow_outside=True).metres_per_unit == 3
 
 
@@ -132,6 +166,7 @@ def test_what_is_not_there_is_missing_wherever_it_is(inside):
 @pytest.mark.parametrize("kind", NAMING)
 def test_pipes_and_devices_are_no_files(inside, kind):
     for name, special in (("pipe/", None), ("device/", "/dev/zero")):
+        words = f"is a {name[:-1]}, which is not read"
         (inside / name).mkdir()
         for file in ("a.bin", "a.png", "a.mtl"):
             os.symlink(special, inside / name / file) if special else os.mkfifo(inside / name / file)
@@ -139,10 +174,10 @@ def test_pipes_and_devices_are_no_files(inside, kind):
         choices: list[dict[str, Any]] = [{}, {"allow_outside": True}]
         for options in choices:
             if kind == "buffer":
-                with pytest.raises(SceneError, match="missing"):
+                with pytest.raises(SceneError, match=words):
                     load_scene(file, **options)
             else:
-                assert any("missing" in note for note in load_scene(file, **options).notes)
+                assert any(words in note for note in load_scene(file, **options).notes)
     os.mkfifo(inside / "cameras.json")
     assert load_scene(written(inside, kind, "sub/")[0]).cameras == []
 
@@ -152,7 +187,7 @@ def test_files_that_no_memory_holds_are_refused(inside):
     for kind, name in (("buffer", "a.bin"), ("library", "a.mtl")):
         with (inside / "sub" / name).open("r+b") as file:
             file.truncate(1 << 43)
-        with pytest.raises(SceneError, match=rf"The file {name} takes 8,796\.1 GB, more than half of this machine's"):
+        with pytest.raises(SceneError, match=rf": the file {name} takes 8,796\.1 GB, more than half of this machine's"):
             load_scene(written(inside, kind, "sub/")[0])
         (inside / "sub" / name).unlink()
     with (inside / "b.stl").open("wb") as file:

@@ -10,7 +10,7 @@ import pytest
 from shading_atlas_bench.harness.cli.scene_view import HEIGHT, WIDTH, half_blocks, show_scene
 from shading_atlas_bench.harness.workload.session import open_scene
 from shading_atlas_bench.harness.workload.settings import Settings
-from shading_atlas_bench.scenes.images import read_image
+from tests.scenes.checks import read_image
 from tests.scenes.test_load_files import box
 
 
