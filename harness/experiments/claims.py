@@ -277,7 +277,7 @@ class ClaimRuns:
     def _made(self, named: NamedRun) -> list[str]:
         """What the results of a run depend on: options, scene, path, device, kernels, methods."""
         digests = [method_digest(type(packer)) for packer in find_methods(Settings(methods=named.methods()))]
-        return [named.command, *_hashes_of(named), self.device, suite_digest(), VERSION, *digests]
+        return [named.command, *_hashes_of(named).values(), self.device, suite_digest(), VERSION, *digests]
 
     def waits(self, named: NamedRun) -> bool:
         """Whether a run is neither made nor reused yet."""
@@ -316,19 +316,21 @@ class ClaimRuns:
         return found
 
 
-def _hashes_of(named: NamedRun) -> tuple[str, str]:
-    """As `workload_hashes`; empty where the scene cannot be read, and of linked lists, whose scene is their own."""
-    if named.of_linked_lists:
-        return "", ""
+def _hashes_of(named: NamedRun) -> dict[str, str]:
+    """As `workload_hashes`, of linked lists `model_hashes`; empty where a scene cannot be read."""
     try:
+        if named.of_linked_lists:
+            from shading_atlas_bench.harness.experiments.ppll_2014 import model_hashes
+
+            return model_hashes()
         own = named.settings()
         return _hashes(Settings(**{name: getattr(own, name) for name in WORKLOAD}))
     except (SceneError, PathError, SettingsError):
-        return "", ""
+        return {}
 
 
 @cache
-def _hashes(workload: Settings) -> tuple[str, str]:
+def _hashes(workload: Settings) -> dict[str, str]:
     return workload_hashes(workload)
 
 
@@ -354,7 +356,8 @@ def _misfit(named: NamedRun, folder: Path) -> str:
     wanted = {(packer.name, variant_string(packer)): label_of(packer) for packer in find_methods(own)}
     with Store(folder) as store:
         finished, plan = store.finished(), store.plan() or {}
-    if (plan.get("scene_hash"), plan.get("path_hash")) != _hashes_of(named):
+    hashes = _hashes_of(named)
+    if not hashes or any(plan.get(name, value) != value for name, value in hashes.items()):
         return "another scene or path of the same name"
     lacking = sorted(label for key, label in wanted.items() if (*key, own.frames - 1) not in finished)
     return f"no finished {', '.join(lacking)}" if lacking else ""
@@ -368,7 +371,7 @@ def _older(named: NamedRun, folder: Path) -> str:
     made = {f"{packer.name}[{variant_string(packer)}]": method_digest(type(packer)) for packer in packers}
     known = plan.get("methods")
     same_methods = isinstance(known, dict) and known | made == known
-    same = plan.get("suite") == suite_digest() and same_methods
+    same = plan.get("suite") == suite_digest() and same_methods and _hashes_of(named).keys() <= plan.keys()
     return "" if same and plan.get("version") == VERSION else "made by another program"
 
 

@@ -52,8 +52,8 @@ _OF_FRAME = ("rows", "stages", "statistics", "repeats", "finished")
 class Store:
     """The results of one run, in `folder`/results.sqlite.
 
-    folder: made if absent, as the store in it is, unless must_exist. Everything written is committed at once; a frame is
-        committed as a whole.
+    folder: made if absent, as the store in it is, unless must_exist. Everything written is committed at once; a frame
+        is committed as a whole.
     checked: whether it is made sure first that what is read is what was written.
 
     Raises StoreError if must_exist and there is no store, if the file is no whole store of this version, or if its path
@@ -103,7 +103,8 @@ class Store:
         if existing is not None and existing != wanted:
             differences = "; ".join(_differences(flat(existing), flat(wanted)))
             raise StoreError(
-                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments to resume."
+                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments and files to "
+                "resume."
             )
 
     def finished(self) -> set[tuple[str, str, int]]:

@@ -110,7 +110,7 @@ def test_a_claim_is_measured_once_and_its_page_needs_nothing_else(whole: Path, c
     assert (whole / "tiny" / "results.sqlite").stat().st_mtime_ns == before
 
 
-@pytest.mark.parametrize("name", ["scene_hash", "path_hash"])
+@pytest.mark.parametrize("name", ["scene_hash", "drawn_hash", "path_hash"])
 def test_a_run_of_a_scene_or_path_that_was_edited_since_is_not_reused(
     name: str, whole: Path, claims: Path, tmp_path: Path
 ):

@@ -15,6 +15,8 @@ import pytest
 from typer.testing import CliRunner
 
 from shading_atlas_bench.harness.cli.main import app
+from shading_atlas_bench.harness.workload.session import workload_hashes
+from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.documents.digests import sweep_parts
 from shading_atlas_bench.reports.store.columns import SWEEP_COLUMNS
 from shading_atlas_bench.reports.store.results import Store
@@ -105,6 +107,18 @@ def test_the_same_command_again_changes_nothing_and_another_plan_is_refused(whol
     (whole / "sweep.csv").unlink()
     assert bench("report", str(whole)).returncode == 0
     assert (whole / "sweep.csv").read_text(encoding="utf-8") == before
+
+
+def test_a_sweep_is_bound_to_all_that_its_scenes_are_drawn_from(whole: Path):
+    with Store(whole, must_exist=True) as store:
+        plan = store.plan()
+    assert plan is not None
+    hashes = workload_hashes(Settings(frames=2))
+    assert plan["scenes"] == {"hall": hashes}
+    with Store(next((whole / "cells").iterdir()), must_exist=True) as store:
+        of_cell = store.plan()
+    assert of_cell is not None
+    assert hashes.items() <= of_cell.items()
 
 
 def test_a_killed_sweep_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
