@@ -103,8 +103,8 @@ class Store:
         if existing is not None and existing != wanted:
             differences = "; ".join(_differences(flat(existing), flat(wanted)))
             raise StoreError(
-                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments and files to "
-                "resume."
+                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments and "
+                "files to resume."
             )
 
     def finished(self) -> set[tuple[str, str, int]]:
