@@ -43,6 +43,7 @@ from shading_atlas_bench.reports.pages.claims_report import (
     counts_text,
     is_claims,
     measured_text,
+    plan_hash,
     read_state,
     write_claims,
 )
@@ -258,8 +259,9 @@ class ClaimRuns:
             if folder := fitting.get(named.name):
                 note = _older(named, folder)
                 entry |= {"folder": str(folder), "problem": None, "reused": True, "note": note}
-            elif old and old["made"] == self._made(named) and not old["problem"]:
-                entry = old
+                entry["plan"] = plan_hash(folder)
+            elif old and old["made"] == self._made(named) and not old["problem"] and self._is_whole(named, old):
+                entry |= {"problem": None, "made": old["made"], "plan": plan_hash(self.folder / named.name)}
             entries[named.name] = entry
         self.state = {
             "ids": list(self.wanted.ids),
@@ -270,6 +272,12 @@ class ClaimRuns:
             "runs": entries,
         }
         self._save()
+
+    def _is_whole(self, named: NamedRun, old: RunState) -> bool:
+        """Whether a run that was made is where it was made."""
+        place = self.folder / named.name
+        same = "plan" not in old or old["plan"] == plan_hash(place)
+        return same and (named.of_linked_lists or not _misfit(named, place))
 
     def _save(self) -> None:
         replace_file(self.folder / FILE, json.dumps(self.state, indent=2) + "\n")
@@ -288,7 +296,7 @@ class ClaimRuns:
         entry = self.state["runs"][named.name]
         try:
             self._make(named)
-            entry |= {"problem": None, "made": self._made(named)}
+            entry |= {"problem": None, "made": self._made(named), "plan": plan_hash(self.folder / named.name)}
         except (SceneError, PathError, SettingsError) as error:
             entry["problem"] = str(error)
         self._save()

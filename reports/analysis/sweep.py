@@ -158,11 +158,12 @@ def _check(sweep: Sweep, cell: Cell, run: _Run, folder: Path) -> None:
     if isinstance(methods, dict) and name not in methods:
         raise StoreError(f"{folder / FILE} has {name} in {cell['folder']}, which has no such method. {AGAIN}")
     said = cell["settings"] | {"frames": sweep["frames"]}
-    for setting, value in said.items() if isinstance(settings, dict) else ():
-        if value not in (None, settings.get(setting, value)):  # None: the method has no such setting
+    known = settings if isinstance(settings, dict) else {}
+    for setting, value in said.items():
+        if value not in (None, known.get(setting, value)):  # None: the method has no such setting
             raise StoreError(
                 f"{folder / FILE} says that {name} has the {setting} {value} in {cell['folder']}, whose run has "
-                f"{settings[setting]}. {AGAIN}"
+                f"{known[setting]}. {AGAIN}"
             )
 
 

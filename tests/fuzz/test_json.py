@@ -28,13 +28,14 @@ from shading_atlas_bench.reports.pages.stress import write_stress
 from shading_atlas_bench.reports.store.columns import SWEEP_SETTINGS
 from shading_atlas_bench.reports.store.data import DataError
 from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.names import folder_name
 from shading_atlas_bench.scenes.model import SceneError
 from tests.fuzz.cases import fuzzed, nothing_beside
 from tests.fuzz.values import JUNK, TEXTS, changed, damaged
 from tests.reports.test_claims import CAUSE, CLAIM, HEAD
 
 SECRET = b"secret"  # beside the run's folder
-PICTURES = {"sas-1a2b": "frame_0000_client.png", "reference": "frame_0000.png"}
+PICTURES = {folder_name("sas", ""): "frame_0000_client.png", "reference": "frame_0000.png"}
 FOR_PEOPLE = (InputError, SettingsError, StoreError, ClaimsError, DocumentError, DataError, SceneError)
 SETTINGS = Settings(methods=("sas", "stranger/p.py:X"), unit=0.01).to_json()
 CELL = {
@@ -65,7 +66,7 @@ VALID: dict[str, Any] = {
         "parts": {"rows": [{"a": 1}]},
     },
     "trial": TRIAL,
-    "pictures.json": {"sas-1a2b": {"method": "sas", "variant": ""}},
+    "pictures.json": {folder_name("sas", ""): {"method": "sas", "variant": ""}},
 }  # fmt: skip
 
 
