@@ -26,7 +26,7 @@ from shading_atlas_bench.reports.pages.stress import magnitude, matrix, picture_
 from shading_atlas_bench.reports.store.columns import STRESS_COLUMNS, STRESS_STATUSES
 from shading_atlas_bench.reports.store.data import DataError, Kind, decode_json
 from shading_atlas_bench.reports.store.names import folder_name
-from shading_atlas_bench.reports.store.records import Frame, Plan, row_type
+from shading_atlas_bench.reports.store.records import Plan, WholeNumber, row_type
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
@@ -45,7 +45,7 @@ TRIAL = row_type(
         "label": str,
         "folder": FOLDER_NAME,
         "test": FOLDER_NAME,
-        "step": Frame,
+        "step": WholeNumber,
         "status": Literal[STRESS_STATUSES],
     },
 )

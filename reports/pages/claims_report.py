@@ -7,7 +7,6 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from functools import cache
-from html import escape
 from itertools import groupby
 from pathlib import Path
 from typing import Any, NotRequired, TypedDict
@@ -32,6 +31,7 @@ from shading_atlas_bench.reports.analysis.claims import (
 from shading_atlas_bench.reports.pages.html import caption, facts_list, section
 from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import CAUSE_COLUMNS, CLAIM_COLUMNS, CLAIM_VERDICTS
 from shading_atlas_bench.reports.store.csv_files import read_csv, replace_file, write_csv
 from shading_atlas_bench.reports.store.data import DataError, read_json

@@ -20,9 +20,9 @@ from shading_atlas_bench.reports.store.records import (
     REQUIRED,
     STAGE_ROW,
     STATISTIC_ROW,
-    Frame,
     Plan,
     Row,
+    WholeNumber,
 )
 
 FILE = "results.sqlite"
@@ -109,7 +109,7 @@ class Store:
 
     def finished(self) -> set[tuple[str, str, int]]:
         """The committed frames, as (method, variant, frame)."""
-        return set(self.read("finished", "SELECT method, variant, frame FROM finished", tuple[str, str, Frame]))
+        return set(self.read("finished", "SELECT method, variant, frame FROM finished", tuple[str, str, WholeNumber]))
 
     def commit_frame(
         self,

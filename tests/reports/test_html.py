@@ -194,6 +194,22 @@ def test_a_run_with_hardly_anything_has_a_report(tmp_path: Path, row: dict) -> N
     assert row.get("reason", "No frame of any method failed") in page
 
 
+def test_what_turns_the_direction_of_text_is_seen(tmp_path: Path) -> None:
+    """In words, in data of figures, and in labels: all of them come from packers, files and stores of others."""
+    turned = "gnp.\u202esas"
+    with Store(tmp_path) as store:
+        failed = COMMON | {"codec": None, "status": "failed", "reason": turned}
+        measured = COMMON | {"codec": "none", "status": "ok", "flip": 0.1, "server_ms": 3.0, "bytes_video": 1000}
+        store.commit_frame(turned, "", 0, [failed | {"scene": turned}])
+        store.commit_frame("sas", turned, 0, [measured | {"scene": turned, "path": turned}])
+        store.notes["scene/repair"] = store.notes["warning/noise"] = turned
+        store.set_plan({"settings": {"scene": turned}})
+    write_all(tmp_path)
+    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert "\u202e" not in page
+    assert "gnp.\\u202esas" in page
+
+
 def test_an_empty_store_has_a_report_and_no_store_has_none(tmp_path: Path) -> None:
     Store(tmp_path / "empty").close()
     write_all(tmp_path / "empty")
