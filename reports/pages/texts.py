@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import html
-from typing import Any
 
 from shading_atlas_bench.errors import visible
 
@@ -14,7 +13,7 @@ def escape(text: str) -> str:
     return html.escape(visible(text))
 
 
-def seen(value: Any) -> Any:
+def seen(value: object) -> object:
     """A value of plain types whose texts, keys among them, have escapes for what is not seen."""
     if isinstance(value, dict):
         return {seen(name): seen(part) for name, part in value.items()}

@@ -90,7 +90,7 @@ def test_options_of_the_preset():
     for options, says in (
         ({"frames": 0}, "--frames is 0"),
         ({"frames": 10**20}, "give 1 to 1,000,000"),
-        ({"frames": "six"}, "Expected `int`, got `str` - at `$.frames`"),
+        ({"frames": "six"}, r"Expected `int`, got `str` - at `\$\.frames`"),
         ({"size": "8x8"}, "--size is 8x8"),
         ({"size": "640"}, "--size"),
     ):

@@ -85,7 +85,7 @@ def test_what_is_never_drawn_does_not_count(field: str) -> None:
 
 def test_a_scene_from_the_cache_has_the_hash_of_the_one_that_was_made(tmp_path: Path) -> None:
     camera = Camera((np.float64(0.1), 1, 2.0), (0.0, 0.0, -1.0))  # as arrays give numbers
-    made = replace(SCENE, cameras=[camera], place=np.True_, content_hash="a")  # type: ignore[arg-type]
+    made = replace(SCENE, cameras=[camera], place=np.True_, content_hash="a")  # type: ignore[arg-type]  # as NumPy compares
     store(tmp_path / "scene", replace(made, place=True))
     kept = fetch(tmp_path / "scene")
     assert kept is not None
