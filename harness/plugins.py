@@ -178,12 +178,6 @@ def label_of(packer: Packer, varied: Collection[str] = ()) -> str:
     return f"{base}[{brackets}]" if brackets else base
 
 
-def folder_name(method: str, variant: str) -> str:
-    """The folder of a method's dumped frames: its name and a hash of its parameters."""
-    digest = hashlib.sha256(variant.encode()).hexdigest()[:8]
-    return f"{re.sub(r'[^A-Za-z0-9._]+', '_', method)}-{digest}"
-
-
 def own_classes(packer: type[Packer]) -> list[type]:
     """The classes that a packer is made of: itself and all that it is derived from, without Packer's and Python's."""
     return [

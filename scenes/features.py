@@ -67,7 +67,11 @@ def _opacity_varies(scene: Scene) -> bool:
 
 
 def content_digest(scene: Scene) -> str:
-    """16 hex digits over everything that can change a picture: arrays, materials, textures, lights, scale."""
+    """16 hex digits over a scene's arrays, materials, textures, lights, sky, exposure and scale.
+
+    Not over its cameras, its route and whether it is a place, from which its shadow and environment maps are drawn:
+    `drawn_hash` of the harness counts these, too.
+    """
     digest = hashlib.blake2b(digest_size=8)
     tangents = scene.tangents if scene.tangents is not None else np.zeros(0, np.float32)
     arrays: list[Array] = [

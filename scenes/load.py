@@ -103,7 +103,7 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
 
 
 def _through_cache(entry: Path | None, load: Callable[[], Scene]) -> Scene:
-    """The scene from its entry in the cache, or loaded and stored there; whichever it is, its arrays cannot be written to."""
+    """The scene from its entry in the cache, or loaded and stored there, with arrays that cannot be written to."""
     if entry is None:
         return fixed(load())
     scene = fetch(entry)

@@ -176,7 +176,7 @@ class Features:
 class Scene:
     """Triangles, materials, textures, lights and cameras. Linear colour; right-handed; y is up.
 
-    name: what reports call it. content_hash: hex digest of everything that can change a picture.
+    name: what reports call it. content_hash: as from features.content_digest.
     origin: float64 (3); true position = origin + positions.
     positions: float32 (V, 3). indices: int32 (T, 3); a triangle's id is its row. Front faces are counter-clockwise.
     normals: float32 (V, 3), unit. uvs: float32 (V, 2). colours: float32 (V, 4), linear, white where a file has none.

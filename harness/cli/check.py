@@ -17,7 +17,9 @@ def check(
         str,
         typer.Argument(metavar="PACKER", help="all, a name, 'name\\[param=value]', 'file.py:Class' or 'module:Class'"),
     ],
-    out: Annotated[Path | None, typer.Option(help="Folder for pictures of what failed", metavar="DIR")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for pictures of what failed, and the smallest soup", metavar="DIR")
+    ] = None,
     thorough: Annotated[bool, typer.Option("--thorough", help="Fuzz with 1000 soups in place of 100")] = False,
     timeout: Annotated[float, typer.Option(help="For one check", metavar="SECONDS")] = 60.0,
     device: Device = None,

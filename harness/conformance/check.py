@@ -307,7 +307,8 @@ for _name, _value in BEARABLE.items():
 
 
 def run_check(spec: str, out: Path | None, thorough: bool, timeout: float, device: str | None) -> bool:
-    """Run all checks on a packer and print what came out; whether all passed. Failures' pictures go into `out`.
+    """Run all checks on a packer and print what came out; whether all passed. Failures' pictures, and the smallest
+    soup that fails, go into `out`; without it nothing is written.
 
     Raises InputError or DeviceError for what cannot be used.
     """
@@ -341,7 +342,7 @@ def _check_one(kit: Kit, out: Path | None, thorough: bool, timeout: float) -> bo
         busy = f"In the last minute {load():.1f} processes wanted to run on {os.cpu_count()} cores."
         console.print(styled("[dim]--timeout SECONDS gives a check more than {:g} s. {}[/]", timeout, busy))
     if failed and out is None:
-        console.print(styled("[dim]--out DIR writes pictures of what failed.[/]"))
+        console.print(styled("[dim]--out DIR writes pictures of what failed, and the smallest soup.[/]"))
     verdict = (
         styled("[bold red]{} failed[/]", counted(failed, "check")) if failed else styled("[green]all checks passed[/]")
     )
@@ -378,7 +379,9 @@ def guarded_run(name: str, one: Run, kit: Kit, timeout: float) -> TrialResult:
 def _fuzzed(kit: Kit, count: int, out: Path | None, timeout: float) -> TrialResult:
     if smallest := find_failure(kit.device, kit.kind, count, kit.parameters, timeout):
         soup, found = smallest
-        path = save_soup((out or Path(".")) / "regressions", kit.kind.name, soup, found)
+        if out is None:
+            return found
+        path = save_soup(out / "regressions", kit.kind.name, soup, found)
         return replace(found, sentence=f"{found.sentence} The smallest such case is kept as {path}.")
     return TrialResult("ok")
 

@@ -15,7 +15,7 @@ from shading_atlas_bench.harness.conformance.catalogue import CATALOGUE, StressT
 from shading_atlas_bench.harness.conformance.trial import Stage, TrialResult, try_method, try_rasteriser
 from shading_atlas_bench.harness.console import make_console, make_table, progress_bars, styled, tell_passed_over
 from shading_atlas_bench.harness.errors import InputError, StoppedError
-from shading_atlas_bench.harness.plugins import folder_name, label_of, nearest, variant_string
+from shading_atlas_bench.harness.plugins import label_of, nearest, variant_string
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.watch.stops import stops_apart
 from shading_atlas_bench.harness.watch.watchdog import PackTimeoutError, ended_steps, longer_than, time_limit
@@ -25,7 +25,8 @@ from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.pages.stress import magnitude, matrix, picture_stem, write_stress
 from shading_atlas_bench.reports.store.columns import STRESS_COLUMNS, STRESS_STATUSES
 from shading_atlas_bench.reports.store.data import DataError, Kind, decode_json
-from shading_atlas_bench.reports.store.records import Frame, Plan, row_type
+from shading_atlas_bench.reports.store.names import folder_name
+from shading_atlas_bench.reports.store.records import Plan, WholeNumber, row_type
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import PathError
 
@@ -44,7 +45,7 @@ TRIAL = row_type(
         "label": str,
         "folder": FOLDER_NAME,
         "test": FOLDER_NAME,
-        "step": Frame,
+        "step": WholeNumber,
         "status": Literal[STRESS_STATUSES],
     },
 )
@@ -119,6 +120,7 @@ def run_stress(methods: tuple[str, ...], tests: tuple[str, ...], out: Path | Non
         "version": VERSION,
     }
     log = Log.open(out or _folder_for(plan), plan)
+    log.check(chosen, rows)
     journal().note(again=["--out", str(log.folder)])
     console = make_console(stderr=True)
     console.print(styled("Results go to [bold]{}[/]; the same command with --out {} resumes.", log.folder, log.folder))
@@ -168,6 +170,26 @@ class Log:
             raise InputError(f"{folder} cannot be written ({error.strerror}): give another --out.") from error
         return cls(folder, [])
 
+    def check(self, tests: list[StressTest], rows: list[Contender]) -> None:
+        """Raise InputError where a trial is there twice, or is none of these, or says what no such trial says."""
+        contenders = {(row.method, row.variant): row for row in rows}
+        named, keys = {test.name: test for test in tests}, set()
+        for known in self.rows:
+            key = known["method"], known["variant"], known["test"], known["step"]
+            row, test = contenders.get(key[:2]), named.get(known["test"])
+            if (
+                row is None
+                or test is None
+                or known["step"] >= len(test.magnitudes)
+                or key in keys
+                or known != known | _told(row, test, known["step"], known["status"])
+            ):
+                raise InputError(
+                    f"{self.folder / 'stress.jsonl'} has a trial that was changed, or is there twice: "
+                    f"{known['label']}, {known['test']} {known['step']}. Remove its line, and it is tried again."
+                )
+            keys.add(key)
+
     def has(self, row: Contender, test: StressTest, step: int) -> bool:
         """Whether the trial is finished."""
         return self.find(row, test, step) is not None
@@ -185,6 +207,22 @@ class Log:
         self.rows.append(values)
         with open(self.folder / "stress.jsonl", "a", encoding="utf-8") as file:
             file.write(json.dumps(values) + "\n")
+
+
+def _told(row: Contender, test: StressTest, step: int, status: str) -> dict[str, Any]:
+    """What follows from which trial it is and its status."""
+    return {
+        "method": row.method,
+        "variant": row.variant,
+        "label": row.label,
+        "folder": folder_name(row.method, row.variant),
+        "test": test.name,
+        "step": step,
+        "magnitude": test.magnitudes[step],
+        "unit": test.unit,
+        "status": status,
+        "passed": int(status in ("ok", "overflow") or (status == "refused" and test.refusable)),
+    }
 
 
 def _whole(line: str, kind: type[Kind]) -> Kind | None:
@@ -284,18 +322,9 @@ class StressRun:
         ):
             status = "inaccurate"
             reason = f"The picture must stay the same, and its error grew from {baseline:.4f} to {found.error:.4f}."
-        values = {
-            "method": row.method,
-            "variant": row.variant,
-            "label": row.label,
-            "folder": folder_name(row.method, row.variant),
-            "test": test.name,
-            "step": step,
-            "magnitude": test.magnitudes[step],
-            "unit": test.unit,
-            "status": status,
+        told = _told(row, test, step, status)
+        values = told | {
             "reason": reason or None,
-            "passed": int(status in ("ok", "overflow") or (status == "refused" and test.refusable)),
             "error": found.error,
             "growth": growth,
             "wrong_px": found.wrong,

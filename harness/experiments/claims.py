@@ -45,6 +45,7 @@ from shading_atlas_bench.reports.pages.claims_report import (
     counts_text,
     is_claims,
     measured_text,
+    plan_hash,
     read_state,
     write_claims,
 )
@@ -261,8 +262,9 @@ class ClaimRuns:
             if folder := fitting.get(named.name):
                 note = _older(named, folder)
                 entry |= {"folder": str(folder), "problem": None, "reused": True, "note": note}
-            elif old and old["made"] == self._made(named) and not old["problem"]:
-                entry = old
+                entry["plan"] = plan_hash(folder)
+            elif old and old["made"] == self._made(named) and not old["problem"] and self._is_whole(named, old):
+                entry |= {"problem": None, "made": old["made"], "plan": plan_hash(self.folder / named.name)}
             entries[named.name] = entry
         self.state = {
             "ids": list(self.wanted.ids),
@@ -274,13 +276,19 @@ class ClaimRuns:
         }
         self._save()
 
+    def _is_whole(self, named: NamedRun, old: RunState) -> bool:
+        """Whether a run that was made is where it was made."""
+        place = self.folder / named.name
+        same = "plan" not in old or old["plan"] == plan_hash(place)
+        return same and (named.of_linked_lists or not _misfit(named, place))
+
     def _save(self) -> None:
         replace_file(self.folder / FILE, json.dumps(self.state, indent=2) + "\n")
 
     def _made(self, named: NamedRun) -> list[str]:
         """What the results of a run depend on: options, scene, path, device, kernels, methods."""
         digests = [method_digest(type(packer)) for packer in find_methods(Settings(methods=named.methods()))]
-        return [named.command, *_hashes_of(named), self.device, suite_digest(), VERSION, *digests]
+        return [named.command, *_hashes_of(named).values(), self.device, suite_digest(), VERSION, *digests]
 
     def waits(self, named: NamedRun) -> bool:
         """Whether a run is neither made nor reused yet."""
@@ -291,7 +299,7 @@ class ClaimRuns:
         entry = self.state["runs"][named.name]
         try:
             self._make(named)
-            entry |= {"problem": None, "made": self._made(named)}
+            entry |= {"problem": None, "made": self._made(named), "plan": plan_hash(self.folder / named.name)}
         except (SceneError, PathError, SettingsError) as error:
             entry["problem"] = str(error)
         self._save()
@@ -319,19 +327,21 @@ class ClaimRuns:
         return found
 
 
-def _hashes_of(named: NamedRun) -> tuple[str, str]:
-    """As `workload_hashes`; empty where the scene cannot be read, and of linked lists, whose scene is their own."""
-    if named.of_linked_lists:
-        return "", ""
+def _hashes_of(named: NamedRun) -> dict[str, str]:
+    """As `workload_hashes`, of linked lists `model_hashes`; empty where a scene cannot be read."""
     try:
+        if named.of_linked_lists:
+            from shading_atlas_bench.harness.experiments.ppll_2014 import model_hashes
+
+            return model_hashes()
         own = named.settings()
         return _hashes(Settings(**{name: getattr(own, name) for name in WORKLOAD}))
     except (SceneError, PathError, SettingsError):
-        return "", ""
+        return {}
 
 
 @cache
-def _hashes(workload: Settings) -> tuple[str, str]:
+def _hashes(workload: Settings) -> dict[str, str]:
     return workload_hashes(workload)
 
 
@@ -357,7 +367,8 @@ def _misfit(named: NamedRun, folder: Path) -> str:
     wanted = {(packer.name, variant_string(packer)): label_of(packer) for packer in find_methods(own)}
     with Store(folder) as store:
         finished, plan = store.finished(), store.plan() or {}
-    if (plan.get("scene_hash"), plan.get("path_hash")) != _hashes_of(named):
+    hashes = _hashes_of(named)
+    if not hashes or any(plan.get(name, value) != value for name, value in hashes.items()):
         return "another scene or path of the same name"
     lacking = sorted(label for key, label in wanted.items() if (*key, own.frames - 1) not in finished)
     return f"no finished {', '.join(lacking)}" if lacking else ""
@@ -371,7 +382,7 @@ def _older(named: NamedRun, folder: Path) -> str:
     made = {f"{packer.name}[{variant_string(packer)}]": method_digest(type(packer)) for packer in packers}
     known = plan.get("methods")
     same_methods = isinstance(known, dict) and known | made == known
-    same = plan.get("suite") == suite_digest() and same_methods
+    same = plan.get("suite") == suite_digest() and same_methods and _hashes_of(named).keys() <= plan.keys()
     return "" if same and plan.get("version") == VERSION else "made by another program"
 
 

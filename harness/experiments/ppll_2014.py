@@ -21,6 +21,7 @@ from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments.ppll_2014_report import write_report
 from shading_atlas_bench.harness.measure.codecs import pack_lz4
 from shading_atlas_bench.harness.run.folder import make_folder
+from shading_atlas_bench.harness.workload.cache_key import drawn_hash
 from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.settings import Settings, settings_of
 from shading_atlas_bench.harness.workload.upload import upload_scene
@@ -134,6 +135,11 @@ def half_transparent(name: str) -> Scene:
     scene.features = find_features(scene)
     scene.content_hash = content_digest(scene)
     return scene
+
+
+def model_hashes() -> dict[str, str]:
+    """A hash of everything that is drawn of each model, by its name. Raises SceneError."""
+    return {name: drawn_hash(half_transparent(name)) for name in MODELS}
 
 
 def views(scene: ServerScene, size: tuple[int, int], frames: int) -> Iterator[Frame]:

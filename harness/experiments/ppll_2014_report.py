@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.csv_files import replace_file
 
 Row = dict[str, Any]

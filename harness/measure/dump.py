@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes, Floats, Ints
-from shading_atlas_bench.harness.plugins import folder_name
+from shading_atlas_bench.reports.store.names import folder_name
 
 if TYPE_CHECKING:
     from shading_atlas_bench.packers.interface import Owners, View

@@ -93,7 +93,7 @@ def verdict_on(error: BaseException) -> tuple[str, str]:
     if is_stop(error):
         raise error
     if isinstance(error, PackTimeoutError):
-        return "timeout", text_of(error)
+        return "timeout", plain(str(error))
     if isinstance(error, (ReturnedError, NotShippedError)):
         return "invalid", plain(str(error), LONGEST_REASON)
     return "failed", told(error)

@@ -31,7 +31,6 @@ from shading_atlas_bench.harness.measure.pipeline import (
 )
 from shading_atlas_bench.harness.measure.returned import ReturnedError, verdict_on
 from shading_atlas_bench.harness.measure.verification.shared_arrays import SharedArrays
-from shading_atlas_bench.harness.plugins import folder_name
 from shading_atlas_bench.harness.progress import Progress, Task
 from shading_atlas_bench.harness.run.as_published import note_as_published
 from shading_atlas_bench.harness.run.full_atlas import note_full_atlas
@@ -45,6 +44,7 @@ from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.store import csv_files
 from shading_atlas_bench.reports.store.database import StoreFileError
 from shading_atlas_bench.reports.store.labels import NOTES as LABELS
+from shading_atlas_bench.reports.store.names import folder_name
 from shading_atlas_bench.reports.store.results import Store
 
 T = TypeVar("T")

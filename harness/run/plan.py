@@ -29,8 +29,7 @@ def make_plan(session: Session, pipelines: list[Pipeline]) -> dict[str, Any]:
         "methods": {
             f"{pipeline.method}[{pipeline.variant}]": method_digest(type(pipeline.packer.own)) for pipeline in pipelines
         },
-        "scene_hash": session.scene.host.content_hash,
-        "path_hash": session.path_hash,
+        **session.hashes,
         "device": session.device.name,
         "suite": suite_digest(),
         "version": VERSION,

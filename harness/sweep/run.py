@@ -20,9 +20,10 @@ from shading_atlas_bench.harness.sweep.workers import run_workers
 from shading_atlas_bench.harness.workload.session import Session, workload_hashes
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.journal import journal
-from shading_atlas_bench.reports.analysis.sweep import FILE, Point
+from shading_atlas_bench.reports.analysis.sweep import FILE, Point, Sweep, grid_digest
 from shading_atlas_bench.reports.pages.sweep_report import write_sweep
 from shading_atlas_bench.reports.store.csv_files import replace_file
+from shading_atlas_bench.reports.store.data import decode_json
 from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 
@@ -80,17 +81,13 @@ def _has_begun(folder: Path, grid: SweepGrid) -> bool:
 
 
 def check_scenes(grid: SweepGrid) -> dict[str, dict[str, str]]:
-    """Of each scene of the grid, as it was given, a hash of its content and of the path and head motion in it; what is
-    wrong with one shows now, not after hours of the others.
+    """The `workload_hashes` of each scene of the grid, as it was given; what is wrong with one shows now, not after
+    hours of the others.
 
     Raises SceneError, PathError or SettingsError.
     """
-    hashes = {}
-    for cells in grid.scenes():
-        settings = cells[0].settings
-        content, motion = workload_hashes(settings)
-        hashes[settings.scene] = {"content": content, "motion": motion}
-    return hashes
+    first = [cells[0].settings for cells in grid.scenes()]
+    return {settings.scene: workload_hashes(settings) for settings in first}
 
 
 def make_sweep_plan(
@@ -101,10 +98,12 @@ def make_sweep_plan(
         key: value for key, value in wanted.settings.to_json().items() if key not in (*WITHOUT_EFFECT, "crf", "repeat")
     }
     methods = {type(cell.packer): cell.packer.name for cell in grid.cells}
+    described = decode_json(json.dumps(describe(wanted, grid)), Sweep, FILE)
     return {
         "settings": settings,
         "vary": list(wanted.vary),
         "cells": len(grid.cells),
+        "grid": grid_digest(described),
         "methods": {name: method_digest(packer) for packer, name in methods.items()},
         "scenes": hashes,
         "device": session.device.name,

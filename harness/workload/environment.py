@@ -36,8 +36,7 @@ def cached_environment_map(device: Device, scene: Scene, draw: Callable[[], Floa
     a hash it is not cached."""
     if not scene.content_hash:
         return draw()
-    told = {name: repr(getattr(scene, name)) for name in ("place", "route", "cameras", "sky", "exposure")}
-    file = cache_root() / "environments" / device_key(device, scene, told)
+    file = cache_root() / "environments" / device_key(device, scene)
     if (content := read_checked(file)) is not None:
         return np.frombuffer(content, np.float32).reshape(SHAPE)
     drawn = draw()

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from shading_atlas_bench.harness.workload.cache_key import drawn_hash
 from shading_atlas_bench.harness.workload.frames import FrameSource
 from shading_atlas_bench.harness.workload.reference import ForwardRenderer
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError
@@ -57,6 +58,11 @@ class Session:
         return round(1000 * (self.frames - 1) / float(times[-1] - times[0]), 6) if self.frames > 1 else None
 
     @property
+    def hashes(self) -> dict[str, str]:
+        """As `workload_hashes`."""
+        return _hashes(self.scene.host, self.path_hash)
+
+    @property
     def path_hash(self) -> str:
         """A hash of the path's poses and of the head motion at each of them."""
         return hash_of_motion(self.path, self.head, self.settings.latency)
@@ -70,14 +76,19 @@ def hash_of_motion(path: CameraPath, head: HeadMotion, latency: float) -> str:
     return digest.hexdigest()[:16]
 
 
-def workload_hashes(settings: Settings) -> tuple[str, str]:
-    """Hashes of the scene's content, and of the path and the head motion in it: what files decide over.
+def workload_hashes(settings: Settings) -> dict[str, str]:
+    """What files decide over, by its name in plans: hashes of the scene's content (`scene_hash`), of all that is drawn
+    of the scene (`drawn_hash`), and of the path and the head motion in it (`path_hash`).
 
     Raises SceneError, PathError or SettingsError.
     """
     scene = open_scene(settings)
     motion = hash_of_motion(open_path(settings, scene), open_head_motion(settings), settings.latency)
-    return scene.content_hash, motion
+    return _hashes(scene, motion)
+
+
+def _hashes(scene: Scene, motion: str) -> dict[str, str]:
+    return {"scene_hash": scene.content_hash, "drawn_hash": drawn_hash(scene), "path_hash": motion}
 
 
 def open_scene(settings: Settings) -> Scene:

@@ -20,8 +20,7 @@ def cached_shadow_maps(device: Device, scene: Scene, draw: Callable[[], ShadowMa
     """What `draw` gives for a scene, from the cache where it was drawn before; without a hash it is not cached."""
     if not scene.content_hash:
         return draw()
-    told = {name: repr(getattr(scene, name)) for name in ("lights", "cameras", "metres_per_unit")}
-    file, count = cache_root() / "shadows" / device_key(device, scene, told), len(scene.lights) * ROW_FLOATS
+    file, count = cache_root() / "shadows" / device_key(device, scene), len(scene.lights) * ROW_FLOATS
     if (content := read_checked(file)) is not None:
         floats = np.frombuffer(content, np.float32)
         return ShadowMaps(device.upload(floats[count:]), floats[:count].reshape(-1, ROW_FLOATS))

@@ -87,7 +87,7 @@ def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
 
     Raises StoreError if a folder has no results, CompareError if the runs differ in scene or path or share no method.
     """
-    (rows_a, labels_a), (rows_b, labels_b) = _read(folder_a), _read(folder_b)
+    (rows_a, labels_a, drawn_a), (rows_b, labels_b, drawn_b) = _read(folder_a), _read(folder_b)
     for name in ("scene_hash", "path_hash"):
         a, b = ({row[name] for row in rows} for rows in (rows_a, rows_b))
         if a != b:
@@ -95,6 +95,11 @@ def compare(folder_a: Path, folder_b: Path) -> list[Comparison]:
                 f"{folder_a} and {folder_b} differ in {name} ({_list(a)} and {_list(b)}): "
                 "only runs of the same scene and path can be compared frame by frame."
             )
+    if None not in (drawn_a, drawn_b) and drawn_a != drawn_b:  # runs of earlier versions have none
+        raise CompareError(
+            f"{folder_a} and {folder_b} differ in drawn_hash ({drawn_a} and {drawn_b}): the scene's triangles are the "
+            "same, but its cameras, its route or whether it is a place differ, and so do shadow and environment maps."
+        )
     grouped_a, grouped_b = _group(rows_a), _group(rows_b)
     matches = _matches(grouped_a, grouped_b)
     if not matches:
@@ -127,9 +132,10 @@ def differences(folder_a: Path, folder_b: Path) -> list[str]:
     return found
 
 
-def _read(folder: Path) -> tuple[list[dict[str, Any]], Labels]:
+def _read(folder: Path) -> tuple[list[dict[str, Any]], Labels, Any]:
+    """Rows, labels, and the hash of all that is drawn of the scene."""
     with Store(folder, must_exist=True) as store:
-        return store.rows(), read_labels(store)
+        return store.rows(), read_labels(store), (store.plan() or {}).get("drawn_hash")
 
 
 def _group(rows: list[dict[str, Any]]) -> Rows:

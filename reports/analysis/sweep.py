@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -25,10 +27,12 @@ from shading_atlas_bench.reports.store.data import DataError, read_json
 from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.labels import NOTES
 from shading_atlas_bench.reports.store.middle import median
-from shading_atlas_bench.reports.store.records import Plain, row_type
+from shading_atlas_bench.reports.store.records import Plain, Plan, row_type
+from shading_atlas_bench.reports.store.results import FILE as RESULTS
 from shading_atlas_bench.reports.store.results import Store
 
 FILE = "sweep.json"
+AGAIN = "The same `bench sweep` with this folder for --out writes it again."
 GROUPS = ("structs/", "gather/")  # the stages that make up server_ms
 WORST_FIRST = ("failed", "timeout", "invalid", "overflow", "skipped", "ok")
 COSTS = {"server_ms": "time", "samples": "samples", "bytes_total": "bytes", "atlas_mb": "memory"}
@@ -97,14 +101,35 @@ class Point:
 
 
 def read_sweep(folder: Path) -> Sweep:
-    """The content of sweep.json. Raises StoreError if there is none, or if it is of something else."""
+    """The content of sweep.json. Raises StoreError if there is none, or if it is not as the sweep wrote it."""
     try:
         sweep = read_json(folder / FILE, Sweep)
     except DataError as error:
         raise StoreError(f"{folder} has no readable {FILE}: give a folder that `bench sweep` wrote. {error}") from error
     for cell in sweep["cells"]:
         cell.setdefault("contender", cell["method"])  # earlier versions told methods apart, not fixed parameters
+    keys = Counter((cell["method"], cell["variant"], cell["folder"]) for cell in sweep["cells"])
+    for (method, variant, place), count in keys.items():
+        if count > 1:
+            raise StoreError(f"{folder / FILE} has {method}[{variant}] in {place} {count} times. {AGAIN}")
+    if _has_results(folder):
+        with Store(folder, must_exist=True) as store:
+            plan = store.plan() or {}
+        if "grid" in plan and plan["grid"] != grid_digest(sweep):
+            raise StoreError(f"{folder / FILE} was changed after the sweep had written it. {AGAIN}")
     return sweep
+
+
+def grid_digest(sweep: Sweep) -> str:
+    """16 hex digits over all that sweep.json says but for the rule, which may change when a sweep goes on."""
+    grid = {name: said for name, said in sweep.items() if name != "rule"}
+    return hashlib.sha256(json.dumps(grid, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _has_results(folder: Path) -> bool:
+    """Whether there is a store; an empty file is what is left of a sweep that was killed while it made one."""
+    file = folder / RESULTS
+    return file.is_file() and file.stat().st_size > 0
 
 
 def is_sweep(folder: Path) -> bool:
@@ -120,10 +145,26 @@ def read_points(folder: Path) -> list[Point]:
     for cell in sweep["cells"]:
         if cell["folder"] not in stores:
             stores[cell["folder"]] = _Run.read(folder / cell["folder"])
+        _check(sweep, cell, stores[cell["folder"]], folder)
         points += _points(sweep, cell, stores[cell["folder"]])
     for cost in COSTS:
         _mark_fronts(points, cost)
     return points
+
+
+def _check(sweep: Sweep, cell: Cell, run: _Run, folder: Path) -> None:
+    """Raise StoreError where sweep.json says of a cell what its run is not."""
+    name, methods, settings = f"{cell['method']}[{cell['variant']}]", run.plan.get("methods"), run.plan.get("settings")
+    if isinstance(methods, dict) and name not in methods:
+        raise StoreError(f"{folder / FILE} has {name} in {cell['folder']}, which has no such method. {AGAIN}")
+    said = cell["settings"] | {"frames": sweep["frames"]}
+    known = settings if isinstance(settings, dict) else {}
+    for setting, value in said.items():
+        if value not in (None, known.get(setting, value)):  # None: the method has no such setting
+            raise StoreError(
+                f"{folder / FILE} says that {name} has the {setting} {value} in {cell['folder']}, whose run has "
+                f"{known[setting]}. {AGAIN}"
+            )
 
 
 TOLD = ("warning/budget", "warning/full")  # notes of runs that a sweep sums up, as warnings
@@ -137,7 +178,7 @@ def read_told(folder: Path, prefix: str) -> list[str]:
     counts: Counter[tuple[str, str]] = Counter()
     for cell in cells:
         place, name = folder / cell["folder"], f"{cell['method']}[{cell['variant']}]"
-        if (place / "results.sqlite").is_file():
+        if _has_results(place):
             with Store(place, must_exist=True) as store:
                 label = store.notes.under(NOTES).get(name, cell["method"])  # which the sentences begin with
                 told = [text for key, text in store.notes.under(prefix).items() if f"{key}/".startswith(f"{name}/")]
@@ -184,8 +225,9 @@ def _times(times: dict[int, float], repeats: Iterable[Row]) -> Row:
 
 @dataclass(frozen=True)
 class _Run:
-    """What the store of one run holds, by method and variant."""
+    """The plan of one run, and what its store holds, by method and variant."""
 
+    plan: Plan
     rows: dict[tuple[str, str], list[Row]]
     repeats: dict[tuple[str, str], list[Row]]
     stops: dict[str, str]
@@ -194,14 +236,14 @@ class _Run:
     def read(cls, folder: Path) -> _Run:
         rows: dict[tuple[str, str], list[Row]] = defaultdict(list)
         repeats: dict[tuple[str, str], list[Row]] = defaultdict(list)
-        if not (folder / "results.sqlite").is_file():
-            return cls(rows, repeats, {})
+        if not _has_results(folder):
+            return cls({}, rows, repeats, {})
         with Store(folder, must_exist=True) as store:
             for row in store.rows():
                 rows[row["method"], row["variant"]].append(row)
             for row in store.repeats():
                 repeats[row["method"], row["variant"]].append(row)
-            return cls(rows, repeats, store.notes.under("stop"))
+            return cls(store.plan() or {}, rows, repeats, store.notes.under("stop"))
 
 
 def _points(sweep: Sweep, cell: Cell, run: _Run) -> list[Point]:

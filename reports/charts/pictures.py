@@ -21,6 +21,7 @@ import numpy as np
 from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.reports.store.data import DataError, read_file, read_json, regular_size
 from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.names import folder_name
 
 FOLDER, LIST = "pictures", "pictures.json"
 REFERENCE = "reference"
@@ -86,6 +87,11 @@ def find_pictures(folder: Path) -> Pictures:
             references[int(match[1])] = path
     methods: dict[tuple[str, str], dict[int, dict[str, Path]]] = {}
     for name, owner in _known(folder).items():
+        if name != folder_name(**owner):
+            raise StoreError(
+                f"{folder / FOLDER / LIST} says that {name} has the pictures of {owner['method']}[{owner['variant']}], "
+                "which are in another folder: run the same command again, or remove the entry."
+            )
         frames = methods.setdefault((owner["method"], owner["variant"]), {})
         for path in _whole_pictures(folder, name):
             if match := _NAME.fullmatch(path.name):

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 from shading_atlas_bench.reports.charts.figures import Figure, coding_label, displayed_codings, stacked_bars
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import KEYFRAME, MEASURED_STATUSES
 from shading_atlas_bench.reports.store.labels import Labels
 from shading_atlas_bench.reports.store.middle import mean

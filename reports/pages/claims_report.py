@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 from collections import Counter
 from collections.abc import Sequence
 from functools import cache
-from html import escape
 from itertools import groupby
 from pathlib import Path
-from typing import Any, TypedDict
+from typing import Any, NotRequired, TypedDict
 
 from shading_atlas_bench.reports.analysis.claims import (
     CONFIRMED,
@@ -30,9 +31,12 @@ from shading_atlas_bench.reports.analysis.claims import (
 from shading_atlas_bench.reports.pages.html import caption, facts_list, section
 from shading_atlas_bench.reports.pages.style import page_style
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import CAUSE_COLUMNS, CLAIM_COLUMNS, CLAIM_VERDICTS
 from shading_atlas_bench.reports.store.csv_files import read_csv, replace_file, write_csv
 from shading_atlas_bench.reports.store.data import DataError, read_json
+from shading_atlas_bench.reports.store.results import FILE as RESULTS
+from shading_atlas_bench.reports.store.results import Store
 
 FILE = "claims.json"
 COPY = "claims.toml"
@@ -66,7 +70,7 @@ def is_claims(folder: Path) -> bool:
 
 class RunState(TypedDict):
     """A run that claims need: its command, its folder (below that of the claims, or a reused one), why it has no rows,
-    and `made`: what its results depend on."""
+    `made`: what its results depend on, and `plan`: a hash of its plan, as from `plan_hash`."""
 
     command: str
     folder: str
@@ -74,6 +78,7 @@ class RunState(TypedDict):
     reused: bool
     note: str
     made: list[str] | None
+    plan: NotRequired[str | None]  # earlier versions had none
 
 
 class State(TypedDict):
@@ -95,6 +100,27 @@ def read_state(folder: Path) -> State:
         raise ClaimsError(f"{folder} has no readable {FILE}: give a folder that bench claims wrote. {error}") from error
 
 
+def plan_hash(folder: Path) -> str | None:
+    """16 hex digits of the plan of a run's results; None for those of an experiment, which has no store. Raises
+    StoreError."""
+    if not (folder / RESULTS).is_file():
+        return None
+    with Store(folder, must_exist=True) as store:
+        return hashlib.sha256(json.dumps(store.plan(), sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _place_of(name: str, run: RunState, folder: Path) -> Path:
+    """The folder of a run's results. Raises ClaimsError if it holds another's, StoreError if it cannot be read."""
+    place = folder / run["folder"]
+    other = not run["reused"] and run["folder"] != name
+    if other or ("plan" in run and run["plan"] != plan_hash(place)):
+        raise ClaimsError(
+            f"{folder / FILE} says that the run {name} is in {place}, which is not what it was made as. The same "
+            f"`bench claims` with --out {folder} makes it again."
+        )
+    return place
+
+
 def write_claims(folder: Path) -> tuple[list[Judged], list[Explained]]:
     """Write claims.csv, causes.csv and claims.html into `folder`, from its claims.toml, claims.json and the runs named
     there. Returns the claims and their causes, at every place.
@@ -102,12 +128,13 @@ def write_claims(folder: Path) -> tuple[list[Judged], list[Explained]]:
     Raises ClaimsError or StoreError for what cannot be read.
     """
     state = read_state(folder)
+    places = {name: _place_of(name, run, folder) for name, run in state["runs"].items() if not run["problem"]}
     claims = chosen(read_claims(folder / COPY), state["ids"])
     problems = {name: run["problem"] for name, run in state["runs"].items() if run["problem"]}
 
     @cache
     def rows_of(name: str) -> RunRows:
-        return RunRows.read(folder / state["runs"][name]["folder"])
+        return RunRows.read(places[name])
 
     results = judge_all(claims.claims, rows_of, problems, state["variants"])
     causes = explain_all(claims, rows_of, problems, state["variants"])

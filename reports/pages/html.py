@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from datetime import datetime
-from html import escape
 from importlib.resources import files
 from itertools import groupby
 from pathlib import Path
@@ -24,6 +23,7 @@ from shading_atlas_bench.reports.pages.tables import (
     ranges,
     table,
 )
+from shading_atlas_bench.reports.pages.texts import escape, seen
 from shading_atlas_bench.reports.store.csv_files import measured_statistics, read_saved, replace_file, summarise
 from shading_atlas_bench.reports.store.labels import Key, Labels, read_labels
 from shading_atlas_bench.reports.store.middle import finite, median
@@ -406,7 +406,7 @@ def _details(notes: dict[str, dict[str, str]], plan: dict[str, Any], labels: Lab
 
 def _json(value: Any) -> str:
     """JSON that may stand inside a script element; what is beyond floating point is null."""
-    text = json.dumps(_finite(value), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
+    text = json.dumps(_finite(seen(value)), ensure_ascii=False, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c")
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from html import escape
 from math import exp, log
 from pathlib import Path
 from statistics import fmean
@@ -11,6 +10,7 @@ from typing import Any
 
 from shading_atlas_bench.reports.charts.figures import COLOURS
 from shading_atlas_bench.reports.pages.html import caption, facts_list, fill_page, section
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import KERNEL_COLUMNS
 from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
 

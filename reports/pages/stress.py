@@ -5,11 +5,11 @@ from __future__ import annotations
 import base64
 from collections.abc import Iterable
 from dataclasses import dataclass
-from html import escape
 from pathlib import Path
 from typing import Any
 
 from shading_atlas_bench.reports.pages.style import page_style
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import STRESS_COLUMNS
 from shading_atlas_bench.reports.store.csv_files import replace_file, write_csv
 from shading_atlas_bench.reports.store.data import read_file

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from html import escape
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +26,7 @@ from shading_atlas_bench.reports.charts.figures import COLOURS, Figure, arrow
 from shading_atlas_bench.reports.pages.html import caption, facts_list, fill_page, moment, section
 from shading_atlas_bench.reports.pages.sweep_words import CODING_NAMES, COST_NAMES, NAMES, RULE, verdict
 from shading_atlas_bench.reports.pages.tables import NONE, folded_lists, number, prose, table
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import BY_NAME
 from shading_atlas_bench.reports.store.csv_files import replace_file
 from shading_atlas_bench.reports.store.results import Store, flat

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from html import escape
 from typing import Any
 
 from shading_atlas_bench.reports.charts.figures import arrow, coding_label, displayed_codings
+from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, summary_columns
 from shading_atlas_bench.reports.store.csv_files import after_keyframe, median_interval
 from shading_atlas_bench.reports.store.labels import Key, Labels

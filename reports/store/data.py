@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import re
 import stat
+import sys
 import tomllib
 from pathlib import Path
 from typing import TypeVar
@@ -39,15 +39,19 @@ def read_file(file: Path, most: int = MOST_BYTES) -> bytes:
         raise DataError(f"{file} has {size:,} bytes: it may have {most:,}.")
     try:
         with open(file, "rb") as stream:
-            return stream.read(most)
+            content = stream.read(most + 1)
     except OSError as error:
         raise DataError(f"{file} cannot be read: {_reason(error)}.") from error
+    if len(content) > most:  # it grew since
+        raise DataError(f"{file} has more than {most:,} bytes, which is the most that it may have.")
+    return content
 
 
 def read_text(file: Path) -> str:
-    """The text of such a file. Raises DataError where it is not UTF-8."""
+    """The text of a regular file of at most MOST_BYTES. Raises DataError for others, and where it is not UTF-8."""
+    content = read_file(file)
     try:
-        return read_file(file).decode("utf-8")
+        return content.decode("utf-8")
     except UnicodeDecodeError as error:
         raise DataError(f"{file} is not UTF-8: {error.reason} at byte {error.start}.") from error
 
@@ -69,12 +73,13 @@ def decode_json(text: bytes | str, kind: type[Kind], source: str) -> Kind:
 
 def read_toml(file: Path, kind: type[Kind]) -> Kind:
     """A TOML file as a value of a type. Raises DataError where it is none."""
+    text = read_text(file)
     try:
-        content = tomllib.loads(read_text(file))
-    except DataError:
-        raise
-    except (ValueError, RecursionError) as error:  # ValueError: also a number of thousands of digits
+        content = tomllib.loads(text)
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         raise DataError(f"{file} is not TOML: {_reason(error)}.") from error
+    except ValueError as error:  # of Python's own, which converts no number of thousands of digits
+        raise DataError(f"{file} has a number of more than {sys.get_int_max_str_digits():,} digits.") from error
     return as_kind(content, kind, str(file))
 
 
@@ -92,10 +97,8 @@ def as_kind(value: object, kind: type[Kind], source: str) -> Kind:
 
 
 def _misfit(error: msgspec.ValidationError, source: str) -> str:
-    """The sentence for a value of another type, with its place."""
-    what, _, place = str(error).replace("`", "").partition(" - at ")
-    place = re.sub(r"^(key in )?\$\.?", r"\1", place)
-    return f"{source} is not what it is taken for{f', at {place}' if place else ''}: {what[:1].lower()}{what[1:]}."
+    """The sentence for a value of another type; msgspec says its place, from `$`, the whole."""
+    return f"{source} is not what it is taken for: {error}."
 
 
 def _reason(error: Exception) -> str:

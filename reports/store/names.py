@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 
 LONGEST = 100  # bytes: systems take 255, and more is put behind it
@@ -15,6 +16,12 @@ def fits_everywhere(name: object) -> bool:
     if type(name) is not str or not _FITTING.fullmatch(name) or _DEVICES.fullmatch(name):
         return False
     return len(name.encode()) <= LONGEST
+
+
+def folder_name(method: str, variant: str) -> str:
+    """The folder of a method's pictures and of its dumped frames: its name and a hash of its parameters."""
+    digest = hashlib.sha256(variant.encode()).hexdigest()[:8]
+    return f"{re.sub(r'[^A-Za-z0-9._]+', '_', method)}-{digest}"
 
 
 def encodable(text: str) -> str:

@@ -1,4 +1,5 @@
-"""The types of what a store holds, for reports/store/data.py: a row of each table, and the plan."""
+"""The types of what a folder of results holds, for reports/store/data.py: a row of each table of its store, the plan of
+the run, and the settings in its run.json."""
 
 from __future__ import annotations
 
@@ -26,7 +27,7 @@ _MakeType: TypeAlias = Callable[[str, dict[str, Any]], type[Row]]
 _typed_dict: _MakeType = TypedDict  # type: ignore[assignment]  # mypy knows only those that are written out
 _LARGEST = sys.float_info.max
 Finite = Annotated[float, Meta(ge=-_LARGEST, le=_LARGEST)]
-Frame = Annotated[int, Meta(ge=0)]
+WholeNumber = Annotated[int, Meta(ge=0)]
 
 # Two levels of names are what plans of runs and sweeps have.
 Plain: TypeAlias = str | int | float | bool | None
@@ -55,20 +56,21 @@ def _kind(column: Column) -> Any:
     if column.name == "status":
         return Literal[STATUSES]
     if column.name == "frame":
-        return Frame
+        return WholeNumber
     return Finite if column.type is float else column.type
 
 
-def _names(columns: Iterable[Column], empty: str) -> list[str]:
-    return [column.name for column in columns if column.name != empty]
+def _without(name: str, columns: Iterable[Column]) -> list[Column]:
+    return [column for column in columns if column.name != name]
+
+
+def _names(columns: Iterable[Column]) -> list[str]:
+    return [column.name for column in columns]
 
 
 FRAME_ROW = row_type("FrameRow", FRAME_COLUMNS, REQUIRED)
-STAGE_ROW = row_type("StageRow", STAGE_COLUMNS, _names(STAGE_COLUMNS, "ms"))
-STATISTIC_ROW = row_type("StatisticRow", STATISTIC_COLUMNS, _names(STATISTIC_COLUMNS, "value"))
+REPEAT_COLUMNS = [*_without("launches", STAGE_COLUMNS), Column("repetition", "", "which timing", "count", int)]
+STAGE_ROW = row_type("StageRow", STAGE_COLUMNS, _names(_without("ms", STAGE_COLUMNS)))
+STATISTIC_ROW = row_type("StatisticRow", STATISTIC_COLUMNS, _names(_without("value", STATISTIC_COLUMNS)))
+REPEAT_ROW = row_type("RepeatRow", REPEAT_COLUMNS, _names(_without("ms", REPEAT_COLUMNS)))
 SKIP_ROW = row_type("SkipRow", SKIP_COLUMNS, ())
-REPEAT_ROW = row_type(
-    "RepeatRow",
-    [*STAGE_COLUMNS[:-1], Column("repetition", "", "which timing", "count", int)],
-    [*_names(STAGE_COLUMNS[:-1], "ms"), "repetition"],
-)

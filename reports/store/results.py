@@ -20,9 +20,9 @@ from shading_atlas_bench.reports.store.records import (
     REQUIRED,
     STAGE_ROW,
     STATISTIC_ROW,
-    Frame,
     Plan,
     Row,
+    WholeNumber,
 )
 
 FILE = "results.sqlite"
@@ -110,12 +110,13 @@ class Store:
         if existing is not None and existing != wanted:
             differences = "; ".join(_differences(flat(existing), flat(wanted)))
             raise StoreError(
-                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments to resume."
+                f"{self.folder} holds another run: {differences}. Give another --out, or the same arguments and "
+                "files to resume."
             )
 
     def finished(self) -> set[tuple[str, str, int]]:
         """The committed frames, as (method, variant, frame)."""
-        return set(self.read("finished", "SELECT method, variant, frame FROM finished", tuple[str, str, Frame]))
+        return set(self.read("finished", "SELECT method, variant, frame FROM finished", tuple[str, str, WholeNumber]))
 
     def commit_frame(
         self,

@@ -25,12 +25,13 @@ from shading_atlas_bench.reports.documents.kept import read_kept
 from shading_atlas_bench.reports.pages.claims_report import read_state
 from shading_atlas_bench.reports.pages.stress import write_stress
 from shading_atlas_bench.reports.store.columns import SWEEP_SETTINGS
+from shading_atlas_bench.reports.store.names import folder_name
 from tests.fuzz.cases import fuzzed, nothing_beside, one_sentence
 from tests.fuzz.values import JUNK, TEXTS, changed, damaged
 from tests.reports.test_claims import CAUSE, CLAIM, HEAD
 
 SECRET = b"secret"  # beside the run's folder
-PICTURES = {"sas-1a2b": "frame_0000_client.png", "reference": "frame_0000.png"}
+PICTURES = {folder_name("sas", ""): "frame_0000_client.png", "reference": "frame_0000.png"}
 SETTINGS = Settings(methods=("sas", "stranger/p.py:X"), unit=0.01).to_json()
 CELL = {
     "folder": "cells/000-defaults", "method": "sas", "variant": "a=1", "contender": "sas", "varied": {"a": "1"},
@@ -60,7 +61,7 @@ VALID: dict[str, Any] = {
         "parts": {"rows": [{"a": 1}]},
     },
     "trial": TRIAL,
-    "pictures.json": {"sas-1a2b": {"method": "sas", "variant": ""}},
+    "pictures.json": {folder_name("sas", ""): {"method": "sas", "variant": ""}},
 }  # fmt: skip
 
 

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from shading_atlas_bench.harness import plugins
 from shading_atlas_bench.harness.plugins import (
     find_packers,
-    folder_name,
     label_of,
     load_packer,
     packer_names,
@@ -21,6 +20,7 @@ from shading_atlas_bench.harness.plugins import (
     variant_string,
 )
 from shading_atlas_bench.packers.interface import Packer
+from shading_atlas_bench.reports.store.names import folder_name
 
 SOURCE = """
     from shading_atlas_bench.packers.interface import Packer, Paper, Parameter

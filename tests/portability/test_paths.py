@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from shading_atlas_bench.harness.plugins import SPEC, find_packers, folder_name, load_packer, variant_string
+from shading_atlas_bench.harness.plugins import SPEC, find_packers, load_packer, variant_string
 from shading_atlas_bench.harness.sweep.grid import make_grid, read_axes
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.reports.analysis.claims import ClaimsError, read_claims
-from shading_atlas_bench.reports.store.names import fits_everywhere
+from shading_atlas_bench.reports.store.names import fits_everywhere, folder_name
 
 FORBIDDEN = set('<>:"/\\|?*') | {chr(code) for code in range(32)}
 OWN = "from packers.sas import ShadingAtlasStreaming\n\nclass Mine(ShadingAtlasStreaming):\n    name = {!r}\n"

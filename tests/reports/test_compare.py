@@ -131,3 +131,16 @@ def test_different_work_is_refused(tmp_path: Path) -> None:
         compare(a, b)
     with pytest.raises(StoreError, match="no results"):
         compare(a, tmp_path / "c")
+
+
+def test_a_scene_that_is_lit_from_elsewhere_is_refused(tmp_path: Path) -> None:
+    """Two worlds of one scene and path hash, and a run of an earlier version, which had no other hash."""
+    hashes = {"a": "one", "b": "another", "c": None}
+    a, b, c = (one_method(tmp_path / name, np.linspace(1, 2, 20)) for name in hashes)
+    for folder, drawn in zip((a, b, c), hashes.values(), strict=True):
+        with Store(folder) as store:
+            store.set_plan({"drawn_hash": drawn} if drawn else {})
+    with pytest.raises(CompareError, match="drawn_hash"):
+        compare(a, b)
+    assert only(compare(a, c), "flip").verdict == "same"
+    assert differences(a, c) == ["drawn_hash: one in A, None in B"]

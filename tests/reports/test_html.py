@@ -17,6 +17,7 @@ from shading_atlas_bench.reports.pages.html import chosen_frames, moment, write_
 from shading_atlas_bench.reports.pages.tables import number, prose, ranges
 from shading_atlas_bench.reports.store.csv_files import write_all
 from shading_atlas_bench.reports.store.database import StoreError
+from shading_atlas_bench.reports.store.names import folder_name
 from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
 
@@ -39,7 +40,7 @@ def add_pictures(folder: Path, frames: tuple[int, ...]) -> None:
     for frame in frames:
         write_png(folder / f"pictures/reference/frame_{frame:04d}.png", make_picture(0, 64, 36))
         for index, (method, (variant, _, _)) in enumerate(METHODS.items()):
-            place = folder / "pictures" / f"{method}-1a2b"
+            place = folder / "pictures" / folder_name(method, variant)
             place.mkdir(exist_ok=True)
             owners[place.name] = {"method": method, "variant": variant}
             atlas = make_picture(0, 1100, 300)
@@ -142,8 +143,22 @@ def test_pictures_are_embedded_for_chosen_frames(folder: Path, page: str) -> Non
     entry = embedded["frames"][1]
     assert list(entry["methods"]["sas"]) == ["client", "flip", "atlas", "owners"]
     client = base64.b64decode(entry["methods"]["sas"]["client"].removeprefix("data:image/png;base64,"))
-    assert client == (folder / "pictures/sas-1a2b/frame_0009_client.png").read_bytes()
+    own = folder / "pictures" / folder_name("sas", METHODS["sas"][0])
+    assert client == (own / "frame_0009_client.png").read_bytes()
     assert entry["methods"]["sas"]["atlas"].startswith("data:image/jpeg;base64,")
+
+
+@pytest.mark.parametrize("edit", ["swapped", "twice"])
+def test_pictures_of_one_method_are_not_taken_for_those_of_another(edit: str, tmp_path: Path) -> None:
+    make_store(tmp_path, frames=1)
+    add_pictures(tmp_path, (0,))
+    file = tmp_path / "pictures" / "pictures.json"
+    owners = json.loads(file.read_text(encoding="utf-8"))
+    one, other = sorted(owners)[:2]
+    owners[one], owners[other] = owners[other], owners[one] if edit == "swapped" else owners[other]
+    file.write_text(json.dumps(owners), encoding="utf-8")
+    with pytest.raises(StoreError, match=r"pictures\.json says that"):
+        write_report(tmp_path)
 
 
 def test_a_picture_that_cannot_be_read_is_named(tmp_path: Path) -> None:
@@ -177,6 +192,22 @@ def test_a_run_with_hardly_anything_has_a_report(tmp_path: Path, row: dict) -> N
     write_all(tmp_path)
     page = write_report(tmp_path).read_text(encoding="utf-8")
     assert row.get("reason", "No frame of any method failed") in page
+
+
+def test_what_turns_the_direction_of_text_is_seen(tmp_path: Path) -> None:
+    """In words, in data of figures, and in labels: all of them come from packers, files and stores of others."""
+    turned = "gnp.\u202esas"
+    with Store(tmp_path) as store:
+        failed = COMMON | {"codec": None, "status": "failed", "reason": turned}
+        measured = COMMON | {"codec": "none", "status": "ok", "flip": 0.1, "server_ms": 3.0, "bytes_video": 1000}
+        store.commit_frame(turned, "", 0, [failed | {"scene": turned}])
+        store.commit_frame("sas", turned, 0, [measured | {"scene": turned, "path": turned}])
+        store.notes["scene/repair"] = store.notes["warning/noise"] = turned
+        store.set_plan({"settings": {"scene": turned}})
+    write_all(tmp_path)
+    page = write_report(tmp_path).read_text(encoding="utf-8")
+    assert "\u202e" not in page
+    assert "gnp.\\u202esas" in page
 
 
 def test_an_empty_store_has_a_report_and_no_store_has_none(tmp_path: Path) -> None:

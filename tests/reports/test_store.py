@@ -249,20 +249,20 @@ def test_a_folder_too_deep_for_sqlite_is_refused(tmp_path):
 @pytest.mark.parametrize(
     ("table", "column", "value", "says"),
     [
-        ("rows", "fov", "wide", "expected float"),
-        ("rows", "fov", b"\0", "got bytes"),
-        ("rows", "fov", math.inf, "expected float"),
-        ("rows", "frame", 2.5, "expected int"),
-        ("rows", "frame", -1, "expected int >= 0"),
-        ("rows", "status", "fine", "invalid enum value 'fine'"),
-        ("rows", "scene", None, "expected str"),
-        ("stages", "ms", "long", "expected float"),
-        ("statistics", "value", b"", "got bytes"),
-        ("repeats", "repetition", "first", "expected int"),
-        ("finished", "frame", "first", "expected int"),
-        ("notes", "value", b"\xff", "expected str"),
-        ("plan", "content", '{"a":' * 5000, "got object"),
-        ("plan", "content", "[]", "expected object"),
+        ("rows", "fov", "wide", "Expected `float"),
+        ("rows", "fov", b"\0", "got `bytes`"),
+        ("rows", "fov", math.inf, "Expected `float"),
+        ("rows", "frame", 2.5, "Expected `int"),
+        ("rows", "frame", -1, "Expected `int` >= 0"),
+        ("rows", "status", "fine", "Invalid enum value 'fine'"),
+        ("rows", "scene", None, "Expected `str"),
+        ("stages", "ms", "long", "Expected `float"),
+        ("statistics", "value", b"", "got `bytes`"),
+        ("repeats", "repetition", "first", "Expected `int"),
+        ("finished", "frame", "first", "Expected `int"),
+        ("notes", "value", b"\xff", "Expected `str"),
+        ("plan", "content", '{"a":' * 5000, "got `object`"),
+        ("plan", "content", "[]", "Expected `object"),
     ],
 )
 def test_a_value_of_another_type_is_named_by_table_and_column(
@@ -285,7 +285,7 @@ def test_a_value_of_another_type_is_named_by_table_and_column(
     sentence = str(caught.value)
     assert says in sentence
     assert f"The table {table} of {tmp_path / 'results.sqlite'}" in sentence
-    assert table in ("notes", "plan", "finished") or f"].{column}:" in sentence
+    assert table in ("notes", "plan", "finished") or f"].{column}`" in sentence
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,15 @@ from typer.testing import CliRunner
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.conformance import check
 from shading_atlas_bench.harness.conformance.check import CHECKS, Kit, guarded_run
+from shading_atlas_bench.harness.conformance.fuzz import Soup
+from shading_atlas_bench.harness.conformance.trial import TrialResult
 from tests.fuzz.cases import nothing_beside
 from tests.harness import faulty_packers as faulty
 from tests.harness import returning_packers
 
 FAULTY = Path(faulty.__file__)
 RETURNING = Path(returning_packers.__file__)
+SOUP = Soup([[[0.0, 0.0, 0.0]] * 3], [0], [0.0, 0.0, 1.0], 0.0, 0.0, 60.0, [64, 64], [[0]], {})
 FEW = ("parameters", "picture", "empty set", "overflow")
 
 
@@ -62,6 +65,21 @@ def test_the_command_says_what_is_wrong_and_shows_it(tmp_path, monkeypatch):
     assert {path.name for path in (tmp_path / "out").glob("*overflow*")} == {
         f"silent_overflow_{name}.png" for name in ("client", "reference", "atlas")
     }
+
+
+@pytest.mark.parametrize("out", [None, "mine"])
+def test_a_soup_that_fails_is_kept_where_the_user_says(out, tmp_path, monkeypatch):
+    monkeypatch.setattr(check, "CHECKS", {})
+    monkeypatch.setattr(check, "BENCHMARK", 0.05)
+    monkeypatch.setattr(check, "find_failure", lambda *_: (SOUP, TrialResult("invalid", "It lies.")))
+    monkeypatch.chdir(tmp_path)
+    result = CliRunner().invoke(app, ["check", f"{FAULTY}:Silent", *(("--out", out) if out else ())])
+    assert result.exit_code == 1
+    kept = [str(path) for path in Path().rglob("*.json")]
+    assert len(kept) == (out is not None) == len(list(Path().iterdir()))
+    text = "".join(result.stdout.split())
+    assert all(path in text for path in kept)
+    assert ("--outDIR" in text) == (out is None)
 
 
 def test_the_command_says_of_a_wrong_return_what_a_run_says(tmp_path, monkeypatch):

@@ -213,3 +213,22 @@ def test_a_scene_far_away_stays_the_same(device):
     both = [Stage.of(device, replace(case, size=(96, 54), poses=case.poses[:1])) for case in (near, far)]
     rgb = [stage.last.rgb.astype(int) for stage in both if stage.last]
     assert np.abs(rgb[0] - rgb[1]).max() <= 1
+
+
+TOLD = {"label": "tss", "folder": "tss-1a2b", "magnitude": 0.25, "unit": "m", "passed": 0, "step": 5, "variant": "a=1"}
+
+
+@pytest.mark.parametrize("name", [*TOLD, "twice", "test"])
+def test_a_trial_that_contradicts_itself_is_refused(name: str, tmp_path: Path):
+    row, test = Contender("raster", "", "raster", None), CATALOGUE["empty-frames"]
+    log = Log.open(tmp_path / "out", {"device": "A"})
+    device: Any = None  # nothing is done on it
+    StressRun(device, [test], [row], log, True, 1.0)._keep(row, test, 0, TrialResult("ok"))
+    Log.open(log.folder, {"device": "A"}).check([test], [row])
+    edited = log.rows[0] | ({name: TOLD[name]} if name in TOLD else {})
+    if name == "twice":
+        log.add(edited)
+    else:
+        (log.folder / "stress.jsonl").write_text(f'{{"device": "A"}}\n{json.dumps(edited)}\n', encoding="utf-8")
+    with pytest.raises(InputError, match=r"stress\.jsonl has a trial that was changed, or is there twice"):
+        Log.open(log.folder, {"device": "A"}).check([] if name == "test" else [test], [row])

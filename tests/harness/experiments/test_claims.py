@@ -4,8 +4,10 @@ import csv
 import json
 import re
 import shutil
+from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -110,7 +112,7 @@ def test_a_claim_is_measured_once_and_its_page_needs_nothing_else(whole: Path, c
     assert (whole / "tiny" / "results.sqlite").stat().st_mtime_ns == before
 
 
-@pytest.mark.parametrize("name", ["scene_hash", "path_hash"])
+@pytest.mark.parametrize("name", ["scene_hash", "drawn_hash", "path_hash"])
 def test_a_run_of_a_scene_or_path_that_was_edited_since_is_not_reused(
     name: str, whole: Path, claims: Path, tmp_path: Path
 ):
@@ -151,6 +153,42 @@ def test_runs_are_reused_and_a_run_that_cannot_be_made_is_a_row_with_its_reason(
     of_claims = claims.parent / "of_claims"
     options = ["--id", "more-samples", "--reuse", str(whole), "--out", str(of_claims)]
     assert bench("claims", "--file", str(claims), *options).returncode == 0
+
+
+def _elsewhere(run: dict[str, Any]) -> None:
+    run["folder"] = "elsewhere"
+
+
+def _reused(run: dict[str, Any]) -> None:
+    run |= {"folder": "elsewhere", "reused": True}
+
+
+@pytest.mark.parametrize("edit", [_elsewhere, _reused, None], ids=["folder", "reused", "results"])
+def test_another_runs_results_are_not_taken_for_those_of_a_claim(
+    edit: Callable[[dict[str, Any]], None] | None, whole: Path, claims: Path, tmp_path: Path
+):
+    """Whether claims.json names another run's folder, or another run was put into its folder."""
+    folder = tmp_path / "out"
+    shutil.copytree(whole, folder)
+    with Store(whole / "tiny") as store:
+        plan = store.plan()
+    assert plan is not None
+    settings = plan["settings"]
+    assert isinstance(settings, dict)
+    other = folder / ("elsewhere" if edit else "tiny")
+    shutil.copytree(whole / "tiny", other, dirs_exist_ok=True)
+    alter(other, "UPDATE plan SET content = ?", json.dumps(plan | {"settings": settings | {"frames": 7}}))
+    if edit:
+        state = json.loads((folder / "claims.json").read_text(encoding="utf-8"))
+        edit(state["runs"]["tiny"])
+        (folder / "claims.json").write_text(json.dumps(state), encoding="utf-8")
+    done = bench("report", str(folder))
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "the run tiny is in" in " ".join(done.stderr.split())
+    if edit:
+        again = bench("claims", "--file", str(claims), "--id", "more-samples", "--out", str(folder))
+        assert again.returncode == 0, again.stderr
+        assert rows_of(folder) == [["more-samples", "tiny", "confirmed"]]
 
 
 def test_results_of_other_settings_are_not_reused(whole: Path, claims: Path):

@@ -10,6 +10,7 @@ from typer.testing import CliRunner
 from shading_atlas_bench.harness.cli.main import app
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.experiments import ppll_2014
+from shading_atlas_bench.harness.experiments.claims import NamedRun, _hashes_of
 from shading_atlas_bench.harness.experiments.ppll_2014 import (
     PUBLISHED_SIZES,
     Experiment,
@@ -89,7 +90,7 @@ def test_options_of_the_preset():
     for options, says in (
         ({"frames": 0}, "--frames is 0"),
         ({"frames": 10**20}, "give 1 to 1,000,000"),
-        ({"frames": "six"}, "at frames: expected int, got str"),
+        ({"frames": "six"}, r"Expected `int`, got `str` - at `\$\.frames`"),
         ({"size": "8x8"}, "--size is 8x8"),
         ({"size": "640"}, "--size"),
     ):
@@ -172,3 +173,18 @@ def test_parameters_of_lists_hold_for_all_modes(tables, tmp_path, monkeypatch):
     )
     assert sent[0] == before[0]
     assert sum(sent[1:]) < sum(before[1:])
+
+
+def test_another_model_is_another_experiment(monkeypatch, tmp_path):
+    """Its hashes are among what `bench claims` compares before it takes results that are there."""
+    monkeypatch.setenv("BENCH_SCENES", str(tmp_path))
+    monkeypatch.setattr(ppll_2014, "MODELS", {"bunny": "bunny/bunny.ply"})
+    named = NamedRun("lists", {"preset": "ppll-2014"}, ())
+    found = [_hashes_of(named)]
+    file = tmp_path / "bunny" / "bunny.obj"
+    monkeypatch.setattr(ppll_2014, "MODELS", {"bunny": "bunny/bunny.obj"})
+    file.parent.mkdir()
+    for size in (1, 2):
+        file.write_text(f"v 0 0 0\nv {size} 0 0\nv 0 {size} {size}\nf 1 2 3\n", encoding="utf-8")
+        found.append(_hashes_of(named))
+    assert len({hashes["bunny"] for hashes in found}) == 3

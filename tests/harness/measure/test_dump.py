@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from shading_atlas_bench.harness.measure.dump import bary_plane, dump_frame, dump_scene, owner_plane, write_png
-from shading_atlas_bench.harness.plugins import folder_name
 from shading_atlas_bench.packers.interface import Owners, View
+from shading_atlas_bench.reports.store.names import folder_name
 from shading_atlas_bench.scenes.model import Material, Scene
 
 

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from shading_atlas_bench.harness.workload.session import workload_hashes
+from shading_atlas_bench.harness.workload.settings import read_settings
 from shading_atlas_bench.reports.store.columns import FRAME_COLUMNS
 from tests.harness.commands import BAD, ROOT, bench
 
@@ -280,4 +282,7 @@ def test_a_stopped_run_says_what_is_kept(tmp_path: Path):
 def test_run_json_says_what_ran(whole: Path):
     saved = json.loads((whole / "run.json").read_text(encoding="utf-8"))
     assert saved["settings"]["frames"] == 3
-    assert saved["plan"]["scene_hash"] == rows_of(whole)[0]["scene_hash"]
+    for name in ("scene_hash", "path_hash"):
+        assert saved["plan"][name] == rows_of(whole)[0][name]
+    settings = read_settings(whole / "run.json")
+    assert saved["plan"].items() >= workload_hashes(settings).items()

@@ -9,14 +9,20 @@ import shutil
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import pytest
 from typer.testing import CliRunner
 
 from shading_atlas_bench.harness.cli.main import app
+from shading_atlas_bench.harness.workload.session import workload_hashes
+from shading_atlas_bench.harness.workload.settings import Settings
+from shading_atlas_bench.reports.analysis.sweep import read_points
 from shading_atlas_bench.reports.documents.digests import sweep_parts
 from shading_atlas_bench.reports.store.columns import SWEEP_COLUMNS
+from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.results import Store
 from tests.harness.commands import BAD, ROOT, bench
 from tests.reports.synthetic import alter
@@ -105,6 +111,18 @@ def test_the_same_command_again_changes_nothing_and_another_plan_is_refused(whol
     (whole / "sweep.csv").unlink()
     assert bench("report", str(whole)).returncode == 0
     assert (whole / "sweep.csv").read_text(encoding="utf-8") == before
+
+
+def test_a_sweep_is_bound_to_all_that_its_scenes_are_drawn_from(whole: Path):
+    with Store(whole, must_exist=True) as store:
+        plan = store.plan()
+    assert plan is not None
+    hashes = workload_hashes(Settings(frames=2))
+    assert plan["scenes"] == {"hall": hashes}
+    with Store(next((whole / "cells").iterdir()), must_exist=True) as store:
+        of_cell = store.plan()
+    assert of_cell is not None
+    assert hashes.items() <= of_cell.items()
 
 
 def test_a_killed_sweep_resumes_and_ends_with_the_same_rows(whole: Path, tmp_path: Path):
@@ -222,3 +240,65 @@ def test_unusable_arguments_are_one_sentence_and_exit_2(arguments: list[str], sa
     assert done.returncode == 2, done.stdout
     assert says in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def _swapped(content: dict[str, Any]) -> None:
+    """Two cells of one method in each other's folders."""
+    one, other = (cell for cell in content["cells"] if cell["method"] == "sas" and cell["varied"]["fit"] == "0.5")
+    one["folder"], other["folder"] = other["folder"], one["folder"]
+
+
+EDITS: dict[str, Callable[[dict[str, Any]], object]] = {
+    "folders swapped": _swapped,
+    "a cell twice": lambda content: content["cells"].append(content["cells"][0]),
+    "a cell less": lambda content: content["cells"].pop(),
+    "other frames": lambda content: content.update(frames=9),
+    "another setting": lambda content: content["cells"][0]["settings"].update(fov=61),
+    "another variant": lambda content: content["cells"][0].update(variant=content["cells"][1]["variant"]),
+    "another label": lambda content: content["cells"][0]["varied"].update(atlas="512"),
+    "another contender": lambda content: content["cells"][0].update(contender="tss"),
+    "another condition": lambda content: content["cells"][0].update(condition="fov 90"),
+    "another coding": lambda content: content["cells"][0]["codings"].update(displayed=["none", None]),
+    "times that can be compared": lambda content: content.update(timed=False),
+}
+OF_PLANS = ("folders swapped", "a cell twice", "other frames", "another setting")
+
+
+@pytest.mark.parametrize("edit", EDITS)
+def test_an_edited_sweep_is_refused(edit: str, whole: Path, tmp_path: Path):
+    """Also one of an earlier version, whose plan has no hash of the grid, where the runs say otherwise."""
+    folder = tmp_path / "out"
+    shutil.copytree(whole, folder)
+    content = json.loads((folder / "sweep.json").read_text(encoding="utf-8"))
+    EDITS[edit](content)
+    (folder / "sweep.json").write_text(json.dumps(content), encoding="utf-8")
+    with pytest.raises(StoreError, match=r"sweep\.json"):
+        read_points(folder)
+    if edit in OF_PLANS:
+        with Store(folder) as store:
+            plan = store.plan()
+        assert plan is not None
+        del plan["grid"]
+        alter(folder, "UPDATE plan SET content = ?", json.dumps(plan, sort_keys=True))
+        with pytest.raises(StoreError, match=r"sweep\.json"):
+            read_points(folder)
+
+
+def test_folders_of_cells_that_were_renamed_are_refused(whole: Path, tmp_path: Path):
+    folder = tmp_path / "out"
+    shutil.copytree(whole, folder)
+    one, other = sorted((folder / "cells").iterdir())[:2]
+    one.rename(folder / "aside")
+    other.rename(one)
+    (folder / "aside").rename(other)
+    with pytest.raises(StoreError, match=r"sweep\.json says that .* has the atlas_width \d+ in .*, whose run has \d+"):
+        read_points(folder)
+
+
+def test_a_cell_whose_store_was_being_made_is_not_measured(whole: Path, tmp_path: Path):
+    """As a kill leaves it: an empty file."""
+    folder = tmp_path / "out"
+    shutil.copytree(whole, folder)
+    one, *_ = sorted((folder / "cells").iterdir())
+    (one / "results.sqlite").write_bytes(b"")
+    assert {point.row["status"] for point in read_points(folder)} == {"ok", "unfinished"}
