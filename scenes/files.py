@@ -51,10 +51,6 @@ class SceneFiles:
         alike = {path for form in forms for path in self._alike(file.parent, form) if is_file(path)}
         return self._allowed(alike.pop(), name) if len(alike) == 1 else None
 
-    def named(self, file: Path, name: bytes) -> Path:
-        """As `find`, but where nothing matches, a path by that name."""
-        return self.find(file, name) or self.beside(file, _forms(name)[0])
-
     def _allowed(self, path: Path, name: bytes | str) -> Path:
         """The path. Raises SceneError for a file elsewhere, and for one that no memory holds."""
         if not is_file(path):

@@ -14,10 +14,10 @@ import numpy as np
 from shading_atlas_bench.scenes.assemble import assemble
 from shading_atlas_bench.scenes.cache import fetch, scene_key, store
 from shading_atlas_bench.scenes.cameras import CAMERAS, read_cameras
-from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.features import content_digest, find_features
 from shading_atlas_bench.scenes.files import SceneFiles, is_file, is_there
 from shading_atlas_bench.scenes.gltf import read_gltf
+from shading_atlas_bench.scenes.inputs import InputFiles
 from shading_atlas_bench.scenes.lights import add_lights
 from shading_atlas_bench.scenes.memory import check_memory
 from shading_atlas_bench.scenes.mesh_files import read_mesh_file
@@ -78,14 +78,20 @@ def load_scene(
         if repair or decimate is not None:
             raise SceneError(f"{name_or_path} is made to size: use --detail instead of --repair and --decimate.")
         options |= {"detail": detail, "seed": seed}
-        return _through_cache(cache, options, [], lambda: _make(name_or_path, detail, seed))
+        return _built_in(cache, options, lambda: _make(name_or_path, detail, seed))
     path = _existing(name_or_path)
-    options |= {"name": _scene_name(path), "max_texture": max_texture}
+    options |= {"name": _scene_name(path), "folder": str(path.parent.resolve()), "max_texture": max_texture}
     check_memory(path.stat().st_size, f"The file {path}")
-    files, raw = SceneFiles(path, allow_outside), RawScene(max_texture=max_texture)
-    with _in_words(path):
-        inputs = input_files(path, files) if cache else []
-    return _through_cache(cache, options, inputs, lambda: _load_file(path, files, raw, unit, repair, decimate))
+    raw = RawScene(max_texture=max_texture)
+    if cache is None:
+        return _load_file(path, SceneFiles(path, allow_outside), raw, unit, repair, decimate)
+    entry = cache / scene_key(options, [path])
+    scene = fetch(entry, InputFiles(path, allow_outside).unchanged)
+    if scene is None:
+        files = InputFiles(path, allow_outside)
+        scene = _load_file(path, files, raw, unit, repair, decimate)
+        store(entry, scene, files.asked)
+    return scene
 
 
 def _check_options(unit: float | None, detail: int | None, decimate: float | None, max_texture: int) -> None:
@@ -99,17 +105,14 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
         raise SceneError(f"The ratio of triangles to keep must be above 0 and at most 1, not {decimate}.")
 
 
-def _through_cache(
-    cache: Path | None, options: Mapping[str, object], files: list[Path], load: Callable[[], Scene]
-) -> Scene:
-    """The scene from the cache, or loaded and stored there."""
-    if cache is None:
-        return load()
-    path = cache / scene_key(options, files)
-    scene = fetch(path)
+def _built_in(cache: Path | None, options: Mapping[str, object], make: Callable[[], Scene]) -> Scene:
+    """A built-in scene from the cache, or made and stored there."""
+    entry = cache / scene_key(options, []) if cache else None
+    scene = fetch(entry) if entry else None
     if scene is None:
-        scene = load()
-        store(path, scene)
+        scene = make()
+        if entry:
+            store(entry, scene)
     return scene
 
 

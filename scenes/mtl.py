@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
-from shading_atlas_bench.scenes.files import SceneFiles, file_text, is_file, shown, written_differently
+from shading_atlas_bench.scenes.files import SceneFiles, file_text, shown, written_differently
 from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Material, Texture
 from shading_atlas_bench.scenes.raw import RawScene
@@ -81,15 +81,6 @@ class LibraryMaterial:
     def textured(self) -> bool:
         """Whether the material has a texture of colour or of light."""
         return max(self.material.base_texture, self.material.emissive_texture) >= 0
-
-
-def map_files(library: Path, files: SceneFiles) -> list[Path]:
-    """Image files that a material library names; they need not exist."""
-    if not is_file(library):
-        return []
-    entries = [statements for _, statements in _entries(library)]
-    names = (map_statement(entry[key]).name for entry in entries for key in _MAPS if key in entry)
-    return [files.named(library, name) for name in dict.fromkeys(names) if name]
 
 
 def read_mtl(library: Path, files: SceneFiles, raw: RawScene) -> dict[bytes, LibraryMaterial]:
