@@ -16,7 +16,7 @@ from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Material, Texture
 from shading_atlas_bench.scenes.raw import RawScene
 
-_NUMBER = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+_NUMBER = re.compile(rb"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$")
 _SWITCH = re.compile(rb"(on|off)$", re.IGNORECASE)
 _CHANNEL = re.compile(rb"[rgbmlz]$", re.IGNORECASE)
 _SHAPE = re.compile(rb"(sphere|cube_\w+)$", re.IGNORECASE)
@@ -107,14 +107,14 @@ def read_mtl(library: Path, files: SceneFiles, raw: RawScene) -> dict[bytes, Lib
 
 def map_statement(value: bytes) -> MapStatement:
     """What follows `map_Kd` and the like: options, and a file's name, which may hold blanks."""
-    found, rest = MapStatement(b""), value.strip()
-    while (option := rest.split(None, 1)[0].lower().decode("latin-1") if rest else "") in _OPTIONS:
+    found, words, at = MapStatement(b""), list(re.finditer(rb"\S+", value)), 0
+    while at < len(words) and (option := words[at][0].lower().decode("latin-1")) in _OPTIONS:
         pattern, most, neutral = _OPTIONS[option]
-        rest = rest[len(option) :].strip()
+        at += 1
         values: list[float | bytes] = []
-        while len(values) < most and len(words := rest.split(None, 1)) == 2 and pattern.match(words[0]):
-            values.append(float(words[0]) if pattern is _NUMBER else words[0].lower())
-            rest = words[1]
+        while len(values) < most and at + 1 < len(words) and pattern.match(word := words[at][0]):
+            values.append(float(word) if pattern is _NUMBER else word.lower())
+            at += 1
         if option == "-s":
             found.scale = _pair(values, 1.0)
         elif option == "-o":
@@ -123,7 +123,7 @@ def map_statement(value: bytes) -> MapStatement:
             found.clamped = values == [b"on"]
         elif values != neutral[: len(values)] or not neutral:
             found.ignored.append(option)
-    found.name = rest
+    found.name = value[words[at].start() :].strip() if at < len(words) else b""
     return found
 
 
