@@ -24,7 +24,7 @@ from shading_atlas_bench.scenes.mesh_files import read_mesh_file
 from shading_atlas_bench.scenes.model import Scene, SceneError
 from shading_atlas_bench.scenes.raw import MAX_TEXTURE, RawScene
 from shading_atlas_bench.scenes.repair import load_pymeshlab
-from shading_atlas_bench.scenes.standing import NARROWEST, Standing, decide
+from shading_atlas_bench.scenes.standing import GIVEN_UP, NARROWEST, Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
 _READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
@@ -171,6 +171,8 @@ def _load_file(
         raw.cameras = cameras + raw.cameras
         scene = assemble(_scene_name(path), raw, repair, decimate, str(path))
     standing = _scaled(scene, path, unit, stated_unit)
+    if standing.given_up:
+        scene.notes.append(GIVEN_UP)
     scene.place, scene.because = standing.place, standing.reason
     if not scene.cameras and min((scene.bounds[1] - scene.bounds[0])[[0, 2]]) * scene.metres_per_unit >= NARROWEST:
         scene.because += f" {_OVERRULED}"
@@ -206,18 +208,21 @@ def _scaled(scene: Scene, path: Path, unit: float | None, stated: float | None) 
 
 def _guessed(scene: Scene) -> Standing:
     """Set the unit of a file that states none: one in which the scene is a place, or that makes an object 2 m large."""
+    given_up = False
     for unit, name in _GUESSES.items():
         scene.metres_per_unit, scene.unit_from = unit, f"a guess: {name}"
         standing = decide(scene)
         if standing.place:
             scene.notes.append(f"The file states no unit: it is taken to be in {name} (--unit changes that).")
             return standing
+        given_up |= standing.given_up
     scene.metres_per_unit = _OBJECT_SIZE / float(max(scene.bounds[1] - scene.bounds[0]))
     scene.unit_from = f"a guess: the object is {_OBJECT_SIZE:g} m large"
     further = "" if scene.cameras else "; if it is a place, put a cameras.json with one camera beside it"
     size = f"{_OBJECT_SIZE:g} m large"
     scene.notes.append(f"The file states no unit: the object is taken to be {size} (--unit changes that{further}).")
-    return Standing(False, f"No place was found in it, neither in {' nor in '.join(_GUESSES.values())}.")
+    reason = f"No place was found in it, neither in {' nor in '.join(_GUESSES.values())}."
+    return Standing(False, reason, given_up=given_up)
 
 
 def _see_through(scene: Scene) -> list[str]:

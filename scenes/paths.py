@@ -25,6 +25,7 @@ from shading_atlas_bench.scenes.quaternions import about, looking, multiply, sle
 from shading_atlas_bench.scenes.rays import Rays
 from shading_atlas_bench.scenes.standing import FOUND, decide
 from shading_atlas_bench.scenes.walking import EYE_HEIGHT, route_from
+from shading_atlas_bench.scenes.work import WorkError
 
 RATE = 60.0  # frames per second
 WALK_FRAMES, ORBIT_FRAMES = 660, 300
@@ -312,7 +313,11 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
     if camera.name == FOUND:
         notes.append("The walk starts at a viewpoint found inside the scene.")
     eye, direction = np.array(camera.position), np.array(camera.direction)
-    route = route_from(scene, eye, direction, length)
+    try:
+        route = route_from(scene, eye, direction, length)
+    except WorkError:
+        notes.append(f"So much stands around the {who} that the person there takes a small step and looks around.")
+        return _stand(scene, eye, direction, seed)
     if route is not None and _in_sight(scene, eye, route.eyes[0]):
         if not route.on_floor:
             notes.append(f"The {who} does not stand on a floor: the walk stays at its height.")

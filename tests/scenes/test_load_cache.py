@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from shading_atlas_bench.scenes import load, mtl
+from shading_atlas_bench.scenes import load
 from shading_atlas_bench.scenes.cache import fetch, store
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Scene, SceneError
@@ -162,15 +162,16 @@ def test_what_lies_outside_counts_as_it_may_be_read(tmp_path, png, cached):
 
 
 def test_a_file_that_changes_while_it_is_read_counts_as_changed(tmp_path, png, cached, monkeypatch):
-    scene, real = cached(textured_obj(tmp_path, png)), mtl.file_text
+    scene, real = cached(textured_obj(tmp_path, png)), Path.read_bytes
 
     def late(path: Path) -> bytes:
-        text = real(path)
-        path.write_text("newmtl m\nKd 1 0 0\n", encoding="utf-8")
-        return text
+        content = real(path)
+        if path.suffix == ".mtl":
+            path.write_text("newmtl m\nKd 1 0 0\n", encoding="utf-8")
+        return content
 
     with monkeypatch.context() as patch:
-        patch.setattr(mtl, "file_text", late)
+        patch.setattr(Path, "read_bytes", late)
         assert scene.load().textures
     assert not scene.load().textures
 
