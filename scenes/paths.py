@@ -2,7 +2,8 @@
 
 A text file has one pose per line: time in milliseconds, position x y z in the scene's own coordinates and units, and
 the camera-to-world quaternion x y z w (the camera looks along its -z, y is up), separated by blanks or commas. `#`
-starts a comment; empty lines are skipped; times grow strictly. Quaternions of any length but zero are normalised.
+starts a comment; empty lines are skipped; times grow by 1 ms at least. Quaternions of any length but zero are
+normalised.
 """
 
 from __future__ import annotations
@@ -38,6 +39,8 @@ TURNTABLE_STEP = 5.0  # degrees per frame
 HALF_ACROSS, HALF_UP = 30.0, 18.0
 
 _LARGEST = 1e18  # in a file: beyond it squares leave float32's range
+_CLOSEST_MS = 1.0  # between poses of a path: more than a thousand a second are no walk
+_ROUNDED = 1 - 1e-6  # of such a distance is enough, as times are rounded
 _SHORTEST = 1e-100  # quaternion, as a file has it, whose squares can be added
 _SHOWN = 60  # characters of a wrong line
 
@@ -179,7 +182,7 @@ def _file(name: str) -> Path:
 
 def read_path(file: Path, origin: Doubles) -> Poses:
     """Poses of a text file (see above) relative to `origin`, float64 (3), or PathError naming the file and the line."""
-    rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw")
+    rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw", _CLOSEST_MS)
     table = np.array([row for _, row in rows])
     turns = table[:, 4:]
     lengths = np.linalg.norm(turns, axis=1)
@@ -192,8 +195,10 @@ def read_path(file: Path, origin: Doubles) -> Poses:
     return Poses(table[:, 0].copy(), table[:, 1:4] - origin, turns / lengths[:, None])
 
 
-def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -> list[tuple[int, list[float]]]:
-    """Line numbers and values of a text table whose first column grows strictly.
+def read_numbers(
+    file: Path, columns: int, meaning: str, least: float, header: bool = False
+) -> list[tuple[int, list[float]]]:
+    """Line numbers and values of a text table whose first column, times, grows by `least` or more from line to line.
 
     `#` starts a comment, values are separated by blanks or commas. header: the first line is not read.
     Raises PathError naming the file and the line where there are not `columns` numbers, none larger than 1e18.
@@ -209,10 +214,7 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
         words = line.split("#")[0].replace(",", " ").split()
         if not words or (header and number == 1):
             continue
-        try:
-            values = [float(word) for word in words]
-        except ValueError:
-            values = []
+        values = [_number(word) for word in words]
         if len(values) != columns or not np.isfinite(values).all():
             found = line.strip()
             shown = repr(found if len(found) <= _SHOWN else f"{found[:_SHOWN]}...")
@@ -221,10 +223,22 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
             raise PathError(f"{file}, line {number}: {max(values, key=abs):g} is larger than {_LARGEST:g}.")
         if rows and not values[0] > rows[-1][1][0]:
             raise PathError(f"{file}, line {number}: time {values[0]:g} does not follow {rows[-1][1][0]:g}.")
+        if rows and values[0] - rows[-1][1][0] < least * _ROUNDED:
+            raise PathError(f"{file}, line {number}: time {values[0]:g} is less than {least:g} after the one before.")
         rows.append((number, values))
     if not rows:
         raise PathError(f"{file} has no poses; each line needs {columns} numbers ({meaning}).")
     return rows
+
+
+def _number(word: str) -> float:
+    """The number that a word is, or not a number: Python's float takes further digits, and _ between them."""
+    if not word.isascii() or "_" in word:
+        return np.nan
+    try:
+        return float(word)
+    except ValueError:
+        return np.nan
 
 
 def _frame_times(count: int) -> Doubles:
