@@ -1,9 +1,10 @@
 """Loaded scenes on disk, their arrays mapped into memory, not copied.
 
-One file per scene, named after a digest of everything that went into it: the bytes of all input files, the options and
-the source of this package and of `arithmetic`. A checksum over all of it tells a damaged file, which is as good as a
-missing one; a warning says so. It is written beside and renamed over what is there, so that concurrent runs see a whole
-one or none.
+One file per scene, named after a digest of what its loading starts from: the scene file, the options and the source of
+this package and of `arithmetic`. With the scene it holds the list of all further files that the reader asked for, and
+what was in them: a scene counts as missing where one of them has changed, came or went. A checksum over all of it tells
+a damaged file, which is as good as a missing one; a warning says so. It is written beside and renamed over what is
+there, so that concurrent runs see a whole one or none.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ import shutil
 import tempfile
 import warnings
 import zlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import asdict
 from functools import cache
 from pathlib import Path
@@ -26,6 +27,7 @@ import numpy as np
 from shading_atlas_bench import arithmetic, scenes
 from shading_atlas_bench.arithmetic.arrays import Array, Bytes
 from shading_atlas_bench.scenes.files import is_file
+from shading_atlas_bench.scenes.inputs import Input
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Features, Light, Material, Scene, Sky, Texture
 
 _ARRAYS = (
@@ -60,8 +62,8 @@ def scene_key(options: Mapping[str, object], files: Iterable[Path]) -> str:
     return digest.hexdigest()
 
 
-def store(path: Path, scene: Scene) -> None:
-    """Write a scene as the file `path`, replacing what is there.
+def store(path: Path, scene: Scene, inputs: Iterable[Input] = ()) -> None:
+    """Write a scene, and the files that were asked for to load it, as the file `path`, replacing what is there.
 
     Where it cannot be written (a full disk, a folder without permission) a warning says so, and it is only loaded again
     next time.
@@ -71,7 +73,7 @@ def store(path: Path, scene: Scene) -> None:
     for name, array in arrays.items():
         places[name] = (array.dtype.str, array.shape, end)
         end += array.nbytes + -array.nbytes % _ALIGNMENT
-    record = json.dumps({"arrays": places} | _record(scene)).encode()
+    record = json.dumps({"arrays": places, "inputs": list(inputs)} | _record(scene)).encode()
     record += b" " * (-(2 * _NUMBER + len(record)) % _ALIGNMENT)
     parts: list[bytes | memoryview] = [len(record).to_bytes(_NUMBER, "little"), record]
     for array in arrays.values():
@@ -95,13 +97,16 @@ def store(path: Path, scene: Scene) -> None:
         _warn_once(f"Scenes cannot be kept in {path.parent} ({error.strerror}): they are loaded anew each time.")
 
 
-def fetch(path: Path) -> Scene | None:
-    """The scene stored as `path`, its arrays mapped read-only; None where it is missing, unreadable or damaged."""
+def fetch(path: Path, unchanged: Callable[[list[Input]], bool] = lambda _: True) -> Scene | None:
+    """The scene stored as `path`, its arrays mapped read-only; None where it is missing, unreadable or damaged, or its
+    input files are not `unchanged`."""
     data = _checked(path)
     if data is None:
         return None
     start = 2 * _NUMBER + int.from_bytes(data[_NUMBER : 2 * _NUMBER], "little")
     record = json.loads(bytes(data[2 * _NUMBER : start]))
+    if not unchanged([tuple(asked) for asked in record["inputs"]]):
+        return None
     arrays = {
         name: data[start + place :][: np.dtype(dtype).itemsize * int(np.prod(shape))].view(dtype).reshape(shape)
         for name, (dtype, shape, place) in record["arrays"].items()

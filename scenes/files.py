@@ -23,8 +23,7 @@ class SceneFiles:
     `allow_outside` any.
 
     `exact` takes a name to the letter, as glTF's are meant; `find` one as OBJ, MTL and PLY files have it, in an unknown
-    encoding, and in another case than the file's; `expect` does too, and says where a file that is missing belongs.
-    Names count from the file that has them, which may lie in a folder below. SceneError is raised for the name of a
+    encoding, and in another case than the file's. Names count from the file that has them, which may lie in a folder below. SceneError is raised for the name of a
     file elsewhere, and for that of one that does not fit into memory.
     """
 
@@ -50,10 +49,6 @@ class SceneFiles:
                 return self._usable(exact.pop(), name)
         alike = self._alike(file.parent, forms)
         return self._usable(alike.pop(), name) if len(alike) == 1 else None
-
-    def expect(self, file: Path, name: bytes) -> Path:
-        """As `find`, but where nothing matches, a path by that name."""
-        return self.find(file, name) or self.exact(file, _forms(name)[0])
 
     def absence(self, file: Path, name: bytes | str) -> str:
         """Why there is no file that `file` names, as what follows the name in a sentence."""

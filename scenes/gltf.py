@@ -9,6 +9,7 @@ Conventions: matrices are float64 (4, 4) for column vectors; quaternions are x, 
 
 from __future__ import annotations
 
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -44,7 +45,7 @@ def read_gltf(path: Path, files: SceneFiles, raw: RawScene) -> None:
     cameras = [_camera(document, nodes, node, raw) for node in nodes.drawn if "camera" in nodes.entries[node]]
     raw.cameras = sorted(cameras, key=lambda camera: -round(camera.up[1], 1))  # upright ones first: people walk upright
     raw.lights = _lights(document, nodes, raw)
-    raw.animations = camera_animations(document, nodes)
+    raw.animations = camera_animations(document, nodes, raw)
     if document.items("animations"):
         raw.note(
             "Animations in the file, of which only those of cameras are used: {}.", len(document.items("animations"))
@@ -54,12 +55,14 @@ def read_gltf(path: Path, files: SceneFiles, raw: RawScene) -> None:
 def _add_parts(document: GltfDocument, nodes: GltfNodes, materials: GltfMaterials, raw: RawScene) -> None:
     """One part per primitive, with the transforms of all nodes that draw it; skinned and morphed ones of their own."""
     placed: dict[int, list[Doubles]] = {}
+    joints_of = cache(partial(_joint_matrices, document, nodes))
     for node in nodes.drawn:
         entry = nodes.entries[node]
         if "mesh" not in entry:
             continue
         if "skin" in entry:
-            joints = _joint_matrices(document, nodes, entry["skin"])
+            document.entry("skins", entry["skin"])
+            joints = joints_of(entry["skin"])
             raw.parts += _primitives(document, materials, raw, entry["mesh"], entry.get("weights"), joints)
         elif "weights" in entry:
             instances = _instances(document, entry, nodes.world[node], raw)

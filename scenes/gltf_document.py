@@ -206,17 +206,6 @@ def _strided(
     return np.ndarray((count, columns, rows), component, view, 0, (stride, column_bytes, component.itemsize))
 
 
-def named_files(path: Path, files: SceneFiles) -> list[Path]:
-    """The buffers and images that a glTF file of either kind names; none where it is damaged."""
-    try:
-        document, _ = _parsed(path.read_bytes())
-        entries = [entry for kind in ("buffers", "images") for entry in document.get(kind, [])]
-    except (OSError, ValueError):
-        return []
-    names = [entry["uri"] for entry in entries if isinstance(entry.get("uri"), str)]
-    return [files.exact(path, unquote(name)) for name in names if not name.startswith("data:")]
-
-
 def _parsed(data: bytes) -> tuple[JsonObject, memoryview | None]:
     """The JSON and the binary chunk of a file's bytes; its first ones say whether it is a GLB container."""
     text, chunk = _split_glb(memoryview(data)) if data[:4] == b"glTF" else (data, None)

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import TypeAlias
+
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Doubles
+from shading_atlas_bench.arithmetic.arrays import Array, Doubles
 from shading_atlas_bench.arithmetic.functions import arctan2, sin
 from shading_atlas_bench.arithmetic.matrices import dot, product
 from shading_atlas_bench.scenes.gltf_document import GltfDocument
@@ -12,31 +15,64 @@ from shading_atlas_bench.scenes.gltf_nodes import AT_REST, GltfNodes
 from shading_atlas_bench.scenes.gltf_values import JsonObject, numbers, picked
 from shading_atlas_bench.scenes.model import CameraAnimation
 from shading_atlas_bench.scenes.quaternions import from_matrix
+from shading_atlas_bench.scenes.raw import RawScene
 from shading_atlas_bench.scenes.transforms import compose
+from shading_atlas_bench.scenes.work import Work, WorkError
 
 _STEP_MS = 1000 / 60  # rotations between keys are not straight lines, so they are sampled at 60 Hz at least
 _LONGEST = 36_000  # frames: ten minutes
+MOST_STEPS = 5_000_000  # a step is a matrix, or what takes as long; 14 cameras that fly through a city take 81,045
+_POSE_BYTES = 8 * (1 + 3 + 4)
+
+# The nodes of an animation: which of AT_REST moves, and by which sampler.
+_Channels: TypeAlias = dict[int, list[tuple[str, JsonObject]]]
 
 
-def camera_animations(document: GltfDocument, nodes: GltfNodes) -> list[CameraAnimation]:
-    """Every camera that an animation moves, itself or through an ancestor, in world coordinates; upright ones first."""
-    found = []
-    for number, animation in enumerate(document.items("animations")):
-        channels: dict[int, list[tuple[str, JsonObject]]] = {}
-        for channel in animation["channels"]:
-            target = channel["target"]
-            if "node" in target and target.get("path") in AT_REST:
-                document.entry("nodes", target["node"])
-                sampler = picked(animation["samplers"], channel["sampler"], "an animation's samplers")
-                channels.setdefault(target["node"], []).append((target["path"], sampler))
-        for node in nodes.drawn:
-            lineage = nodes.lineage(node)
-            if "camera" in nodes.entries[node] and any(ancestor in channels for ancestor in lineage):
-                camera = document.entry("cameras", nodes.entries[node]["camera"])
-                name = camera.get("name") or nodes.entries[node].get("name") or f"camera {node}"
-                title = animation.get("name") or f"animation {number}"
-                found.append(_sample(document, nodes, lineage, channels, f"{name}, {title}"))
+def camera_animations(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> list[CameraAnimation]:
+    """Every camera that an animation moves, itself or through an ancestor, in world coordinates; upright ones first.
+
+    Those that are left after MOST_STEPS are not, which is noted.
+    """
+    found: list[CameraAnimation] = []
+    try:
+        for animation in _followed(document, nodes, raw):
+            found.append(animation)
+    except WorkError:
+        steps = f"{MOST_STEPS:,} steps"
+        raw.note(f"Animated cameras are followed for {steps}: the first {len(found):,} of them are used, no others.")
     return sorted(found, key=lambda animation: -round(_uprightness(animation), 1))
+
+
+def _followed(document: GltfDocument, nodes: GltfNodes, raw: RawScene) -> Iterator[CameraAnimation]:
+    """The animated cameras in the file's order. Raises WorkError after MOST_STEPS."""
+    work, cameras = Work(MOST_STEPS), [node for node in nodes.drawn if "camera" in nodes.entries[node]]
+    for number, animation in enumerate(document.items("animations")):
+        channels = _channels(document, animation)
+        if not (cameras and channels):
+            continue
+        work.take(len(nodes.entries))
+        moved = nodes.below(channels)
+        for node in cameras:
+            if node not in moved:
+                continue
+            work.take(moved[node])
+            camera = document.entry("cameras", nodes.entries[node]["camera"])
+            name = camera.get("name") or nodes.entries[node].get("name") or f"camera {node}"
+            title = animation.get("name") or f"animation {number}"
+            lineage = nodes.lineage(node, moved[node])
+            yield _sample(document, nodes, lineage, channels, f"{name}, {title}", work, raw)
+
+
+def _channels(document: GltfDocument, animation: JsonObject) -> _Channels:
+    """What an animation moves of nodes' places."""
+    channels: _Channels = {}
+    for channel in animation["channels"]:
+        target = channel["target"]
+        if "node" in target and target.get("path") in AT_REST:
+            document.entry("nodes", target["node"])
+            sampler = picked(animation["samplers"], channel["sampler"], "an animation's samplers")
+            channels.setdefault(target["node"], []).append((target["path"], sampler))
+    return channels
 
 
 def _uprightness(animation: CameraAnimation) -> float:
@@ -49,15 +85,24 @@ def _sample(
     document: GltfDocument,
     nodes: GltfNodes,
     lineage: list[int],
-    channels: dict[int, list[tuple[str, JsonObject]]],
+    channels: _Channels,
     name: str,
+    work: Work,
+    raw: RawScene,
 ) -> CameraAnimation:
-    """Poses of the last node of a lineage from the first to the last key of whatever moves it."""
-    keys = [_keys(document, sampler)[[0, -1]] for node in lineage for _, sampler in channels.get(node, [])]
-    first, last = min(float(key[0]) for key in keys), max(float(key[1]) for key in keys)
+    """Poses of the last node of a lineage, whose first one is moved, from the first to the last key of whatever moves
+    it."""
+    samplers = [sampler for node in lineage for _, sampler in channels.get(node, [])]
+    work.take(len(samplers))
+    keys = [_keys(document, sampler) for sampler in samplers]
+    first, last = min(float(some[0]) for some in keys), max(float(some[-1]) for some in keys)
     count = int(np.clip(np.ceil((last - first) * 1000 / _STEP_MS), 1, _LONGEST)) + 1
+    work.take(count * (len(lineage) + len(samplers)) + sum(map(len, keys)))
+    raw.take(count * _POSE_BYTES, "all animated cameras")
     times = np.linspace(first, last, count)
-    world = np.broadcast_to(np.eye(4), (count, 4, 4))
+    above = nodes.parents[lineage[0]]
+    resting = np.eye(4) if above < 0 else product(np.eye(4), nodes.world[above])
+    world = np.broadcast_to(resting, (count, 4, 4))
     for node in lineage:
         local = _local_over_time(document, nodes.entries[node], channels.get(node, []), times)
         world = product(world, nodes.local[node] if local is None else local)
@@ -77,14 +122,14 @@ def _local_over_time(
     return compose(values["translation"], values["rotation"], values["scale"])
 
 
-def _keys(document: GltfDocument, sampler: JsonObject) -> Doubles:
-    """The times of a sampler's values, float64 seconds."""
-    return document.accessor(sampler["input"], "an animation's input", "SCALAR").astype(np.float64)
+def _keys(document: GltfDocument, sampler: JsonObject) -> Array:
+    """The times of a sampler's values, seconds."""
+    return document.accessor(sampler["input"], "an animation's input", "SCALAR")
 
 
 def _interpolate(document: GltfDocument, sampler: JsonObject, times: Doubles, path: str) -> Doubles:
     """A sampler's values at the times (3.11 and appendix C: step, linear, spherical linear, cubic spline)."""
-    keys, kind = _keys(document, sampler), f"VEC{len(AT_REST[path])}"
+    keys, kind = _keys(document, sampler).astype(np.float64), f"VEC{len(AT_REST[path])}"
     values = document.accessor(sampler["output"], f"an animation's {path}", kind).astype(np.float64)
     mode = sampler.get("interpolation", "LINEAR")
     if len(values) != len(keys) * (3 if mode == "CUBICSPLINE" else 1):

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles
@@ -34,29 +36,39 @@ class GltfNodes:
                 if self.parents[child] >= 0:
                     raise ValueError(f"node {child} has two parents")
                 self.parents[child] = index
-        self.local: Doubles = np.array([local_matrix(entry) for entry in self.entries]).reshape(-1, 4, 4)
+        self.local = local_matrices(self.entries)
         roots = [index for index, parent in enumerate(self.parents) if parent < 0]
-        order = self._descend(roots)  # which never reaches a cycle: its nodes have one parent each, within it
-        if len(order) != len(self.entries):
+        self._order = self._descend(roots)  # which never reaches a cycle: its nodes have one parent each, within it
+        if len(self._order) != len(self.entries):
             raise ValueError("its node tree has a cycle")
-        self.world = self.world_matrices(self.local, order)
+        self.world = self._world_matrices(roots)
         self.drawn = self._descend(_scene_roots(document, roots))
 
-    def world_matrices(self, local: Doubles, order: list[int]) -> Doubles:
-        """World matrices for local ones, (N, 4, 4) of all nodes; `order` has parents before children and every ancestor
-        of its nodes."""
-        world = local.copy()
-        for index in order:
-            if self.parents[index] >= 0:
-                world[index] = product(world[self.parents[index]], local[index])
+    def _world_matrices(self, roots: list[int]) -> Doubles:
+        """World matrices (N, 4, 4) of all nodes, those of one depth at once."""
+        world, level = self.local.copy(), self._children(roots)
+        while level:
+            world[level] = product(world[[self.parents[index] for index in level]], self.local[level])
+            level = self._children(level)
         return world
 
-    def lineage(self, node: int) -> list[int]:
-        """The node's ancestors from the root down to itself."""
-        path = []
-        while node >= 0:
-            path.append(node)
-            node = self.parents[node]
+    def _children(self, nodes: list[int]) -> list[int]:
+        return [child for node in nodes for child in self.entries[node].get("children", [])]
+
+    def below(self, nodes: Collection[int]) -> dict[int, int]:
+        """Some nodes and all below them: how many of these lie from the uppermost one above each down to itself."""
+        counts: dict[int, int] = {}
+        for node in self._order:  # parents come before children
+            above = counts.get(self.parents[node], 0)
+            if above or node in nodes:
+                counts[node] = above + 1
+        return counts
+
+    def lineage(self, node: int, count: int) -> list[int]:
+        """The node and those above it, `count` of them, from the uppermost one down."""
+        path = [node]
+        while len(path) < count:
+            path.append(self.parents[path[-1]])
         return path[::-1]
 
     def _descend(self, roots: list[int]) -> list[int]:
@@ -79,10 +91,14 @@ def _scene_roots(document: GltfDocument, roots: list[int]) -> list[int]:
     return shown
 
 
-def local_matrix(node: JsonObject) -> Doubles:
-    """A node's local transform, float64 (4, 4), from its matrix or its translation, rotation and scale."""
-    if "matrix" in node:
-        return np.array(numbers(node, "matrix", _IDENTITY)).reshape(4, 4).T
-    if not node.keys() & {"translation", "rotation", "scale"}:
-        return np.eye(4)
-    return compose(*(np.array([numbers(node, name, default)]) for name, default in AT_REST.items())).reshape(4, 4)
+def local_matrices(nodes: list[JsonObject]) -> Doubles:
+    """The nodes' local transforms, float64 (N, 4, 4), from their matrices or translations, rotations and scales."""
+    local = np.tile(np.eye(4), (len(nodes), 1, 1))
+    placed = [number for number, node in enumerate(nodes) if "matrix" not in node and node.keys() & AT_REST.keys()]
+    if placed:
+        values = ([numbers(nodes[number], name, rest) for number in placed] for name, rest in AT_REST.items())
+        local[placed] = compose(*map(np.array, values))
+    for number, node in enumerate(nodes):
+        if "matrix" in node:
+            local[number] = np.array(numbers(node, "matrix", _IDENTITY)).reshape(4, 4).T
+    return local

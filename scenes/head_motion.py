@@ -24,6 +24,7 @@ SPEEDS = (0.10, 0.04, 0.08)
 SPINS = (0.25, 0.45, 0.08)
 BAND = (0.15, 1.6)
 WAVES = 12
+_CLOSEST_S = 1e-4  # between poses of a recording: no tracker has ten thousand a second
 
 
 @dataclass(frozen=True)
@@ -77,7 +78,7 @@ class HeadMotion:
     @classmethod
     def recorded(cls, file: str | Path) -> HeadMotion:
         """Motion from a recording (see above); PathError names the file and line where it is malformed."""
-        rows = read_numbers(Path(file), 7, "time_s, x, y, z, alpha, beta, gamma", header=True)
+        rows = read_numbers(Path(file), 7, "time_s, x, y, z, alpha, beta, gamma", _CLOSEST_S, header=True)
         table = np.array([values for _, values in rows])
         pitch, yaw, roll = np.radians(table[:, 4:]).T
         orientations = multiply(multiply(about(1, -yaw), about(0, -pitch)), about(2, roll))

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 _LARGEST = 1 << 28  # texels; anything above is a damaged header, not a texture
 _LARGEST_BYTES = 1 << 31  # of such an image as it is stored: some formats are only read whole
 _ROWS = 64  # that are read at a time
+_LIGHT = ("openexr", "hdr")  # formats of light itself, as OpenImageIO calls them
 _FULL = 65535  # light is counted in whole numbers up to it while texels are averaged
 _PNG, _INTERLACED = b"\x89PNG", 28  # how such a file begins, and its byte that is 0 where its rows follow each other
 # What OpenImageIO says of an image whose header claims more than it was told to read.
@@ -107,12 +108,13 @@ def _read(path: Path, name: str, srgb: bool, raw: RawScene) -> tuple[Bytes, int,
         by_rows, channels = halvings and not spec.tile_width, min(spec.nchannels, 4)
         beside = 0 if by_rows or (not halvings and channels == 4) else width * height * channels
         raw.check(made + beside + (0 if rows_follow else stored), f"the texture {name} as it is stored")
+        encoded = srgb and _is_light(source)
         if not halvings:
-            return _to_rgba(_whole(source)), width, height
-        whole = None if by_rows else _whole(source)
+            return _to_rgba(_whole(source, encoded)), width, height
+        whole = None if by_rows else _whole(source, encoded)
 
         def rows(start: int, end: int) -> Bytes:
-            return _read_rows(source, start, end) if whole is None else whole[start:end]
+            return _read_rows(source, start, end, encoded) if whole is None else whole[start:end]
 
         return _reduced(rows, width, height, halvings, srgb), width, height
     finally:
@@ -146,26 +148,49 @@ def _unusable(size: str) -> str:
     return f"the image has an unusable size of {size}: at most {most} are read"
 
 
-def _whole(source: ImageInput) -> Bytes:
-    """All texels, uint8 (H, W, up to 4)."""
-    from OpenImageIO import UINT8
+def _is_light(source: ImageInput) -> bool:
+    """Whether an image holds light itself, no codes: EXR and HDR files do, and others of fractions that say so.
+
+    What PNG and JPEG files say is not asked for: it does not count (glTF 2.0, section 3.8.2).
+    """
+    from OpenImageIO import FLOAT, HALF
 
     spec = source.spec()
+    says_so = spec.get_string_attribute("oiio:ColorSpace").lower().startswith("lin")
+    return source.format_name() in _LIGHT or (says_so and spec.format.basetype in (FLOAT, HALF))
+
+
+def _whole(source: ImageInput, encoded: bool) -> Bytes:
+    """All texels, uint8 (H, W, up to 4). encoded: whether light becomes sRGB."""
+    from OpenImageIO import FLOAT, UINT8
+
+    spec = source.spec()
+    if encoded and not spec.tile_width:  # as fractions they take four times the memory
+        starts = range(0, spec.height, _ROWS)
+        return np.concatenate([_read_rows(source, n, min(n + _ROWS, spec.height), True) for n in starts])
     channels = min(spec.nchannels, 4)
-    return _checked(source, source.read_image(0, 0, 0, channels, UINT8)).reshape(spec.height, spec.width, channels)
+    texels = _checked(source, source.read_image(0, 0, 0, channels, FLOAT if encoded else UINT8))
+    return _in_bytes(texels.reshape(spec.height, spec.width, channels))
 
 
-def _read_rows(source: ImageInput, start: int, end: int) -> Bytes:
-    """Some rows of an image that is not stored in tiles, uint8 (end - start, W, up to 4)."""
-    from OpenImageIO import UINT8
+def _read_rows(source: ImageInput, start: int, end: int, encoded: bool) -> Bytes:
+    """Some rows of an image that is not stored in tiles, uint8 (end - start, W, up to 4), as of `_whole`."""
+    from OpenImageIO import FLOAT, UINT8
 
     spec = source.spec()
     channels, top = min(spec.nchannels, 4), spec.y
-    texels = source.read_scanlines(0, 0, top + start, top + end, 0, 0, channels, UINT8)
-    return _checked(source, texels).reshape(end - start, spec.width, channels)
+    texels = source.read_scanlines(0, 0, top + start, top + end, 0, 0, channels, FLOAT if encoded else UINT8)
+    return _in_bytes(_checked(source, texels).reshape(end - start, spec.width, channels))
 
 
-def _checked(source: ImageInput, texels: object) -> Bytes:
+def _in_bytes(texels: Array) -> Bytes:
+    """Bytes as they are; light (n, W, channels) in fractions as the nearest sRGB, what is no number as black."""
+    if texels.dtype == np.uint8:
+        return texels
+    return _texels(np.rint(np.clip(np.nan_to_num(texels), 0, 1) * np.float32(_FULL)).astype(np.int64), True)
+
+
+def _checked(source: ImageInput, texels: object) -> Array:
     if texels is None:
         raise ImageError(f"the image is damaged ({_reason(source.geterror())})")
     return np.asarray(texels)

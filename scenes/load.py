@@ -6,7 +6,7 @@ import difflib
 import os
 import struct
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -16,17 +16,17 @@ from shading_atlas_bench.arithmetic.arrays import fixed
 from shading_atlas_bench.scenes.assemble import assemble
 from shading_atlas_bench.scenes.cache import fetch, scene_key, store
 from shading_atlas_bench.scenes.cameras import CAMERAS, read_cameras
-from shading_atlas_bench.scenes.dependencies import input_files
 from shading_atlas_bench.scenes.features import content_digest, find_features
 from shading_atlas_bench.scenes.files import MISSING, SceneFiles, absence, is_file, reason_of
 from shading_atlas_bench.scenes.gltf import read_gltf
+from shading_atlas_bench.scenes.inputs import InputFiles
 from shading_atlas_bench.scenes.lights import add_lights
 from shading_atlas_bench.scenes.memory import check_memory
 from shading_atlas_bench.scenes.mesh_files import read_mesh_file
 from shading_atlas_bench.scenes.model import Scene, SceneError
 from shading_atlas_bench.scenes.raw import MAX_TEXTURE, RawScene
 from shading_atlas_bench.scenes.repair import load_pymeshlab
-from shading_atlas_bench.scenes.standing import NARROWEST, Standing, decide
+from shading_atlas_bench.scenes.standing import GIVEN_UP, NARROWEST, Standing, decide
 
 _READERS = {".glb": read_gltf, ".gltf": read_gltf}
 _READERS |= dict.fromkeys((".obj", ".ply", ".stl", ".off"), read_mesh_file)
@@ -80,15 +80,20 @@ def load_scene(
         if repair or decimate is not None:
             raise SceneError(f"{name_or_path} is made to size: use --detail instead of --repair and --decimate.")
         options |= {"detail": detail, "seed": seed}
-        entry = cache / scene_key(options, []) if cache else None
-        return _through_cache(entry, lambda: _make(name_or_path, detail, seed))
+        return _built_in(cache, options, lambda: _make(name_or_path, detail, seed))
     path = _existing(name_or_path)
-    options |= {"name": _scene_name(path), "max_texture": max_texture}
+    options |= {"name": _scene_name(path), "folder": str(path.parent.resolve()), "max_texture": max_texture}
     check_memory(path.stat().st_size, f"The file {path}")
-    files, raw = SceneFiles(path, allow_outside), RawScene(max_texture=max_texture)
-    with _in_words(path):
-        entry = cache / scene_key(options, input_files(path, files)) if cache else None
-    return _through_cache(entry, lambda: _load_file(path, files, raw, unit, repair, decimate))
+    raw = RawScene(max_texture=max_texture)
+    if cache is None:
+        return fixed(_load_file(path, SceneFiles(path, allow_outside), raw, unit, repair, decimate))
+    entry = cache / scene_key(options, [path])
+    scene = fetch(entry, InputFiles(path, allow_outside).unchanged)
+    if scene is None:
+        files = InputFiles(path, allow_outside)
+        scene = fixed(_load_file(path, files, raw, unit, repair, decimate))
+        store(entry, scene, files.asked)
+    return scene
 
 
 def _check_options(unit: float | None, detail: int | None, decimate: float | None, max_texture: int) -> None:
@@ -102,14 +107,14 @@ def _check_options(unit: float | None, detail: int | None, decimate: float | Non
         raise SceneError(f"The ratio of triangles to keep must be above 0 and at most 1, not {decimate}.")
 
 
-def _through_cache(entry: Path | None, load: Callable[[], Scene]) -> Scene:
-    """The scene from its entry in the cache, or loaded and stored there, with arrays that cannot be written to."""
-    if entry is None:
-        return fixed(load())
-    scene = fetch(entry)
+def _built_in(cache: Path | None, options: Mapping[str, object], make: Callable[[], Scene]) -> Scene:
+    """A built-in scene from the cache, or made and stored there."""
+    entry = cache / scene_key(options, []) if cache else None
+    scene = fetch(entry) if entry else None
     if scene is None:
-        scene = fixed(load())
-        store(entry, scene)
+        scene = fixed(make())
+        if entry:
+            store(entry, scene)
     return scene
 
 
@@ -171,6 +176,8 @@ def _load_file(
         raw.cameras = cameras + raw.cameras
         scene = assemble(_scene_name(path), raw, repair, decimate, str(path))
     standing = _scaled(scene, path, unit, stated_unit)
+    if standing.given_up:
+        scene.notes.append(GIVEN_UP)
     scene.place, scene.because = standing.place, standing.reason
     if not scene.cameras and min((scene.bounds[1] - scene.bounds[0])[[0, 2]]) * scene.metres_per_unit >= NARROWEST:
         scene.because += f" {_OVERRULED}"
@@ -206,18 +213,21 @@ def _scaled(scene: Scene, path: Path, unit: float | None, stated: float | None) 
 
 def _guessed(scene: Scene) -> Standing:
     """Set the unit of a file that states none: one in which the scene is a place, or that makes an object 2 m large."""
+    given_up = False
     for unit, name in _GUESSES.items():
         scene.metres_per_unit, scene.unit_from = unit, f"a guess: {name}"
         standing = decide(scene)
         if standing.place:
             scene.notes.append(f"The file states no unit: it is taken to be in {name} (--unit changes that).")
             return standing
+        given_up |= standing.given_up
     scene.metres_per_unit = _OBJECT_SIZE / float(max(scene.bounds[1] - scene.bounds[0]))
     scene.unit_from = f"a guess: the object is {_OBJECT_SIZE:g} m large"
     further = "" if scene.cameras else "; if it is a place, put a cameras.json with one camera beside it"
     size = f"{_OBJECT_SIZE:g} m large"
     scene.notes.append(f"The file states no unit: the object is taken to be {size} (--unit changes that{further}).")
-    return Standing(False, f"No place was found in it, neither in {' nor in '.join(_GUESSES.values())}.")
+    reason = f"No place was found in it, neither in {' nor in '.join(_GUESSES.values())}."
+    return Standing(False, reason, given_up=given_up)
 
 
 def _see_through(scene: Scene) -> list[str]:

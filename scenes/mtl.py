@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
-from shading_atlas_bench.scenes.files import SceneFiles, is_file, shown, written_differently
+from shading_atlas_bench.scenes.files import SceneFiles, shown, written_differently
 from shading_atlas_bench.scenes.images import ImageError, read_texture
 from shading_atlas_bench.scenes.model import Material, Texture
 from shading_atlas_bench.scenes.raw import RawScene
 from shading_atlas_bench.scenes.text_lines import file_text
 
-_NUMBER = re.compile(rb"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?$")
+_NUMBER = re.compile(rb"[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?$")
 _SWITCH = re.compile(rb"(on|off)$", re.IGNORECASE)
 _CHANNEL = re.compile(rb"[rgbmlz]$", re.IGNORECASE)
 _SHAPE = re.compile(rb"(sphere|cube_\w+)$", re.IGNORECASE)
@@ -84,15 +84,6 @@ class LibraryMaterial:
         return max(self.material.base_texture, self.material.emissive_texture) >= 0
 
 
-def map_files(library: Path, files: SceneFiles) -> list[Path]:
-    """Image files that a material library names; they need not exist."""
-    if not is_file(library):
-        return []
-    entries = [statements for _, statements in _entries(library)]
-    names = (map_statement(entry[key]).name for entry in entries for key in _MAPS if key in entry)
-    return [files.expect(library, name) for name in dict.fromkeys(names) if name]
-
-
 def read_mtl(library: Path, files: SceneFiles, raw: RawScene) -> dict[bytes, LibraryMaterial]:
     """The library's materials by name; their textures go into the raw scene.
 
@@ -117,14 +108,14 @@ def read_mtl(library: Path, files: SceneFiles, raw: RawScene) -> dict[bytes, Lib
 
 def map_statement(value: bytes) -> MapStatement:
     """What follows `map_Kd` and the like: options, and a file's name, which may hold blanks."""
-    found, rest = MapStatement(b""), value.strip()
-    while (option := rest.split(None, 1)[0].lower().decode("latin-1") if rest else "") in _OPTIONS:
+    found, words, at = MapStatement(b""), list(re.finditer(rb"\S+", value)), 0
+    while at < len(words) and (option := words[at][0].lower().decode("latin-1")) in _OPTIONS:
         pattern, most, neutral = _OPTIONS[option]
-        rest = rest[len(option) :].strip()
+        at += 1
         values: list[float | bytes] = []
-        while len(values) < most and len(words := rest.split(None, 1)) == 2 and pattern.match(words[0]):
-            values.append(float(words[0]) if pattern is _NUMBER else words[0].lower())
-            rest = words[1]
+        while len(values) < most and at + 1 < len(words) and pattern.match(word := words[at][0]):
+            values.append(float(word) if pattern is _NUMBER else word.lower())
+            at += 1
         if option == "-s":
             found.scale = _pair(values, 1.0)
         elif option == "-o":
@@ -133,7 +124,7 @@ def map_statement(value: bytes) -> MapStatement:
             found.clamped = values == [b"on"]
         elif values != neutral[: len(values)] or not neutral:
             found.ignored.append(option)
-    found.name = rest
+    found.name = value[words[at].start() :].strip() if at < len(words) else b""
     return found
 
 

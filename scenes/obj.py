@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
@@ -26,6 +26,10 @@ from shading_atlas_bench.scenes.text_lines import TextLines, file_text, numbers
 
 _Values = TypeVar("_Values", Doubles, Longs)
 
+MOST_LIBRARIES = 1000  # more than that are no scene's, and each is looked for under many names
+_MOST_WORDS = 16  # of a library's name among others in a line
+_LONGEST_NAME = 4096  # bytes, of a path
+_MTL = re.compile(rb"\.mtl(?=[ \t]|$)", re.IGNORECASE)
 _NUMERIC = (b"v", b"vt", b"vn", b"f")
 # Statements without a say in how the surface looks.
 _SILENT = b"g o mg lod bevel c_interp d_interp shadow_obj trace_obj end mtllib".split()
@@ -56,25 +60,42 @@ def read_obj(path: Path, files: SceneFiles, raw: RawScene) -> None:
     raw.note("Triangles in smoothing groups, made smooth by their angles instead: {}.", rough * smoothing)
 
 
-def library_files(path: Path, text: bytes, files: SceneFiles) -> list[tuple[bytes, Path | None]]:
+def _libraries(path: Path, text: bytes, files: SceneFiles, raw: RawScene) -> list[tuple[bytes, Path | None]]:
     """Names after `mtllib` in an OBJ file's text, in order, each once, with the files; None where there is none.
 
-    A line may name several, and names may hold blanks: as many words are one name as make the name of a file.
+    Those after the first MOST_LIBRARIES are noted only.
     """
     found: dict[bytes, Path | None] = {}
     for match in re.finditer(rb"mtllib[ \t]+([^\n]*)", text):
         if text[text.rfind(b"\n", 0, match.start()) + 1 : match.start()].strip():
             continue  # within a comment or a name
-        rest = match[1].strip()
-        while rest:
-            ends = [m.start() for m in re.finditer(rb"[ \t]+|$", rest)][::-1]
-            whole = next((end for end in ends if files.find(path, rest[:end])), None)
-            if whole is None:
-                first = re.search(rb"\.mtl(?=[ \t]|$)", rest, re.IGNORECASE)
-                whole = first.end() if first else len(rest)
-            found.setdefault(rest[:whole], files.find(path, rest[:whole]))
-            rest = rest[whole:].strip()
+        for name, file in _named(path, match[1].strip(), files):
+            found.setdefault(name, file)
+            if len(found) > MOST_LIBRARIES:
+                raw.note(f"The OBJ file names more than {MOST_LIBRARIES:,} material libraries: no more are read.")
+                return list(found.items())[:MOST_LIBRARIES]
     return list(found.items())
+
+
+def _named(path: Path, line: bytes, files: SceneFiles) -> Iterator[tuple[bytes, Path | None]]:
+    """The names in what follows an `mtllib`, and their files.
+
+    It may be several, and names may hold blanks: as many words are one name as make the name of a file.
+    """
+    blanks = [(blank.start(), blank.end()) for blank in re.finditer(rb"[ \t]+|$", line)]
+    words = len(blanks)  # behind each of them is a blank, or the line's end
+    start = word = 0
+    while start < len(line):
+        last = [words - 1] if len(line) - start <= _LONGEST_NAME and word + _MOST_WORDS < words else []
+        several = [*last, *reversed(range(word, min(word + _MOST_WORDS, words)))]
+        whole = next((number for number in several if files.find(path, line[start : blanks[number][0]])), None)
+        if whole is None:
+            first = _MTL.search(line, start)
+            end = first.end() if first else len(line)
+            whole = next(number for number in range(word, words) if blanks[number][0] >= end)
+        name = line[start : blanks[whole][0]]
+        yield name, files.find(path, name)
+        start, word = blanks[whole][1], whole + 1
 
 
 def _without_comments(lines: TextLines) -> tuple[TextLines, Indices]:
@@ -249,7 +270,7 @@ class _Materials:
 def _defined(path: Path, text: bytes, files: SceneFiles, raw: RawScene) -> dict[bytes, LibraryMaterial]:
     """The materials of all libraries by name; the first definition of a name counts, as the format's text says."""
     defined: dict[bytes, LibraryMaterial] = {}
-    for name, file in library_files(path, text, files):
+    for name, file in _libraries(path, text, files, raw):
         if file is None:
             raw.note(f"The material library {shown(name)} {files.absence(path, name)}; its materials are grey.")
             continue

@@ -2,7 +2,8 @@
 
 A text file has one pose per line: time in milliseconds, position x y z in the scene's own coordinates and units, and
 the camera-to-world quaternion x y z w (the camera looks along its -z, y is up), separated by blanks or commas. `#`
-starts a comment; empty lines are skipped; times grow strictly. Quaternions of any length but zero are normalised.
+starts a comment; empty lines are skipped; times grow by 1 ms at least. Quaternions of any length but zero are
+normalised.
 """
 
 from __future__ import annotations
@@ -25,6 +26,7 @@ from shading_atlas_bench.scenes.quaternions import about, looking, multiply, sle
 from shading_atlas_bench.scenes.rays import Rays
 from shading_atlas_bench.scenes.standing import FOUND, decide
 from shading_atlas_bench.scenes.walking import EYE_HEIGHT, route_from
+from shading_atlas_bench.scenes.work import WorkError
 
 RATE = 60.0  # frames per second
 WALK_FRAMES, ORBIT_FRAMES = 660, 300
@@ -37,6 +39,8 @@ TURNTABLE_STEP = 5.0  # degrees per frame
 HALF_ACROSS, HALF_UP = 30.0, 18.0
 
 _LARGEST = 1e18  # in a file: beyond it squares leave float32's range
+_CLOSEST_MS = 1.0  # between poses of a path: more than a thousand a second are no walk
+_ROUNDED = 1 - 1e-6  # of such a distance is enough, as times are rounded
 _SHORTEST = 1e-100  # quaternion, as a file has it, whose squares can be added
 
 _PATHS = {
@@ -179,7 +183,7 @@ def _file(name: str) -> Path:
 
 def read_path(file: Path, origin: Doubles) -> Poses:
     """Poses of a text file (see above) relative to `origin`, float64 (3), or PathError naming the file and the line."""
-    rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw")
+    rows = read_numbers(file, 8, "t_ms, x, y, z, qx, qy, qz, qw", _CLOSEST_MS)
     table = np.array([row for _, row in rows])
     turns = table[:, 4:]
     lengths = np.linalg.norm(turns, axis=1)
@@ -192,8 +196,10 @@ def read_path(file: Path, origin: Doubles) -> Poses:
     return Poses(table[:, 0].copy(), table[:, 1:4] - origin, turns / lengths[:, None])
 
 
-def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -> list[tuple[int, list[float]]]:
-    """Line numbers and values of a text table whose first column grows strictly.
+def read_numbers(
+    file: Path, columns: int, meaning: str, least: float, header: bool = False
+) -> list[tuple[int, list[float]]]:
+    """Line numbers and values of a text table whose first column, times, grows by `least` or more from line to line.
 
     `#` starts a comment, values are separated by blanks or commas. header: the first line is not read.
     Raises PathError naming the file and the line where there are not `columns` numbers, none larger than 1e18.
@@ -221,6 +227,8 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
             raise PathError(f"{file}, line {number}: {max(values, key=abs):g} is larger than {_LARGEST:g}.")
         if rows and not values[0] > rows[-1][1][0]:
             raise PathError(f"{file}, line {number}: time {values[0]:g} does not follow {rows[-1][1][0]:g}.")
+        if rows and values[0] - rows[-1][1][0] < least * _ROUNDED:
+            raise PathError(f"{file}, line {number}: time {values[0]:g} is less than {least:g} after the one before.")
         rows.append((number, values))
     if not rows:
         raise PathError(f"{file} has no poses; each line needs {columns} numbers ({meaning}).")
@@ -228,7 +236,9 @@ def read_numbers(file: Path, columns: int, meaning: str, header: bool = False) -
 
 
 def _number(word: str) -> float:
-    """The number that a word is, or not a number."""
+    """The number that a word is, or not a number: Python's float takes further digits, and _ between them."""
+    if not word.isascii() or "_" in word:
+        return np.nan
     try:
         return float(word)
     except ValueError:
@@ -321,7 +331,11 @@ def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:
     if camera.name == FOUND:
         notes.append("The walk starts at a viewpoint found inside the scene.")
     eye, direction = np.array(camera.position), np.array(camera.direction)
-    route = route_from(scene, eye, direction, length)
+    try:
+        route = route_from(scene, eye, direction, length)
+    except WorkError:
+        notes.append(f"So much stands around the {who} that the person there takes a small step and looks around.")
+        return _stand(scene, eye, direction, seed)
     if route is not None and _in_sight(scene, eye, route.eyes[0]):
         if not route.on_floor:
             notes.append(f"The {who} does not stand on a floor: the walk stays at its height.")

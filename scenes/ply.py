@@ -104,13 +104,6 @@ def read_ply(path: Path, files: SceneFiles, raw: RawScene) -> None:
     _note_unused(elements, raw)
 
 
-def ply_textures(path: Path, files: SceneFiles) -> list[Path]:
-    """The images named in a PLY file's header; they need not exist."""
-    with path.open("rb") as file:
-        header = file.read(1 << 16).partition(b"end_header")[0]
-    return [files.expect(path, name) for name in _pictures(header)]
-
-
 def _pictures(header: bytes) -> list[bytes]:
     """Names in comments, as common tools write them."""
     lines = re.findall(rb"comment[ \t]+TextureFile[ \t]+([^\r\n]+)", header, re.IGNORECASE)

@@ -17,12 +17,14 @@ from shading_atlas_bench.arithmetic.functions import hypot
 from shading_atlas_bench.arithmetic.matrices import dot, product
 from shading_atlas_bench.scenes.lines import smoothed
 from shading_atlas_bench.scenes.model import Indices, Scene
+from shading_atlas_bench.scenes.work import Work
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_matrix
 
 CELL = 0.1  # metres
 REACH = 8.0  # metres around the viewpoint that are explored
+MOST_POINTS = 12_000_000  # on surfaces in the space explored, and halves of triangles; real places have 2 million
 BELOW, ABOVE = 4.5, 1.5  # metres below and above the eyes that are explored
 STEP = 2  # cells up or down that a person takes in one stride
 STEEPEST = 3  # cells up or down within half a metre: slopes and steps, but not onto a sofa
@@ -52,8 +54,9 @@ def surface_points(scene: Scene, low: Doubles, high: Doubles, spacing: float) ->
 
     In scene units. Triangles are halved along their longest edge until they are at most 4 spacings long, and then
     covered by a lattice of points; halves outside the box are dropped on the way, so that the cost depends on the
-    surface inside the box only.
+    surface inside the box only. Raises WorkError where that takes more than MOST_POINTS.
     """
+    work = Work(MOST_POINTS)
     middle = ((low + high) / 2).astype(np.float32)
     half = ((high - low) / 2).astype(np.float32)
     ids = _touching(scene, low, high)
@@ -70,8 +73,10 @@ def surface_points(scene: Scene, low: Doubles, high: Doubles, spacing: float) ->
         done = longest <= 16 * spacing * spacing
         small = longest <= spacing * spacing
         for chosen, steps in ((small, 1), (done & ~small, 4)):
+            work.take(int(chosen.sum()) * len(_LATTICES[steps]))
             points.append(product(_LATTICES[steps], triangles[chosen]).reshape(-1, 3))
             owners.append(np.repeat(ids[chosen], len(_LATTICES[steps])))
+        work.take(2 * int((~done).sum()))
         triangles, ids = _halves(triangles[~done], edges[~done]), np.tile(ids[~done], 2)
     found, owner = np.concatenate(points), np.concatenate(owners)
     inside = (np.abs(found) < half).all(axis=1)
@@ -208,7 +213,8 @@ class Surroundings:
 def route_from(scene: Scene, eye: Doubles, direction: Doubles, length: float) -> Route | None:
     """A way of at least `length` metres from near `eye` (3), or None where there is no room to walk.
 
-    eye: origin-relative, scene units. direction: of the view; a way that leads there is preferred.
+    eye: origin-relative, scene units. direction: of the view; a way that leads there is preferred. Raises WorkError
+    where there is too much around to look for one.
     """
     from scipy.ndimage import distance_transform_edt
 

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Bytes
-from shading_atlas_bench.scenes.dependencies import input_files
-from shading_atlas_bench.scenes.files import SceneFiles
+from shading_atlas_bench.scenes import load
 from shading_atlas_bench.scenes.images import read_texture
+from shading_atlas_bench.scenes.inputs import InputFiles
 from shading_atlas_bench.scenes.model import Scene
 from shading_atlas_bench.scenes.raw import RawScene
 
@@ -47,9 +47,11 @@ def assert_sound(scene: Scene) -> None:
     assert scene.content_hash
 
 
-def inputs_of(path: Path) -> list[Path]:
-    """The files that loading a scene file reads."""
-    return input_files(path, SceneFiles(path))
+def inputs_of(path: Path) -> dict[str, str | None]:
+    """The names that loading a scene file asks for, and the files found, from its folder; None where there is none."""
+    files = InputFiles(path)
+    load._load_file(path, files, RawScene(), None, False, None)
+    return {name: found if content else None for _, name, _, found, content in files.asked}
 
 
 def read_image(source: Path | bytes) -> Bytes:

@@ -98,6 +98,8 @@ def test_recordings_repeat_without_a_jump(tmp_path: Path) -> None:
         (HEADER + "0,0,0,0,0,0\n", 2),
         (HEADER + "0,0,0,0,0,0,0\n0,0,0,0,0,0,0\n", 3),
         (HEADER + "0,0,0,0,0,0,0\n1,x,0,0,0,0,0\n", 3),
+        (HEADER + "0,0,0,0,0,0,0\n1e-320,1,0,0,0,0,0\n", 3),
+        (HEADER + "0,1_0,0,0,0,0,0\n", 2),
     ],
 )
 def test_malformed_recordings_are_named(tmp_path: Path, text: str, line: int) -> None:

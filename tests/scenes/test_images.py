@@ -5,6 +5,7 @@ import struct
 import subprocess
 import sys
 import zlib
+from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
@@ -90,6 +91,41 @@ def test_jpegs(tmp_path):
     assert np.abs(read_image(jpeg_of(tmp_path, colour[..., :1]))[..., :3].astype(int) - 200).max() <= 4
     cmyk = read_image(zlib.decompress(base64.b85decode(CMYK)))
     assert np.abs(cmyk[..., :3].astype(int) - (200, 40, 60)).max() <= 4
+
+
+def light_of(file: Path, light: np.ndarray, tile: int = 0, **attributes: object) -> Path:
+    """An image of fractions, written by OpenImageIO in tiles (0: rows) with these attributes (`_` stands for `:`)."""
+    import OpenImageIO
+
+    spec = OpenImageIO.ImageSpec(light.shape[1], light.shape[0], light.shape[2], OpenImageIO.FLOAT)
+    for name, value in attributes.items():
+        spec.attribute(name.replace("_", ":"), value)
+    spec.tile_width = spec.tile_height = tile
+    output = OpenImageIO.ImageOutput.create(str(file))
+    assert output
+    output.open(str(file), spec)
+    output.write_image(light)
+    output.close()
+    return file
+
+
+@pytest.mark.parametrize(("name", "tile"), [("a.exr", 0), ("a.exr", 16), ("a.hdr", 0)])
+@pytest.mark.parametrize("most", [8192, 50])
+def test_light_becomes_srgb_where_it_is_a_colour(tmp_path, name, tile, most):
+    """A light of 0.214 is 127 in sRGB; of other textures it is a number as any. Rows are of several parts."""
+    file = light_of(tmp_path / name, np.full((150, 100, 3), 0.214, np.float32), tile)
+    raw = RawScene(max_texture=most)
+    assert abs(int(read_texture(file, "a", True, raw)[..., :3].min()) - 127) <= 1
+    assert np.ptp(read_texture(file, "a", True, raw)[..., :3]) == 0
+    assert abs(int(read_texture(file, "a", False, raw)[..., :3].max()) - 55) <= 1
+
+
+def test_light_that_no_byte_holds(tmp_path):
+    light = np.array([[[np.nan, np.inf, -5, 0.5], [50, 1, 0, 0.25]]], np.float32)
+    file = light_of(tmp_path / "a.exr", light, oiio_UnassociatedAlpha=1)
+    texels = read_texture(file, "a", True, RawScene())
+    assert texels[0, :, 3].tolist() == [128, 64]
+    assert texels[0, :, :3].tolist() == [[0, 255, 0], [255, 255, 0]]
 
 
 def test_the_orientation_of_a_photograph_is_ignored(tmp_path):

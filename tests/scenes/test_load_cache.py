@@ -1,7 +1,9 @@
 """The cache of loaded scenes, repair and decimation."""
 
 import dataclasses
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 from threading import Barrier
 from typing import Any
 
@@ -9,9 +11,10 @@ import numpy as np
 import pytest
 import trimesh
 
+from shading_atlas_bench.scenes import load
 from shading_atlas_bench.scenes.cache import fetch, store
 from shading_atlas_bench.scenes.load import load_scene
-from shading_atlas_bench.scenes.model import Camera, CameraAnimation
+from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Scene, SceneError
 from tests.scenes.glb_files import SQUARE, square_scene
 
 
@@ -56,15 +59,133 @@ def test_every_field_of_a_scene_is_kept(tmp_path):
     assert_same(fetch(tmp_path / "entry"), whole)
 
 
+@dataclasses.dataclass
+class Cached:
+    """A scene that is loaded through a cache. loads: how often its file was read."""
+
+    file: Path
+    cache: Path
+    loads: int = 0
+
+    def load(self, **options: Any) -> Scene:
+        return load_scene(str(self.file), cache=self.cache, **options)
+
+
+@pytest.fixture
+def cached(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[Path], Cached]:
+    def make(file: Path) -> Cached:
+        scene, real = Cached(file, tmp_path / "cache"), load._load_file
+
+        def counting(*arguments: Any) -> Scene:
+            scene.loads += 1
+            return real(*arguments)
+
+        monkeypatch.setattr(load, "_load_file", counting)
+        return scene
+
+    return make
+
+
 @pytest.mark.parametrize("changed", ["a.obj", "a.mtl", "a.png", "cameras.json"])
-def test_every_input_file_counts(tmp_path, png, changed):
-    file, cache = textured_obj(tmp_path, png), tmp_path / "cache"
-    load_scene(str(file), cache=cache)
-    extra = b"{}" if changed == "cameras.json" else b"\n"
-    with (tmp_path / changed).open("ab") as target:
-        target.write(extra)
-    load_scene(str(file), cache=cache)
-    assert len(list(cache.iterdir())) == 2
+def test_every_input_file_counts(tmp_path, png, cached, changed):
+    scene = cached(textured_obj(tmp_path, png))
+    for loads in (1, 2):
+        for _ in range(2):
+            scene.load()
+            assert scene.loads == loads
+        extra = b"{}" if changed == "cameras.json" else b"\n"
+        with (tmp_path / changed).open("ab") as target:
+            target.write(extra)
+
+
+HEADS = {
+    "a comment with a header's last word": "comment writes end_header itself\n",
+    "a header of more than 64 KiB": f"comment {'x' * 90}\n" * 800,
+}
+
+
+@pytest.mark.parametrize("head", HEADS)
+def test_a_texture_named_late_in_a_header_counts(tmp_path, png, cached, head):
+    (tmp_path / "t.png").write_bytes(png)
+    columns = "".join(f"property float {name}\n" for name in ("x", "y", "z", "u", "v"))
+    lines = f"ply\nformat ascii 1.0\n{HEADS[head]}comment TextureFile t.png\nelement vertex 3\n{columns}"
+    body = (
+        "element face 1\nproperty list uchar int vertex_indices\nend_header\n0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
+    )
+    (tmp_path / "a.ply").write_text(lines + body, encoding="utf-8")
+    scene = cached(tmp_path / "a.ply")
+    assert len(scene.load().textures) == 1
+    (tmp_path / "t.png").unlink()
+    assert not scene.load().textures
+    assert scene.loads == 2
+
+
+def test_a_library_named_in_a_line_that_goes_on_counts(tmp_path, png, cached):
+    scene = cached(textured_obj(tmp_path, png))
+    scene.file.write_bytes(scene.file.read_bytes().replace(b"mtllib ", b"mtllib \\\n"))
+    assert len(scene.load().textures) == 1
+    (tmp_path / "a.mtl").write_text("newmtl m\nKd 1 0 0\n", encoding="utf-8")
+    assert not scene.load().textures
+
+
+def test_what_was_missing_counts_where_it_appears(tmp_path, png, cached):
+    """Under any name that stands for it; files that nobody asks for do not count."""
+    scene = cached(textured_obj(tmp_path, png))
+    (tmp_path / "a.png").rename(tmp_path / "b.png")
+    assert not scene.load().textures
+    (tmp_path / "c.png").write_bytes(png)
+    assert not scene.load().textures
+    assert scene.loads == 1
+    (tmp_path / "b.png").rename(tmp_path / "A.PNG")
+    assert len(scene.load().textures) == 1
+
+
+def test_a_file_that_is_put_before_another_counts(tmp_path, png, cached):
+    """A name to the letter comes before one in another case, though that one's file stays."""
+    if not (tmp_path / "x").touch() and (tmp_path / "X").exists():
+        pytest.skip("this file system knows no upper and lower case")
+    scene = cached(textured_obj(tmp_path, png))
+    (tmp_path / "a.png").rename(tmp_path / "A.png")
+    scene.load()
+    (tmp_path / "a.png").write_bytes(b"no picture")
+    assert not scene.load().textures
+
+
+def test_what_lies_outside_counts_as_it_may_be_read(tmp_path, png, cached):
+    (tmp_path / "in").mkdir()
+    scene = cached(textured_obj(tmp_path / "in", png))
+    (tmp_path / "in" / "a.png").rename(tmp_path / "a.png")
+    (tmp_path / "in" / "a.mtl").write_text("newmtl m\nmap_Kd ../a.png\n", encoding="utf-8")
+    assert scene.load(allow_outside=True).textures
+    with pytest.raises(SceneError, match="--allow-outside"):
+        scene.load()
+
+
+def test_a_file_that_changes_while_it_is_read_counts_as_changed(tmp_path, png, cached, monkeypatch):
+    scene, real = cached(textured_obj(tmp_path, png)), Path.read_bytes
+
+    def late(path: Path) -> bytes:
+        content = real(path)
+        if path.suffix == ".mtl":
+            path.write_text("newmtl m\nKd 1 0 0\n", encoding="utf-8")
+        return content
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Path, "read_bytes", late)
+        assert scene.load().textures
+    assert not scene.load().textures
+
+
+def test_copies_of_a_scene_in_other_folders_have_files_of_their_own(tmp_path, png, cached):
+    for name in ("one", "other"):
+        (tmp_path / name).mkdir()
+        scene = cached(textured_obj(tmp_path / name, png))
+    (tmp_path / "one" / "a.mtl").write_text("newmtl m\nKd 1 0 0\n", encoding="utf-8")
+    for _ in range(2):
+        assert [
+            len(load_scene(str(tmp_path / name / "a.obj"), cache=scene.cache).textures) for name in ("one", "other")
+        ] == [0, 1]
+    assert len(list(scene.cache.iterdir())) == 2
 
 
 @pytest.mark.parametrize("name", ["a.glb", "a.gltf"])
@@ -80,7 +201,7 @@ def test_files_that_gltf_names_count_in_either_container(tmp_path, png, name, ch
     small = load_scene(file, cache=cache)
     (tmp_path / changed).write_bytes((SQUARE * 5).tobytes() if changed == "far.bin" else png + b"\n")
     large = load_scene(file, cache=cache)
-    assert len(list(cache.iterdir())) == 2
+    assert len(list(cache.iterdir())) == 1
     assert np.ptp(large.positions, axis=0)[0] == np.ptp(small.positions, axis=0)[0] * (5 if "bin" in changed else 1)
 
 

@@ -131,7 +131,19 @@ def test_rooms_are_places_and_blocks_are_objects(tmp_path, inwards, size, place)
         ("[]", "cannot be used"),
         ('{"metres_per_unit": -1}', "above 0"),
         ('{"metres_per_unit": "cubit"}', '"cubit": give a number above 0, or one of m, cm'),
-        ('{"cameras": [{"eye": [0, 0]}]}', "without 'dir'"),
+        ('{"cameras": {}}', "expected array, got object, at cameras"),
+        ('{"cameras": [[]]}', "expected object, got array, at cameras.0."),
+        ('{"cameras": [{"eye": [0, 0]}]}', "array of length 3, got 2, at cameras.0..eye"),
+        ('{"cameras": [{"eye": [0, 0, 0]}]}', "missing required field dir, at cameras.0."),
+        ('{"cameras": [{"eye": [0, 0, true], "dir": [0, 0, 1]}]}', "expected float, got bool, at cameras.0..eye.2."),
+        ('{"cameras": [{"eye": [0, 0, "1"], "dir": [0, 0, 1]}]}', "expected float, got str, at cameras.0..eye.2."),
+        ('{"cameras": [{"eye": [0, 0, 1e999], "dir": [0, 0, 1]}]}', "camera 0 has no usable eye"),
+        ('{"cameras": [{"eye": [0, 0, 0], "dir": [0, 0, 1], "fov": 9}]}', "unknown field fov, .*may be eye.*fov_x_deg"),
+        ('{"cameras": [{"eye": [0, 0, 0], "dir": [0, 0, 1], "fov_x_deg": NaN}]}', "fov_x_deg of nan, not between"),
+        ('{"metres_per_unit": true}', "got bool, at metres_per_unit"),
+        ('{"metres_per_unit": 1e999}', "above 0"),
+        (f'{{"metres_per_unit": 1{"0" * 400}}}', "cannot be used"),
+        ('{"meters_per_unit": 2}', "unknown field meters_per_unit.*there may be metres_per_unit, cameras"),
         ('{"cameras": [{"eye": [0,0,0], "dir": [0,0,0]}]}', "no usable dir"),
     ],
 )
@@ -150,12 +162,11 @@ def test_backslashes_in_obj_and_mtl_files(tmp_path, png):
     (tmp_path / "a.obj").write_text(text, encoding="utf-8")
     scene = load_scene(str(tmp_path / "a.obj"))
     assert scene.textures[0].texels[0, 1].tolist() == [0, 0, 255, 128]
-    assert [file.is_file() for file in inputs_of(tmp_path / "a.obj")] == [
-        True,
-        False,
-        True,
-        True,
-    ]
+    assert inputs_of(tmp_path / "a.obj") == {
+        "textures\\a.mtl": "textures/a.mtl",
+        "..\\textures\\a.png": "textures/../textures/a.png",
+        "cameras.json": None,
+    }
 
 
 def test_backslashes_in_gltf_files(tmp_path):
@@ -173,4 +184,4 @@ def test_backslashes_in_gltf_files(tmp_path):
     }
     (tmp_path / "a.gltf").write_text(json.dumps(document), encoding="utf-8")
     assert load_scene(str(tmp_path / "a.gltf")).triangle_count == 1
-    assert inputs_of(tmp_path / "a.gltf")[2].is_file()
+    assert inputs_of(tmp_path / "a.gltf") == {"data\\a b.bin": "data/a b.bin", "cameras.json": None}

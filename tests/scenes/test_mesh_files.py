@@ -203,8 +203,9 @@ def test_names_of_files_in_other_encodings(tmp_path, png, encoding, on_disk):
         pytest.skip("this file system holds no such names")
     scene = load(tmp_path / "a.obj", f"mtllib {library}\n{SQUARE}usemtl {material}\n{FACE}".encode(encoding))
     assert used(scene)[0].base_texture == 0
-    assert all(file.is_file() for file in inputs_of(tmp_path / "a.obj") if file.name != "cameras.json")
-    assert load_scene(str(tmp_path / "a.obj"), cache=tmp_path / "cache").content_hash == scene.content_hash
+    assert [found for found in inputs_of(tmp_path / "a.obj").values() if not found] == [None]  # cameras.json
+    for _ in range(2):
+        assert load_scene(str(tmp_path / "a.obj"), cache=tmp_path / "cache").content_hash == scene.content_hash
     notes(scene).encode()
 
 
@@ -213,7 +214,7 @@ def test_byte_order_marks(tmp_path, encoding):
     (tmp_path / "ä.mtl").write_bytes("newmtl ö\nKd 1 0 0\n".encode(encoding))
     scene = load(tmp_path / "a.obj", f"mtllib ä.mtl\r\n{SQUARE}usemtl ö\r\n{FACE}".encode(encoding))
     assert used(scene)[0].base_colour == RED
-    assert inputs_of(tmp_path / "a.obj")[2] == tmp_path / "ä.mtl"
+    assert "ä.mtl" in inputs_of(tmp_path / "a.obj").values()
 
 
 @pytest.mark.parametrize(
@@ -460,10 +461,7 @@ def test_ply_wedges_and_several_pictures(tmp_path, png):
     assert "The texture B b.png is left out: the file is missing." in scene.notes
     assert sorted(scene.uvs.tolist()).count([0, 1]) == 2
     assert [0.5, 1] in scene.uvs.tolist()
-    assert inputs_of(tmp_path / "a.ply")[2:] == [
-        tmp_path / "a.png",
-        tmp_path / "B b.png",
-    ]
+    assert inputs_of(tmp_path / "a.ply") == {"a.png": "a.png", "B b.png": None, "cameras.json": None}
 
 
 def test_ply_faces_that_refer_to_missing_vertices_are_dropped(tmp_path):

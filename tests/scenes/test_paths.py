@@ -203,6 +203,10 @@ def test_text_file(tmp_path: Path) -> None:
         ("0 0 0 0 0 0 0\n", 1, "8 numbers"),
         (GOOD + "20 a 2 3 0 0 0 1\n", 5, "8 numbers"),
         (GOOD + "16.5 1 2 3 0 0 0 1\n", 5, "does not follow"),
+        ("0 0 0 0 0 0 0 1\n1e-320 0 0 0 0 0 0 1\n", 2, "less than 1 after"),
+        ("0 0 0 0 0 0 0 1\n1 0 0 0 0 0 0 1\n1.99 0 0 0 0 0 0 1\n", 3, "less than 1 after"),
+        ("0 1_6 0 0 0 0 0 1\n", 1, "8 numbers"),
+        ("0 \u0661.6 0 0 0 0 0 1\n", 1, "8 numbers"),
         (GOOD + "20 nan 2 3 0 0 0 1\n", 5, "8 numbers"),
         (GOOD + "20 1 2 3 0 0 0 0\n", 5, "quaternion is zero"),
     ],
@@ -212,6 +216,14 @@ def test_malformed_lines_are_named(tmp_path: Path, text: str, line: int, words: 
     file.write_text(text, encoding="utf-8")
     with pytest.raises(PathError, match=rf"bad\.txt, line {line}: .*{words}"):
         make_path(_object(1.0), str(file))
+
+
+def test_a_thousand_poses_a_second_are_enough(tmp_path: Path) -> None:
+    """Times of whole milliseconds, as they are written after some arithmetic."""
+    times = (np.arange(20) + 0.1).tolist()
+    assert min(np.diff(times)) < 1
+    (tmp_path / "a.txt").write_text("".join(f"{time!r} 0 0 0 0 0 0 1\n" for time in times), encoding="utf-8")
+    assert make_path(_object(1.0), str(tmp_path / "a.txt")).frames == 20
 
 
 def test_unknown_paths_and_counts_are_refused(tmp_path: Path) -> None:
