@@ -23,8 +23,8 @@ class SceneFiles:
     `allow_outside` any.
 
     `exact` takes a name to the letter, as glTF's are meant; `find` one as OBJ, MTL and PLY files have it, in an unknown
-    encoding, and in another case than the file's. Names count from the file that has them, which may lie in a folder below. SceneError is raised for the name of a
-    file elsewhere, and for that of one that does not fit into memory.
+    encoding, and in another case than the file's. Names count from the file that has them, which may lie in a folder
+    below. SceneError is raised for the name of a file elsewhere, and for that of one that does not fit into memory.
     """
 
     def __init__(self, scene_file: Path, allow_outside: bool = False) -> None:

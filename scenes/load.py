@@ -87,7 +87,8 @@ def load_scene(
     raw = RawScene(max_texture=max_texture)
     if cache is None:
         return fixed(_load_file(path, SceneFiles(path, allow_outside), raw, unit, repair, decimate))
-    entry = cache / scene_key(options, [path])
+    with _in_words(path):
+        entry = cache / scene_key(options, [path])
     scene = fetch(entry, InputFiles(path, allow_outside).unchanged)
     if scene is None:
         files = InputFiles(path, allow_outside)

@@ -80,14 +80,19 @@ def test_every_included_file_is_used():
 
 
 def test_every_test_asserts():
+    functions = {
+        path: [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.FunctionDef)]
+        for path in sources("tests")
+    }
+    helpers = {path: {node.name for node in nodes if asserts(node, set())} for path, nodes in functions.items()}
+    by_module = {name_of(path).removesuffix(".py").replace("/", "."): names for path, names in helpers.items()}
     silent = []
-    for path in sources("tests"):
-        functions = [node for node in ast.walk(tree_of(path)) if isinstance(node, ast.FunctionDef)]
-        helpers = {node.name for node in functions if asserts(node, set())}
+    for path, nodes in functions.items():
+        known = helpers[path].union(*(by_module.get(name, ()) for name in imported_modules(tree_of(path))))
         silent += [
             f"{name_of(path)}: {node.name}"
-            for node in functions
-            if node.name.startswith("test_") and not asserts(node, helpers)
+            for node in nodes
+            if node.name.startswith("test_") and not asserts(node, known)
         ]
     assert silent == []
 
