@@ -185,5 +185,5 @@ def test_edited_scenes_and_paths_are_others_also_where_names_are_the_same(tmp_pa
     path.write_text(path.read_text(encoding="utf-8").replace(" 0 0 3 ", " 0 0 4 "), encoding="utf-8")
     found.append(check_scenes(grid))
     a, b = map(str, files)
-    assert [hashes[a]["content"] == found[0][a]["content"] for hashes in found] == [True, False, False]
+    assert [hashes[a]["scene_hash"] == found[0][a]["scene_hash"] for hashes in found] == [True, False, False]
     assert [hashes[b] == found[0][b] for hashes in found] == [True, True, False]
