@@ -63,6 +63,8 @@ def mutated_json(data: st.DataObject, document: dict[str, Any]) -> dict[str, Any
     document = json.loads(json.dumps(document))
     for _ in range(data.draw(st.integers(1, 4))):
         paths = list(places(document))
+        if not paths:
+            break
         *path, last = data.draw(st.sampled_from(paths))
         parent: Any = document
         for key in path:
