@@ -129,7 +129,7 @@ def _opened(path: Path, name: str, raw: RawScene, most: int) -> ImageInput:
     """
     import OpenImageIO
 
-    OpenImageIO.attribute("limits:imagesize_MB", max(1, most >> 20))
+    OpenImageIO.attribute("limits:imagesize_MB", (most >> 20) + 1)  # exactly it is counted from the header
     config = OpenImageIO.ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = OpenImageIO.ImageInput.open(str(path), config)
