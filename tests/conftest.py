@@ -14,6 +14,13 @@ from shading_atlas_bench.scenes.repair import load_pymeshlab
 # A folder of real scenes, used where it is present; tests that need it are skipped without it.
 REAL_SCENES = Path(os.environ.get("BENCH_SCENES", Path(__file__).parents[2] / "shared" / "scenes"))
 
+# Files whose tests take a minute and more: begun first, so that no worker is left alone with one of them in the end.
+LONG = {"test_same_results.py", "test_documentation.py", "test_supervisor.py", "test_sweep.py", "test_conformance.py"}
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: item.path.name not in LONG)
+
 
 @pytest.fixture(scope="session")
 def device() -> Device:

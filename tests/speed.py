@@ -89,7 +89,7 @@ class Version:
             wall = time.perf_counter() - start
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
-            told = (self.place / "log").read_text(errors="replace")[-2000:]
+            told = (self.place / "log").read_text(encoding="utf-8", errors="replace")[-2000:]
             sys.exit(f"{self.name}: bench {' '.join(command.arguments)} ended with {process.returncode}:\n{told}")
         self.rows[name] = _rows(out)
         return {"wall": wall, "processor": used.ru_utime + used.ru_stime, "peak": used.ru_maxrss / 1024}

@@ -78,7 +78,7 @@ def test_a_run_has_it_as_rows(tmp_path):
 
 
 def test_explaining_skips_has_its_time_as_well(tmp_path):
-    command = ["run", *SMALL, "--method", f"{HANGING}:InSkip", "--timeout", "1", "--explain"]
+    command = ["run", *SMALL, "--method", f"{HANGING}:InSkip", "--timeout", "0.1", "--explain"]
     code, text = printed([*command, "--out", str(tmp_path / "out")])
     assert code == 1, text
     assert "skips" in text

@@ -83,7 +83,7 @@ def test_a_table_without_its_scenes_is_named_and_never_said_to_hold(root: Path, 
         (root / FOLDER / "away.json").unlink()
         tables.write_tables((), run=False, sources=SOURCES, root=root)
     said = capsys.readouterr().out
-    assert "not checked away: The scene nowhere/scene.glb is not in" in said
+    assert "not checked away: There is no scene nowhere/scene.glb: let BENCH_SCENES name" in said
     assert "holds" not in said
     assert "0 of 1 tables checked" in said
 

@@ -199,7 +199,10 @@ def test_locks_and_folders_named_like_sources_do_not_matter(written, tmp_path, t
     ("more", "sentence"),
     [
         ("", r"^The class Mine lies in .*packer\.py, which is no file: install it as a folder\.$"),
-        ("open(__file__)", r"^The module 'shelf\.packer' cannot be imported: NotADirectoryError: .*packer\.py'\.$"),
+        (
+            "open(__file__)",
+            r"^The module 'shelf\.packer' cannot be imported: NotADirectoryError: .*packer\.py' \(packer\.py, line 13\)\.$",
+        ),
     ],
 )
 def test_a_packer_in_a_zip_is_refused(written, tmp_path, more, sentence):
