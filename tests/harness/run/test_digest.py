@@ -201,7 +201,7 @@ def test_locks_and_folders_named_like_sources_do_not_matter(written, tmp_path, t
         ("", r"^The class Mine lies in .*packer\.py, which is no file: install it as a folder\.$"),
         (
             "open(__file__)",
-            r"^The module 'shelf\.packer' cannot be imported: NotADirectoryError: .*packer\.py' \(packer\.py, line 13\)\.$",
+            r"^The module 'shelf\.packer' cannot be imported: NotADirectoryError: .*py' \(packer\.py, line 13\)\.$",
         ),
     ],
 )
