@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -67,6 +67,23 @@ class Poses:
         """The poses start..stop-1."""
         return Poses(self.times_ms[start:stop], self.positions[start:stop], self.orientations[start:stop])
 
+    def at(self, times_ms: Doubles) -> Poses:
+        """Poses at times (N): the first one before it, interpolated, and going on at the last speed after the end."""
+        count = len(self.times_ms)
+        times = np.maximum(times_ms, self.times_ms[0])
+        here = np.searchsorted(self.times_ms, times, side="right") - 1
+        known = ((self.times_ms[here] == times) | (count == 1))[:, None]
+        a = np.minimum(here, max(count - 2, 0))
+        b = np.minimum(a + 1, count - 1)
+        share = (times - self.times_ms[a]) / np.where(a < b, self.times_ms[b] - self.times_ms[a], 1)
+        positions = self.positions[a] + share[:, None] * (self.positions[b] - self.positions[a])
+        orientations = slerp(self.orientations[a], self.orientations[b], share)
+        return Poses(
+            times_ms,
+            np.where(known, self.positions[here], positions),
+            np.where(known, self.orientations[here], orientations),
+        )
+
 
 @dataclass(frozen=True)
 class CameraPath:
@@ -90,10 +107,15 @@ class CameraPath:
         return len(self.times_ms)
 
     @property
+    def poses(self) -> Poses:
+        """Its poses, without those beyond."""
+        return Poses(self.times_ms, self.positions, self.orientations)
+
+    @property
     def hash(self) -> str:
         """16 hex digits over the exact bytes of all poses."""
         digest = hashlib.blake2b(digest_size=8)
-        for poses in (self, self.beyond):
+        for poses in (self.poses, self.beyond):
             if poses is not None:
                 for array in (poses.times_ms, poses.positions, poses.orientations):
                     digest.update(np.ascontiguousarray(array, np.float64).tobytes())
@@ -104,17 +126,9 @@ class CameraPath:
 
         Before the first pose it is the first pose.
         """
-        poses = self if self.beyond is None or t_ms <= self.times_ms[-1] else self._end(self.beyond)
-        times = poses.times_ms
-        if t_ms <= times[0] or len(times) == 1:
-            return poses.positions[0].copy(), poses.orientations[0].copy()
-        k = int(np.searchsorted(times, t_ms, side="right")) - 1
-        if t_ms == times[k]:
-            return poses.positions[k].copy(), poses.orientations[k].copy()
-        k = min(k, len(times) - 2)
-        share = (t_ms - times[k]) / (times[k + 1] - times[k])
-        position = poses.positions[k] + share * (poses.positions[k + 1] - poses.positions[k])
-        return position, slerp(poses.orientations[k], poses.orientations[k + 1], share)
+        poses = self.poses if self.beyond is None or t_ms <= self.times_ms[-1] else self._end(self.beyond)
+        pose = poses.at(np.array([t_ms], np.float64))
+        return pose.positions[0], pose.orientations[0]
 
     def _end(self, beyond: Poses) -> Poses:
         """The last frame and all beyond."""
@@ -301,16 +315,14 @@ def _animation(scene: Scene) -> Poses:
     if not scene.animations:
         raise PathError(f"The scene {scene.name} has no camera animation; choose walk, orbit or turntable.")
     animation = scene.animations[0]
-    keys = CameraPath(
-        animation.name,
+    keys = Poses(
         np.asarray(animation.times, np.float64),
         np.asarray(animation.positions, np.float64),
         np.asarray(animation.orientations, np.float64),
     )
     start, end = keys.times_ms[0], keys.times_ms[-1]
     times = _frame_times(int(min((end - start) * RATE / 1000 + 1e-6, MOST_FRAMES)) + 1)
-    poses = [keys.pose_at(start + t) for t in times]
-    return Poses(times, np.array([p for p, _ in poses]), np.array([q for _, q in poses]))
+    return replace(keys.at(start + times), times_ms=times)
 
 
 def _walk(scene: Scene, seed: int, notes: list[str]) -> Poses | None:

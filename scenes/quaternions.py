@@ -73,16 +73,14 @@ def upright(q: Doubles) -> Doubles:
     return np.where(q[..., 3:] < 0, -q, q)
 
 
-def slerp(a: Doubles, b: Doubles, t: float) -> Doubles:
-    """The rotation `t` of the short way from a to b, (4); t outside 0..1 goes on turning at the same speed."""
-    cosine = float(dot(a, b))
-    if cosine < 0:
-        b, cosine = -b, -cosine
+def slerp(a: Doubles, b: Doubles, t: ArrayLike) -> Doubles:
+    """Rotations `t` (...) of the short way from a to b (..., 4); t outside 0..1 goes on turning at the same speed."""
+    cosine = dot(a, b)[..., None]
+    b, cosine = np.where(cosine < 0, -b, b), np.where(cosine < 0, -cosine, cosine)
     rest = b - cosine * a
-    sine = float(np.linalg.norm(rest, axis=-1))
-    if sine < 1e-12:
-        return np.array(a, np.float64)
-    away, stay = sin_cos(arctan2(sine, cosine) * t)
-    out = a * stay + rest * (away / sine)
-    unit: Doubles = out / np.linalg.norm(out, axis=-1)
-    return unit
+    sine = np.linalg.norm(rest, axis=-1, keepdims=True)
+    still = sine < 1e-12
+    away, stay = sin_cos(arctan2(sine, cosine) * np.asarray(t, np.float64)[..., None])
+    out = a * stay + rest * (away / np.where(still, 1, sine))
+    unit: Doubles = out / np.linalg.norm(out, axis=-1, keepdims=True)
+    return np.where(still, a, unit)

@@ -107,6 +107,14 @@ def test_all_frames_are_poses_of_the_path(hall: Scene) -> None:
         assert np.array_equal(orientation, path.orientations[k])
 
 
+def test_poses_at_many_times_are_those_at_each(hall: Scene) -> None:
+    poses = make_path(hall, "walk", 12).poses
+    times = np.concatenate([np.arange(-20.0, poses.times_ms[-1] + 300, 0.7), poses.times_ms])
+    together, each = poses.at(times), [poses.at(times[k : k + 1]) for k in range(len(times))]
+    assert np.array_equal(together.positions, np.concatenate([pose.positions for pose in each]))
+    assert np.array_equal(together.orientations, np.concatenate([pose.orientations for pose in each]))
+
+
 def test_beyond_the_end_the_path_goes_on(hall: Scene) -> None:
     for name in ("walk", "orbit", "turntable"):
         path = make_path(hall, name)
