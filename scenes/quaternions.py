@@ -82,5 +82,5 @@ def slerp(a: Doubles, b: Doubles, t: ArrayLike) -> Doubles:
     still = sine < 1e-12
     away, stay = sin_cos(arctan2(sine, cosine) * np.asarray(t, np.float64)[..., None])
     out = a * stay + rest * (away / np.where(still, 1, sine))
-    unit: Doubles = out / np.linalg.norm(out, axis=-1, keepdims=True)
-    return np.where(still, a, unit)
+    length = np.where(still, 1, np.linalg.norm(out, axis=-1, keepdims=True))
+    return np.where(still, a, out / length)

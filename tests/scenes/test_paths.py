@@ -261,6 +261,8 @@ def test_slerp_keeps_unit_length_and_a_constant_speed(p: tuple, q: tuple, t: flo
 
     assert angle(a, middle) == pytest.approx(t * angle(a, b), abs=1e-6)
     assert angle(slerp(a, b, 1.0), b) < 1e-7
+    none = np.zeros((1, 4))  # of a file that has no rotation
+    assert np.array_equal(slerp(none, none, np.array([t])), none)
 
 
 @given(VECTORS, st.tuples(*[st.floats(-10, 10)] * 3))
