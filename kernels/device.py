@@ -380,6 +380,18 @@ class Device:
         array.set(values)
         return array
 
+    def lent(self, values: arrays.Array) -> Array:
+        """A NumPy array, of any shape and numbers, for kernels to read: where it lies, if the device reads the host's
+        memory, else a copy. Nobody may write to it meanwhile. One without elements gets one, as in `upload`.
+        """
+        values = np.ascontiguousarray(values)
+        if values.size == 0:
+            return self.zeros((1,), values.dtype)
+        cl = opencl()
+        with SPEAKING:
+            place = cl.Buffer(self.context, cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR, hostbuf=values)
+            return array_class()(self.queue, values.shape, values.dtype, data=place)
+
     def download(self, array: Array) -> bytes:
         """The bytes of `array`, of any shape and numbers, copied once, from where the device shows them to the host."""
         cl = opencl()
