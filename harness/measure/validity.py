@@ -56,12 +56,9 @@ from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Ints, Longs
 from shading_atlas_bench.arithmetic.functions import log2
-from shading_atlas_bench.kernels.validity.lookups import Limits, Lookups, LookupScreen, TriangleTable
+from shading_atlas_bench.kernels.validity.lookups import BORDER, Limits, Lookups, LookupScreen, TriangleTable
 from shading_atlas_bench.kernels.validity.samples import (
-    BORDER,
-    CHOSEN,
-    FAR,
-    UNOWNED,
+    NO_SAMPLE,
     SampleList,
     place_samples,
     sample_plane_twin,
@@ -91,6 +88,7 @@ BUDGET = 100_000  # per frame and kind: points of corners, of grids, of the nove
 CHUNK = 1 << 17  # points at a time, for the sake of memory
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
+SIDEWAYS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # columns and rows to the four texels beside one
 STAGE = "check"
 ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
 
@@ -157,7 +155,9 @@ def check(
     if found:
         return found  # nothing else can be computed with wrong ids
     turns = _turns(len(owners.triangle), budget)
-    atlas = _Atlas(frame.scene.device, owners, next(iter(payload.planes.values())), frame.index % turns, turns)
+    has_turn = np.zeros(frame.scene.triangles.count, bool)
+    has_turn[frame.index % turns :: turns] = True
+    atlas = _Atlas(frame.scene.device, owners, next(iter(payload.planes.values())), has_turn)
     found = [*atlas.violations(), *_check_planes(payload.planes, atlas)]
     anchors = client.locate(np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
     if anchors is None:
@@ -206,42 +206,43 @@ def _check_unplaced(frame: Frame, payload: Payload, placed: Bools | None) -> lis
 
 
 class _Atlas:
-    """Which sample lies in each texel, with a border of one texel around, so that lookups at the edge need no special
-    case; of two in one texel the last counts.
+    """Which sample lies in each texel; of two in one texel the last counts.
 
-    listed: samples, on the device. plane: their numbers, as in PlacedSamples. sample: the same on the host, by place in
-    the plane, row by row. chosen: int (k), numbers of the samples inside a triangle whose turn it is. far: of those
-    with a weight below -1 or not a number.
+    listed: samples, on the device. plane: int32 (height, width), on the device, their numbers, NO_SAMPLE without one.
+    wrong_alpha: how many texels have an alpha that says otherwise. is_single: whether no texel is listed twice.
+    chosen: int (k), numbers of the samples inside a triangle that has its turn. far: of those with a weight below -1 or
+    not a number.
     """
 
-    def __init__(self, device: Device, owners: Owners, texels: Array, turn: int = 0, turns: int = 1) -> None:
-        """texels: the first plane. Triangles whose number leaves `turn` over `turns` have their turn."""
+    def __init__(self, device: Device, owners: Owners, texels: Array, has_turn: Bools) -> None:
+        """texels: the first plane. has_turn: bool (T), by triangle."""
         self.height, self.width = texels.shape[:2]
-        self.stride, self.owners, self.texels = self.width + 2, owners, texels
+        self.owners, self.texels = owners, texels
         self.listed = SampleList.lent(device, owners.texel, owners.triangle, owners.bary)
-        placed = place_samples(device, self.listed, self.width, self.height, turn, turns, STAGE)
+        placed = place_samples(device, self.listed, self.width, self.height, has_turn, STAGE)
         self.plane, self.outside = placed.plane, placed.outside
         owned, self.wrong_alpha = _compare_alpha(device, texels, self.plane)
         self.is_single = owned == len(owners.texel) - self.outside
         if not self.is_single:  # which of two a kernel writes last nobody knows
             self.plane.set(sample_plane_twin(owners.texel, self.width, self.height))
-        marks = placed.marks.get()[: len(owners.texel)]
-        self.chosen = np.flatnonzero(marks & CHOSEN)
-        self.far = np.flatnonzero(marks & FAR) if placed.far else np.empty(0, np.int64)
+        count = len(owners.texel)
+        self.chosen = np.flatnonzero(placed.chosen.get()[:count].view(bool))
+        self.far = np.flatnonzero(placed.far.get()[:count].view(bool)) if placed.distant else np.empty(0, np.int64)
 
     @cached_property
-    def sample(self) -> Ints:
-        """(padded texels)."""
-        sample: Ints = self.plane.get().reshape(-1)
-        return sample
+    def samples(self) -> Ints:
+        """The plane on the host, (height, width)."""
+        samples: Ints = self.plane.get()
+        return samples
 
-    @property
-    def owned(self) -> Bools:
-        """(height, width)."""
-        return self.sample.reshape(self.height + 2, self.stride)[1:-1, 1:-1] >= 0
+    def sample_at(self, column: Whole, row: Whole) -> Ints:
+        """The samples in texels of any shape: NO_SAMPLE where there is none, BORDER outside the atlas."""
+        inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        found = self.samples[np.where(inside, row, 0), np.where(inside, column, 0)]
+        return np.where(inside, found, np.int32(BORDER))
 
     def triangle_of(self, sample: Ints) -> Ints:
-        """Triangles of samples of any shape; UNOWNED and BORDER stay what they are."""
+        """Triangles of samples of any shape; NO_SAMPLE and BORDER stay what they are."""
         if not len(self.owners.triangle):
             return sample
         return np.where(sample < 0, sample, self.owners.triangle[np.maximum(sample, 0)])
@@ -254,23 +255,17 @@ class _Atlas:
         bary[sample < 0] = 0
         return np.moveaxis(bary, -1, 0)
 
-    def owner(self, at: Whole) -> Ints:
-        """Triangles of texels in the plane with its border."""
-        return self.triangle_of(self.sample[at])
-
-    def unpadded(self, padded: Whole) -> Whole:
-        """row * width + column of texels in the plane with its border."""
-        return (padded // self.stride - 1) * self.width + padded % self.stride - 1
-
     def beside(self, texel: Longs, triangle: Ints, others: Longs) -> Bools:
         """Whether one of the four texels next to each texel (n) is among `others` and has the same owner: bool (n)."""
-        at, other = (self.padded(inside[self._contains(inside)]) for inside in (texel, others))
-        among = np.zeros(self.sample.size, bool)
-        among[other] = True
+        among = np.zeros(self.width * self.height, bool)
+        among[others[self._contains(others)]] = True
         found = np.zeros(len(texel), bool)
         kept = self._contains(texel)
-        for step in (1, -1, self.stride, -self.stride):
-            found[kept] |= among[at + step] & (self.owner(at + step) == triangle[kept])
+        column, row = self._position(texel[kept])
+        for across, down in SIDEWAYS:
+            owned = self.triangle_of(self.sample_at(column + across, row + down)) == triangle[kept]
+            beside = (row + down) * self.width + column + across
+            found[kept] |= owned & among[np.where(owned, beside, 0)]
         return found
 
     def towards_neighbours(self, triangle: Ints, bary: Floats, texel: Longs) -> Iterator[tuple[Floats, Doubles]]:
@@ -278,23 +273,24 @@ class _Atlas:
         where they should be looked up: float32 (n, 2) and float64 (n, 2), for each of eight directions."""
         if not len(texel):
             return
-        at = self.padded(np.clip(texel, 0, self.width * self.height - 1))  # what lies outside breaks another rule
+        # What lies outside breaks another rule.
+        column, row = self._position(np.clip(texel, 0, self.width * self.height - 1))
         centre = self.centre(texel)
         for across, down in np.array([[2, 1], [1, 2], [-2, 1], [-1, 2], [2, -1], [1, -2], [-2, -1], [-1, -2]]):
             moved = bary.astype(np.float64)
-            for step, count in ((np.sign(across), abs(across)), (np.sign(down) * self.stride, abs(down))):
-                beside = self.sample[at + step]
+            for step, count in (((np.sign(across), 0), abs(across)), ((0, np.sign(down)), abs(down))):
+                beside = self.sample_at(column + step[0], row + step[1])
                 own = self.triangle_of(beside) == triangle
                 moved += np.where(own, count * PART * (self.bary_of(beside) - bary.T), 0).T
             yield moved.astype(np.float32), centre + PART * np.array([across, down])
 
     def near_inside(self, texel: Longs, triangle: Ints) -> Bools:
         """Whether a sample inside the triangle is within 1 + MARGIN texels of each texel (n): bool (n)."""
-        row, column, reach = texel // self.width, texel % self.width, int(1 + MARGIN)
+        (column, row), reach = self._position(texel), int(1 + MARGIN)
         found = np.zeros(len(texel), bool)
         for step in np.ndindex(2 * reach + 1, 2 * reach + 1):
             line = np.clip(row + step[0] - reach, 0, self.height - 1)
-            beside = self.sample[self.padded(line * self.width + np.clip(column + step[1] - reach, 0, self.width - 1))]
+            beside = self.sample_at(np.clip(column + step[1] - reach, 0, self.width - 1), line)
             bary = self.bary_of(beside)
             inside = (bary.min(axis=0) >= -1e-4) & (bary.sum(axis=0) <= 1 + 1e-4)
             found |= inside & (self.triangle_of(beside) == triangle)
@@ -303,11 +299,11 @@ class _Atlas:
     def is_smooth(self, texel: Longs, triangle: Ints) -> Bools:
         """Whether each texel (n) continues three neighbours of its triangle, in a row or a square, as a plane does, to
         half of their differences: bool (n)."""
-        at, sides = self.padded(texel), (1, -1, self.stride, -self.stride)
-        own = self.bary_of(self.sample[at])
+        at = np.stack(self._position(texel))[:, None]
+        own = self.bary_of(self.sample_at(*at[:, 0]))
         smooth = np.zeros(len(texel), bool)
-        for one, other in [(a, b) for a in sides for b in sides if a != -b]:
-            three = self.sample[np.clip(at + np.array([[one], [other], [one + other]]), 0, self.sample.size - 1)]
+        for one, other in [(a, b) for a in SIDEWAYS for b in SIDEWAYS if (a != -b).any()]:
+            three = self.sample_at(*at + np.stack([one, other, one + other], axis=1)[..., None])
             a, b, c = np.moveaxis(self.bary_of(three), 1, 0)
             off = np.abs(own - (a + b - c)).sum(axis=0)
             step = np.maximum(np.abs(a - c).sum(axis=0), np.abs(b - c).sum(axis=0))
@@ -316,14 +312,15 @@ class _Atlas:
 
     def centre(self, texel: Longs) -> Doubles:
         """Column and row of texels' centres, float64 (n, 2)."""
-        return np.stack([texel % self.width, texel // self.width], axis=1, dtype=np.float64) + 0.5
+        return np.stack(self._position(texel), axis=1, dtype=np.float64) + 0.5
 
     def _contains(self, texel: Longs) -> Bools:
         return (texel >= 0) & (texel < self.width * self.height)
 
-    def padded(self, texel: Longs) -> Longs:
-        """Of texels row * width + column, the index in the plane with its border."""
-        return texel + (texel // self.width) * 2 + (self.stride + 1)
+    def _position(self, texel: Longs) -> tuple[Longs, Longs]:
+        """Columns and rows."""
+        row = texel // self.width
+        return texel - row * self.width, row
 
     def violations(self) -> list[Violation]:
         """Of the rules `inside` and `single owner`."""
@@ -360,7 +357,7 @@ def _check_planes(planes: Mapping[str, Array], atlas: _Atlas) -> list[Violation]
             sentence = f"{bad.size} texels of the plane {name!r} are not finite."
             found.append(Violation("finite", bad.size, sentence, texels=first_few(bad)))
         if atlas.wrong_alpha and plane is atlas.texels:
-            wrong = np.flatnonzero(plane.get()[..., 3] != atlas.owned * np.uint8(255))
+            wrong = np.flatnonzero(plane.get()[..., 3] != (atlas.samples >= 0) * np.uint8(255))
             sentence = f"{wrong.size} texels have an alpha that is not 255 where they are listed, or not 0 elsewhere."
             found.append(Violation("alpha", wrong.size, sentence, texels=first_few(wrong)))
     return found
@@ -437,6 +434,8 @@ def _outside(owners: Owners, atlas: _Atlas, table: _Table) -> Longs:
 
 
 def _check_barycentrics(owners: Owners, outside: Longs, atlas: _Atlas, client: Client) -> list[Violation]:
+    if not outside.size:
+        return []
     centre = atlas.centre(owners.texel[outside])
     outside = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
     bad = outside[~_continues(owners.triangle[outside], owners.bary[outside], owners.texel[outside], atlas)]
@@ -580,7 +579,6 @@ class _Lookups:
         triangles = TriangleTable(table.row, table.jacobian, table.texel_size, table.corners(table.pvs))
         limits = Limits(WEIGHT, near, LOCATION, REACH)
         self._screen = LookupScreen(frame.scene.device, atlas.listed, atlas.plane, triangles, limits, STAGE)
-        self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1], np.int32)[:, None]
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
         self._misplaced = np.zeros(len(frame.pvs), bool)
         self._incomplete = np.zeros(len(frame.pvs), bool)
@@ -599,16 +597,16 @@ class _Lookups:
         """Judge n of them: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2)."""
         atlas = self._atlas
         rows = self._table.row[triangles]
-        x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre
+        x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # from centre to centre, from those of the border on
         y = np.clip(located[:, 1] + 0.5, 0, atlas.height + 0.999)
         column, line = x.astype(np.int32), y.astype(np.int32)
         x -= column
         y -= line
+        column, line = column + np.array([[-1], [0], [-1], [0]]), line + np.array([[-1], [-1], [0], [0]])
         weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
-        texels = line * np.int32(atlas.stride) + column + self._offsets
         touched = weights > WEIGHT
         weights *= touched
-        samples = atlas.sample[texels]
+        samples = atlas.sample_at(column, line)
         owner = atlas.triangle_of(samples)
         own = (owner == triangles) | ~touched
         whole = own.all(axis=0)
@@ -616,14 +614,14 @@ class _Lookups:
             excused = ~own & (owner != BORDER) & _far(x, y)
             touched, own = touched & ~excused, own | excused
         if owner.min() < 0:
-            self._note_gaps(rows, texels, owner, touched)
+            self._note_gaps(rows, line * atlas.width + column, owner, touched)
         self._check_location(rows, bary, samples, weights, whole)
         if not own.all():
             self._check_others(rows, bary, samples, ~own & (owner >= 0))
 
     def _note_gaps(self, rows: Ints, texels: Ints, owner: Ints, touched: Bools) -> None:
         self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
-        gaps = touched & (owner == UNOWNED)
+        gaps = touched & (owner == NO_SAMPLE)
         self._incomplete[rows[gaps.any(axis=0)]] = True
         self._unwritten.append(np.unique(texels[gaps]))
 
@@ -699,8 +697,7 @@ class _Lookups:
             unwritten = np.unique(np.concatenate(self._unwritten))
             count = unwritten.size
             sentence = f"Lookups in {incomplete.size} triangles touch {count} texels that were not written."
-            texels = self._atlas.unpadded(unwritten[:FIRST])
-            found.append(Violation("written", count, sentence, first_few(incomplete), first_few(texels)))
+            found.append(Violation("written", count, sentence, first_few(incomplete), first_few(unwritten)))
         if misplaced.size:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
             found.append(Violation("surface", misplaced.size, sentence, first_few(misplaced)))

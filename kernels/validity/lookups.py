@@ -9,7 +9,7 @@ import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
 from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Ints, Longs
-from shading_atlas_bench.kernels.validity.samples import BORDER, SampleList
+from shading_atlas_bench.kernels.validity.samples import SampleList
 
 if TYPE_CHECKING:
     from numpy.typing import DTypeLike
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.device import Device
 
 RUN = 16  # lookups per item
+BORDER = -2  # the owner of what lies around an atlas; that of texels without a sample is NO_SAMPLE
 
 
 @dataclass(frozen=True)
@@ -74,14 +75,14 @@ class Screened:
 class LookupScreen:
     """Screens lookups in one atlas.
 
-    samples: what `plane`, int32 (H + 2, W + 2), on the device, has the numbers of; see PlacedSamples.
+    samples: what `plane`, int32 (height, width), on the device, has the numbers of; see PlacedSamples.
     """
 
     def __init__(
         self, device: Device, samples: SampleList, plane: Array, table: TriangleTable, limits: Limits, stage: str
     ) -> None:
         self._device, self._stage, self._rows = device, stage, len(table.texel_size)
-        self._size = (plane.shape[1] - 2, plane.shape[0] - 2)
+        self._size = plane.shape[::-1]
         near = limits.near or 0.0
         numbers = np.array([limits.weight, near * near, limits.location, limits.reach])
         doubles = (table.jacobian, table.texel_size, table.corners)
@@ -107,7 +108,8 @@ class LookupScreen:
             *(count, lookups.only_known, *self._size, *points, self._rows, *self._tables, *self._atlas, marks, counts),
         )
         marked, touched, missing = counts.get().tolist()
-        return Screened(np.flatnonzero(marks.get()[:count]) if marked else np.empty(0, np.int64), touched, missing)
+        some = np.flatnonzero(marks.get()[:count].view(bool)) if marked else np.empty(0, np.int64)
+        return Screened(some, touched, missing)
 
 
 def _lent(device: Device, values: arrays.Array, dtype: DTypeLike) -> Array:
@@ -138,7 +140,8 @@ def _screen_known(
     samples: tuple[Ints, Floats], plane: Ints, table: TriangleTable, limits: Limits, lookups: Lookups
 ) -> tuple[Bools, int, int]:
     row = table.row[lookups.triangle]
-    size = np.array(plane.shape[::-1]) - 2
+    size = np.array(plane.shape[::-1])
+    plane = np.pad(plane, 1, constant_values=BORDER)
     place = np.clip(lookups.place + 0.5, 0, size + 0.999)
     column, line = place.astype(np.int64).T
     x, y = place[:, 0] - column, place[:, 1] - line

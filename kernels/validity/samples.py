@@ -7,15 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints, Longs
+from shading_atlas_bench.arithmetic.arrays import Bools, Floats, Ints, Longs
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
 
     from shading_atlas_bench.kernels.device import Device
 
-UNOWNED, BORDER = -1, -2  # in the plane: of texels without a sample, and of those around the atlas
-FAR, CHOSEN = 1, 2  # marks
+NO_SAMPLE = -1  # in the plane
 ROUNDING = 1e-4  # of weights: so far outside its triangle a sample still counts as inside; also in samples.cl
 
 
@@ -40,46 +39,45 @@ class SampleList:
 
 @dataclass(frozen=True)
 class PlacedSamples:
-    """plane: int32 (height + 2, width + 2), with a border of one texel around the atlas: the number of the sample in
-    each texel, of several any, UNOWNED or BORDER. marks: uint8 (n), FAR where a weight is below -1 or not a number,
-    CHOSEN where the sample is inside its triangle, whose turn it is. outside, far: how many samples lie outside the
-    atlas, and are FAR."""
+    """plane: int32 (height, width), the number of the sample in each texel, of several any, NO_SAMPLE where there is
+    none. chosen: uint8 (n), 1 where a sample is inside its triangle, which has its turn, else 0. far: uint8 (n), 1
+    where a weight is below -1 or not a number. outside, distant: how many samples lie outside the atlas, and are far.
+    """
 
     plane: Array
-    marks: Array
+    chosen: Array
+    far: Array
     outside: int
-    far: int
+    distant: int
 
 
 def place_samples(
-    device: Device, samples: SampleList, width: int, height: int, turn: int, turns: int, stage: str
+    device: Device, samples: SampleList, width: int, height: int, has_turn: Bools, stage: str
 ) -> PlacedSamples:
-    """Samples of an atlas of width x height texels; triangles whose number leaves `turn` over `turns` have theirs."""
-    kernels = device.build("validity/samples.cl", UNOWNED=UNOWNED, BORDER=BORDER, FAR=FAR, CHOSEN=CHOSEN)
-    plane = device.recycled((height + 2, width + 2), np.int32)
-    marks, counts = device.recycled(samples.count, np.uint8), device.zeros(2, np.int32)
-    device.launch(stage, kernels.clear_plane, height + 2, width, height, plane, local=1)
-    arrays = (samples.texel, samples.triangle, samples.bary, plane, marks, counts)
-    device.launch(stage, kernels.place_samples, samples.count, samples.count, width, height, turn, turns, *arrays)
-    outside, far = counts.get().tolist()
-    return PlacedSamples(plane, marks, outside, far)
+    """Samples of an atlas of width x height texels. has_turn: bool (T), by triangle, on the host."""
+    kernel = device.build("validity/samples.cl").place_samples
+    plane = device.recycled((height, width), np.int32)
+    device.fill(plane, NO_SAMPLE, stage)
+    chosen, far = (device.recycled(samples.count, np.uint8) for _ in range(2))
+    counts = device.zeros(2, np.int32)
+    arrays = (samples.texel, samples.triangle, samples.bary, device.lent(has_turn), plane, chosen, far, counts)
+    device.launch(stage, kernel, samples.count, samples.count, width * height, *arrays)
+    outside, distant = counts.get().tolist()
+    return PlacedSamples(plane, chosen, far, outside, distant)
 
 
 def sample_plane_twin(texel: Longs, width: int, height: int) -> Ints:
     """The plane of `place_samples`; of several samples in one texel the last counts."""
-    plane = np.full((height + 2, width + 2), BORDER, np.int32)
-    plane[1:-1, 1:-1] = UNOWNED
+    plane = np.full(width * height, NO_SAMPLE, np.int32)
     listed = np.flatnonzero((texel >= 0) & (texel < width * height))
-    plane[texel[listed] // width + 1, texel[listed] % width + 1] = listed
-    return plane
+    plane[texel[listed]] = listed
+    return plane.reshape(height, width)
 
 
-def sample_marks_twin(triangle: Ints, bary: Floats, turn: int, turns: int) -> Bytes:
-    """The marks of `place_samples`."""
+def choose_samples_twin(triangle: Ints, bary: Floats, has_turn: Bools) -> tuple[Bools, Bools]:
+    """Which samples `place_samples` chooses, and which are far: bool (n) each."""
     b1, b2 = bary.T
     with np.errstate(all="ignore"):
         far = ~(np.minimum(np.minimum(b1, b2), 1 - b1 - b2) >= -1)
         inside = (np.minimum(b1, b2) >= -ROUNDING) & (b1 + b2 <= 1 + ROUNDING)
-    return np.where(far, FAR, 0).astype(np.uint8) | np.where(inside & (triangle % turns == turn), CHOSEN, 0).astype(
-        np.uint8
-    )
+    return inside & has_turn[triangle], far

@@ -8,7 +8,7 @@ __kernel void compare_alpha(const int width, const int height, __global const ui
     if (row >= height)
         return;
     __global const uint *colours = texels + (size_t)row * width;
-    __global const int *samples = plane + (size_t)(row + 1) * (width + 2) + 1;
+    __global const int *samples = plane + (size_t)row * width;
     int owned = 0, wrong = 0;
     for (int i = 0; i < width; i++) {
         owned += samples[i] >= 0;

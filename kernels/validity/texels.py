@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 def compare_alpha(device: Device, texels: Array, plane: Array, stage: str) -> tuple[int, int]:
     """How many texels have a sample, and how many have an alpha that is not 255 then, or not 0 elsewhere.
 
-    texels: uint8 (H, W, 4). plane: int32 (H + 2, W + 2), negative without a sample, as in PlacedSamples.
+    texels: uint8 (H, W, 4). plane: int32 (H, W), negative without a sample.
     """
     height, width = texels.shape[:2]
     counts = device.zeros(2, np.int32)
@@ -29,5 +29,5 @@ def compare_alpha(device: Device, texels: Array, plane: Array, stage: str) -> tu
 
 def compare_alpha_twin(texels: Bytes, plane: Ints) -> tuple[int, int]:
     """The same of host arrays."""
-    owned = plane[1:-1, 1:-1] >= 0
+    owned = plane >= 0
     return int(owned.sum()), int((texels[..., 3] != np.where(owned, 255, 0)).sum())

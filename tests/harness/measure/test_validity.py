@@ -277,7 +277,7 @@ def affine_atlas(side: int = 9) -> _Atlas:
 
 
 def atlas_of(owners: Owners, width: int, height: int) -> _Atlas:
-    return _Atlas(opened(), owners, opened().zeros((height, width, 4), np.uint8))
+    return _Atlas(opened(), owners, opened().zeros((height, width, 4), np.uint8), np.ones(3, bool))
 
 
 def test_points_towards_neighbours_are_where_they_are_said_to_be():
