@@ -382,7 +382,10 @@ class Device:
 
     def lent(self, values: arrays.Array) -> Array:
         """A NumPy array, of any shape and numbers, for kernels to read: where it lies, if the device reads the host's
-        memory, else a copy. Nobody may write to it meanwhile. One without elements gets one, as in `upload`.
+        memory, else a copy. One without elements gets one, as in `upload`.
+
+        It must be kept until these kernels have run, and nobody may write to the array meanwhile. It begins at any
+        address: kernels must not read it by vectors that are to be aligned.
         """
         values = np.ascontiguousarray(values)
         if values.size == 0:

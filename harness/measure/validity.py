@@ -174,9 +174,9 @@ def check(
 
 def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
     count = frame.scene.triangles.count
-    bad = np.flatnonzero((owners.triangle < 0) | (owners.triangle >= count))
-    if not bad.size:
+    if owners.triangle.min(initial=0) >= 0 and owners.triangle.max(initial=0) < count:
         return []
+    bad = np.flatnonzero((owners.triangle < 0) | (owners.triangle >= count))
     sentence = f"{bad.size} samples name a triangle that the scene of {count} triangles does not have."
     return [
         Violation("barycentrics", bad.size, sentence, first_few(owners.triangle[bad]), first_few(owners.texel[bad]))
@@ -369,13 +369,18 @@ class _Table:
     def __init__(self, frame: Frame, anchors: Doubles) -> None:
         self.pvs = frame.pvs
         self.anchors = anchors
-        self.placed: Bools = np.all(np.isfinite(anchors), axis=(1, 2))
+        self.placed: Bools = np.isfinite(anchors.reshape(-1, 2 * len(ANCHORS)).T).all(axis=0)
         self.row = np.full(frame.scene.triangles.count, -1, np.int32)
         self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
         corners = anchors[:, :3]
         # (2, n, 2): column and row of the atlas, triangle, and the barycentrics 1 and 2 they change with, in texels
         self.jacobian = np.ascontiguousarray((corners[:, 1:] - corners[:, :1]).transpose(2, 0, 1))
         self._frame = frame
+
+    @cached_property
+    def points(self) -> Doubles:
+        """Those of the PVS."""
+        return self.corners(self.pvs)
 
     def corners(self, triangles: Ints) -> Doubles:
         """Positions float64 (n, 3, 3)."""
@@ -407,15 +412,14 @@ class _Table:
 
         The largest singular value of the map from the atlas to the surface (edges times the inverse Jacobian).
         """
-        p = self.corners(self.pvs)
+        p = np.ascontiguousarray(self.points.transpose(1, 2, 0))  # NumPy is slow over axes of three
         with np.errstate(all="ignore"):
-            longest = np.linalg.norm(p[:, [2, 0, 1]] - p[:, [1, 2, 0]], axis=2).max(axis=1)
-            column, row = self.jacobian
-            first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-            along_column = (first * row[:, 1, None] - second * row[:, 0, None]) / self.determinant[:, None]
-            along_row = (second * column[:, 0, None] - first * column[:, 1, None]) / self.determinant[:, None]
-            a, c = (along_column * along_column).sum(axis=1), (along_row * along_row).sum(axis=1)
-            b = (along_column * along_row).sum(axis=1)
+            longest = np.sqrt(np.max([_dot(edge, edge) for edge in (p[2] - p[1], p[0] - p[2], p[1] - p[0])], axis=0))
+            (column1, column2), (row1, row2) = self.jacobian.transpose(0, 2, 1).copy()
+            first, second = p[1] - p[0], p[2] - p[0]
+            along_column = (first * row2 - second * row1) / self.determinant
+            along_row = (second * column1 - first * column2) / self.determinant
+            a, b, c = _dot(along_column, along_column), _dot(along_column, along_row), _dot(along_row, along_row)
             size = np.sqrt((a + c + np.sqrt((a - c) * (a - c) + 4 * b * b)) / 2)
         at_most: Doubles = np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
         return at_most
@@ -482,7 +486,7 @@ def _locate(client: Client, triangles: Ints, bary: Floats) -> Doubles:
 
 
 def _check_once(owners: Owners, atlas: _Atlas, client: Client) -> list[Violation]:
-    triangle, bary, texel = (values[atlas.chosen] for values in (owners.triangle, owners.bary, owners.texel))
+    triangle, bary, texel = (values.take(atlas.chosen, 0) for values in (owners.triangle, owners.bary, owners.texel))
     centre = atlas.centre(texel)
     distance = _apart(_locate(client, triangle, bary), centre)
     strays = np.flatnonzero(distance > DISTANCE)  # not where a triangle has no place
@@ -576,7 +580,7 @@ class _Lookups:
     def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, gaps: Gaps | None) -> None:
         self._atlas, self._table, self._gaps = atlas, table, gaps
         near = None if gaps is None else NEAR
-        triangles = TriangleTable(table.row, table.jacobian, table.texel_size, table.corners(table.pvs))
+        triangles = TriangleTable(table.row, table.jacobian, table.texel_size, table.points)
         limits = Limits(WEIGHT, near, LOCATION, REACH)
         self._screen = LookupScreen(frame.scene.device, atlas.listed, atlas.plane, triangles, limits, STAGE)
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
@@ -702,6 +706,12 @@ class _Lookups:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
             found.append(Violation("surface", misplaced.size, sentence, first_few(misplaced)))
         return found
+
+
+def _dot(one: Doubles, other: Doubles) -> Doubles:
+    """Of vectors (3, n): (n)."""
+    product: Doubles = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+    return product
 
 
 def _apart(one: Doubles, other: Doubles) -> Doubles:
