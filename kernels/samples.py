@@ -72,11 +72,13 @@ class Samples:
     def of_points(cls, device: Device, triangle: arrays.Array, bary: arrays.Array) -> Samples:
         """Surface points from host arrays, triangle (n) and bary (n, 2); footprints and texels are 0."""
         samples, count = cls.allocate(device, len(triangle)), len(triangle)
-        padded = np.zeros(samples.triangle.shape, np.int32), np.zeros((2, *samples.triangle.shape), np.float32)
-        padded[0][:count] = triangle
-        padded[1][:, :count] = bary.T
-        for array, values in ((samples.triangle, padded[0]), (samples.bary1, padded[1][0]), (samples.bary2, padded[1][1])):
-            array.set(values)
+        room = samples.triangle.shape[0]
+        triangles, weights = np.zeros(room, np.int32), np.zeros((2, room), np.float32)
+        triangles[:count] = triangle
+        weights[:, :count] = bary.T
+        samples.triangle.set(triangles)
+        samples.bary1.set(weights[0])
+        samples.bary2.set(weights[1])
         device.fill(samples.footprint, 0)
         device.fill(samples.texel, 0)
         return samples

@@ -369,7 +369,8 @@ class _Table:
     def __init__(self, frame: Frame, anchors: Doubles) -> None:
         self.pvs = frame.pvs
         self.anchors = anchors
-        self.placed: Bools = np.isfinite(anchors.reshape(-1, 2 * len(ANCHORS)).T).all(axis=0)
+        finite = np.isfinite(anchors.reshape(-1, 2 * len(ANCHORS)))
+        self.placed: Bools = np.logical_and.reduce(finite.T, axis=0)
         self.row = np.full(frame.scene.triangles.count, -1, np.int32)
         self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
         corners = anchors[:, :3]
@@ -486,7 +487,8 @@ def _locate(client: Client, triangles: Ints, bary: Floats) -> Doubles:
 
 
 def _check_once(owners: Owners, atlas: _Atlas, client: Client) -> list[Violation]:
-    triangle, bary, texel = (values.take(atlas.chosen, 0) for values in (owners.triangle, owners.bary, owners.texel))
+    chosen = atlas.chosen
+    triangle, bary, texel = owners.triangle.take(chosen), owners.bary.take(chosen, 0), owners.texel.take(chosen)
     centre = atlas.centre(texel)
     distance = _apart(_locate(client, triangle, bary), centre)
     strays = np.flatnonzero(distance > DISTANCE)  # not where a triangle has no place

@@ -73,7 +73,7 @@ class Screened:
 
 
 class LookupScreen:
-    """Screens lookups in one atlas.
+    """Screens lookups in one atlas. row: that of the table.
 
     samples: what `plane`, int32 (height, width), on the device, has the numbers of; see PlacedSamples.
     """
@@ -81,8 +81,9 @@ class LookupScreen:
     def __init__(
         self, device: Device, samples: SampleList, plane: Array, table: TriangleTable, limits: Limits, stage: str
     ) -> None:
-        self._device, self._stage, self._rows = device, stage, len(table.texel_size)
-        self._size = plane.shape[::-1]
+        self._device, self._stage, self.row = device, stage, table.row
+        height, width = plane.shape
+        self._sizes = (width, height, len(table.texel_size))
         near = limits.near or 0.0
         numbers = np.array([limits.weight, near * near, limits.location, limits.reach])
         doubles = (table.jacobian, table.texel_size, table.corners)
@@ -101,12 +102,9 @@ class LookupScreen:
             _lent(device, lookups.place, np.float64),
         )
         marks, counts = device.recycled(count, np.uint8), device.zeros(3, np.int32)
-        device.launch(
-            self._stage,
-            self._kernel,
-            -(-count // RUN),
-            *(count, lookups.only_known, *self._size, *points, self._rows, *self._tables, *self._atlas, marks, counts),
-        )
+        sizes = (count, int(lookups.only_known), *self._sizes)
+        arrays = (*points, *self._tables, *self._atlas, marks, counts)
+        device.launch(self._stage, self._kernel, -(-count // RUN), *sizes, *arrays)
         marked, touched, missing = counts.get().tolist()
         some = np.flatnonzero(marks.get()[:count].view(bool)) if marked else np.empty(0, np.int64)
         return Screened(some, touched, missing)
@@ -148,7 +146,7 @@ def _screen_known(
     weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
     texels = plane[line + np.array([[0], [0], [1], [1]]), column + np.array([[0], [1], [0], [1]])]
     there = np.maximum(texels, 0)
-    triangle, bary = (np.concatenate([values, np.zeros_like(values, shape=(1, *values.shape[1:]))]) for values in samples)
+    triangle, bary = samples if len(samples[0]) else (np.zeros(1, np.int32), np.zeros((1, 2), np.float32))
     owner = np.where(texels >= 0, triangle[there], texels)
     own_bary = np.where((texels >= 0)[..., None], bary[there], 0).astype(np.float64)
     touched = weights > limits.weight

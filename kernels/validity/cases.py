@@ -1,0 +1,149 @@
+"""Cases of the screens: what nothing is wrong with passes, and what could be is marked."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from shading_atlas_bench.kernels.case import Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.validity.lookups import (
+    Limits,
+    Lookups,
+    LookupScreen,
+    Screened,
+    TriangleTable,
+    screen_lookups_twin,
+)
+from shading_atlas_bench.kernels.validity.samples import (
+    PlacedSamples,
+    SampleList,
+    choose_samples_twin,
+    place_samples,
+    sample_plane_twin,
+)
+from shading_atlas_bench.kernels.validity.texels import compare_alpha, compare_alpha_twin
+
+if TYPE_CHECKING:
+    from shading_atlas_bench.arithmetic.arrays import Bytes, Doubles, Floats, Ints, Longs
+    from shading_atlas_bench.kernels.device import Device
+
+CELL = 16  # texels along the side of the square in which a triangle lies
+TRIANGLES = 400
+LIMITS = {"typical": Limits(1 / 512, None, 1 / 3, 3.0), "adversarial": Limits(1 / 512, 0.49, 1 / 3, 3.0)}
+# Weights that decide something, or are none.
+ODD = np.array([np.nan, np.inf, -np.inf, 3e38, -1, np.nextafter(-1, -2), -1e-4, 1.0001, 2, 0], np.float32)
+
+
+def cells(size: int) -> tuple[Longs, Ints, Floats, int]:
+    """Samples of triangles in square cells, row by row of these: texel, triangle, bary, and the atlas' side."""
+    across = max(1, round(np.sqrt(size) / CELL))
+    row, column = np.indices((across * CELL, across * CELL)).reshape(2, -1)
+    triangle = (row // CELL * across + column // CELL).astype(np.int32)
+    bary = np.stack([column % CELL, row % CELL], axis=1) / (CELL - 1)
+    return np.arange(len(row)), triangle % TRIANGLES, bary.astype(np.float32), across * CELL
+
+
+def broken(rng: np.random.Generator, bary: Floats) -> Floats:
+    """Every seventh weight is an odd one."""
+    odd = rng.random(bary.shape) < 1 / 7
+    return np.where(odd, rng.choice(ODD, bary.shape), bary)
+
+
+@case({"samples.place_samples": Cost("n", "20*n + 4*n + 2*n")}, 1 << 21, 1 << 16)
+def samples(device: Device, kind: str, size: int) -> Trial:
+    """Every third triangle has its turn. Adversarial: odd weights, and a tenth of the samples lies outside."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    texel, triangle, bary, side = cells(size)
+    if hard:
+        bary = broken(rng, bary)
+        outside = rng.random(len(texel)) < 0.1
+        beyond = rng.choice([-1, -(1 << 40), side * side, (1 << 32) + 5, 1 << 62], len(texel))
+        texel = np.where(outside, beyond, rng.permutation(texel))
+    has_turn = np.arange(TRIANGLES) % 3 == 1
+    listed = SampleList.lent(device, texel, triangle, bary)
+
+    def run() -> PlacedSamples:
+        return place_samples(device, listed, side, side, has_turn, "check")
+
+    def results() -> list[Result]:
+        placed, (chosen, far) = run(), choose_samples_twin(triangle, bary, has_turn)
+        counts = np.array([placed.outside, placed.distant])
+        expected = np.array([((texel < 0) | (texel >= side * side)).sum(), far.sum()])
+        return [
+            Result(placed.plane.get(), sample_plane_twin(texel, side, side)),
+            Result(placed.chosen.get()[: len(chosen)], chosen),
+            Result(placed.far.get()[: len(far)], far),
+            Result(counts, expected),
+        ]
+
+    return Trial({"n": len(texel)}, run, results)
+
+
+@case({"texels.compare_alpha": Cost("n", "8*n")}, 1 << 22, 1 << 16)
+def texels(device: Device, kind: str, size: int) -> Trial:
+    """A third is owned. Adversarial: alphas of 0, 1, 254 and 255."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    side = max(1, round(np.sqrt(size)))
+    plane = np.where(rng.random((side, side)) < 1 / 3, rng.integers(0, 1 << 30, (side, side)), -1).astype(np.int32)
+    colours: Bytes = rng.integers(0, 256, (side, side, 4), dtype=np.uint8)
+    colours[..., 3] = rng.choice([0, 1, 254, 255], (side, side)) if hard else np.where(plane >= 0, 255, 0)
+    uploaded, numbers = device.upload(colours), device.upload(plane)
+
+    def run() -> tuple[int, int]:
+        return compare_alpha(device, uploaded, numbers, "check")
+
+    def results() -> list[Result]:
+        return [Result(np.array(run()), np.array(compare_alpha_twin(colours, plane)))]
+
+    return Trial({"n": side * side}, run, results)
+
+
+def table_of(rng: np.random.Generator, every: int) -> TriangleTable:
+    """Triangles that fill half of their cells; of `every` one is in no row."""
+    row = np.full(TRIANGLES, -1, np.int32)
+    listed = np.flatnonzero(np.arange(TRIANGLES) % every > 0)
+    row[listed] = np.arange(len(listed))
+    jacobian = np.zeros((2, len(listed), 2))
+    jacobian[0, :, 0] = jacobian[1, :, 1] = CELL - 1
+    corners = rng.normal(size=(len(listed), 3, 3)).astype(np.float32).astype(np.float64)
+    return TriangleTable(row, jacobian, rng.uniform(0, 1, len(listed)), corners)
+
+
+def points_of(rng: np.random.Generator, triangle: Ints, bary: Floats, side: int, size: int) -> Lookups:
+    """Points of the samples' triangles, looked up where they are."""
+    some = rng.integers(0, len(triangle), size)
+    texel: Doubles = np.stack([some % side, some // side], axis=1, dtype=np.float64) + 0.5
+    off = rng.uniform(-0.5, 0.5, (size, 2))
+    return Lookups(triangle[some], (bary[some] + off / (CELL - 1)).astype(np.float32), texel + off)
+
+
+@case({"lookups.screen_lookups": Cost("n", "28*n + 4*4*n + n", "60*n")}, 1 << 17, 1 << 13)
+def lookups(device: Device, kind: str, size: int) -> Trial:
+    """Points of triangles that own nearly all that they touch. Adversarial: with declared gaps, and beside odd weights,
+    texels that others own or nobody, and points looked up elsewhere, outside and nowhere."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    _, triangle, bary, side = cells(8 * size)
+    plane = np.arange(side * side, dtype=np.int32).reshape(side, side)
+    points, table = points_of(rng, triangle, bary, side, size), table_of(rng, 5 if hard else TRIANGLES)
+    if hard:
+        plane[rng.random(plane.shape) < 0.1] = -1
+        triangle = np.where(rng.random(len(triangle)) < 0.1, rng.integers(0, TRIANGLES, len(triangle)), triangle)
+        place = points.place + np.where(rng.random((size, 1)) < 0.1, rng.uniform(-2, 2, (size, 2)), 0)
+        place = np.where(rng.random((size, 1)) < 0.1, rng.choice([np.nan, np.inf, -np.inf, -1e9, 1e300, side]), place)
+        place[rng.random(size) < 0.1, 1] = np.nan
+        bary, triangle = broken(rng, bary), triangle.astype(np.int32)
+        points = Lookups(points.triangle, broken(rng, points.bary), place, only_known=True)
+    listed, uploaded = SampleList.lent(device, np.arange(len(triangle)), triangle, bary), device.upload(plane)
+    screen = LookupScreen(device, listed, uploaded, table, LIMITS[kind], "check")
+
+    def run() -> Screened:
+        return screen.screen(points)
+
+    def results() -> list[Result]:
+        found, expected = run(), screen_lookups_twin((triangle, bary), plane, table, LIMITS[kind], points)
+        marks = [np.isin(np.arange(size), of.marked) for of in (found, expected)]
+        counts = [np.array([of.touched, of.missing]) for of in (found, expected)]
+        return [Result(*marks), Result(*counts)]
+
+    return Trial({"n": size}, run, results)
