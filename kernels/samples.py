@@ -70,7 +70,7 @@ class Samples:
 
     @classmethod
     def of_points(cls, device: Device, triangle: arrays.Array, bary: arrays.Array) -> Samples:
-        """Surface points from host arrays, triangle (n) and bary (n, 2); footprints and texels are 0."""
+        """Surface points from host arrays of any numbers, triangle (n) and bary (n, 2); footprints and texels are 0."""
         samples, count = cls.allocate(device, len(triangle)), len(triangle)
         room = samples.triangle.shape[0]
         triangles, weights = np.zeros(room, np.int32), np.zeros((2, room), np.float32)

@@ -36,7 +36,7 @@ ODD = np.array([np.nan, np.inf, -np.inf, 3e38, -1, np.nextafter(-1, -2), -1e-4, 
 
 
 def cells(size: int) -> tuple[Longs, Ints, Floats, int]:
-    """Samples of triangles in square cells, row by row of these: texel, triangle, bary, and the atlas' side."""
+    """Samples of triangles in square cells: texel (n), triangle (n), bary (n, 2), and the atlas' side."""
     across = max(1, round(np.sqrt(size) / CELL))
     row, column = np.indices((across * CELL, across * CELL)).reshape(2, -1)
     triangle = (row // CELL * across + column // CELL).astype(np.int32)
@@ -45,7 +45,7 @@ def cells(size: int) -> tuple[Longs, Ints, Floats, int]:
 
 
 def broken(rng: np.random.Generator, bary: Floats) -> Floats:
-    """Every seventh weight is an odd one."""
+    """Every seventh weight of bary (n, 2) is an odd one."""
     odd = rng.random(bary.shape) < 1 / 7
     return np.where(odd, rng.choice(ODD, bary.shape), bary)
 
@@ -111,7 +111,7 @@ def table_of(rng: np.random.Generator, every: int) -> TriangleTable:
 
 
 def points_of(rng: np.random.Generator, triangle: Ints, bary: Floats, side: int, size: int) -> Lookups:
-    """Points of the samples' triangles, looked up where they are."""
+    """Points of the triangles of samples, triangle (n) and bary (n, 2), looked up where they are."""
     some = rng.integers(0, len(triangle), size)
     texel: Doubles = np.stack([some % side, some // side], axis=1, dtype=np.float64) + 0.5
     off = rng.uniform(-0.5, 0.5, (size, 2))

@@ -99,7 +99,8 @@ __kernel void screen_lookups(const int count, const int only_known, const int wi
                 bad = 1;
                 continue;
             }
-            const double3 off = surface_point(corners + 9 * row_there, o1, o2) - surface_point(corners + 9 * row, b1, b2);
+            const double3 there = surface_point(corners + 9 * row_there, o1, o2);
+            const double3 off = there - surface_point(corners + 9 * row, b1, b2);
             const double reach = REACH * (texel_size[row] + texel_size[row_there]);
             // NumPy takes the root of the one side, here the other one is squared: a margin for the rounding of both.
             bad |= !(off.x * off.x + off.y * off.y + off.z * off.z <= reach * reach * (1 - 1e-9));

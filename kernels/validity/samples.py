@@ -32,7 +32,7 @@ class SampleList:
 
     @classmethod
     def lent(cls, device: Device, texel: Longs, triangle: Ints, bary: Floats) -> SampleList:
-        """Of host arrays, which nobody may write to meanwhile."""
+        """Of host arrays, texel (n), triangle (n) and bary (n, 2), which nobody may write to meanwhile."""
         typed = ((texel, np.int64), (triangle, np.int32), (bary, np.float32))
         return cls(len(texel), *(device.lent(np.asarray(values, dtype)) for values, dtype in typed))
 
@@ -67,7 +67,7 @@ def place_samples(
 
 
 def sample_plane_twin(texel: Longs, width: int, height: int) -> Ints:
-    """The plane of `place_samples`; of several samples in one texel the last counts."""
+    """The plane of `place_samples`, texel (n); of several samples in one texel the last counts."""
     plane = np.full(width * height, NO_SAMPLE, np.int32)
     listed = np.flatnonzero((texel >= 0) & (texel < width * height))
     plane[texel[listed]] = listed
@@ -75,7 +75,10 @@ def sample_plane_twin(texel: Longs, width: int, height: int) -> Ints:
 
 
 def choose_samples_twin(triangle: Ints, bary: Floats, has_turn: Bools) -> tuple[Bools, Bools]:
-    """Which samples `place_samples` chooses, and which are far: bool (n) each."""
+    """Which samples, triangle (n) and bary (n, 2), `place_samples` chooses, and which are far: bool (n) each.
+
+    has_turn: bool (T), by triangle.
+    """
     b1, b2 = bary.T
     with np.errstate(all="ignore"):
         far = ~(np.minimum(np.minimum(b1, b2), 1 - b1 - b2) >= -1)
