@@ -387,7 +387,7 @@ class Device:
         It must be kept until these kernels have run, and nobody may write to the array meanwhile. It begins at any
         address: kernels must not read it by vectors that are to be aligned.
         """
-        values = np.ascontiguousarray(values)
+        values = np.require(values, requirements=("C", "A"))
         if values.size == 0:
             return self.zeros((1,), values.dtype)
         cl = opencl()

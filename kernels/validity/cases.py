@@ -7,6 +7,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.kernels.case import Cost, Result, Trial, case, seeded
+from shading_atlas_bench.kernels.validity.lists import (
+    Surfaces,
+    WalkedLists,
+    compare_nearest,
+    compare_nearest_twin,
+    walk_lists,
+    walk_lists_twin,
+)
 from shading_atlas_bench.kernels.validity.lookups import (
     Limits,
     Lookups,
@@ -33,6 +41,7 @@ TRIANGLES = 400
 LIMITS = {"typical": Limits(1 / 512, None, 1 / 3, 3.0), "adversarial": Limits(1 / 512, 0.49, 1 / 3, 3.0)}
 # Weights that decide something, or are none.
 ODD = np.array([np.nan, np.inf, -np.inf, 3e38, -1, np.nextafter(-1, -2), -1e-4, 1.0001, 2, 0], np.float32)
+DEPTHS = np.array([np.nan, np.inf, -np.inf, -1, 0, 1e-45, 0.5], np.float32)  # nearly all of them none
 
 
 def cells(size: int) -> tuple[Longs, Ints, Floats, int]:
@@ -145,5 +154,61 @@ def lookups(device: Device, kind: str, size: int) -> Trial:
         marks = [np.isin(np.arange(size), of.marked) for of in (found, expected)]
         counts = [np.array([of.touched, of.missing]) for of in (found, expected)]
         return [Result(*marks), Result(*counts)]
+
+    return Trial({"n": size}, run, results)
+
+
+def lists_of(rng: np.random.Generator, pixels: int, hard: bool) -> tuple[Longs, Bytes, Floats]:
+    """Lists of 0 to 3 fragments, nearest first, as HeldLists has them: offsets (pixels + 1), rgba (n, 4), depth (n)."""
+    offsets = np.concatenate([[0], np.cumsum(rng.integers(0, 4, pixels))])
+    pixel = np.repeat(np.arange(pixels), np.diff(offsets))
+    depth = rng.uniform(0.1, 1, len(pixel)).astype(np.float32)
+    depth = depth[np.lexsort((-depth, pixel))]
+    rgba = rng.integers(1, 256, (len(pixel), 4), dtype=np.uint8)
+    if hard:
+        rgba[rng.random(len(pixel)) < 0.3, 3] = 0
+        some = rng.random(len(pixel)) < 0.1
+        depth = np.where(some, rng.choice(DEPTHS, len(pixel)), depth)
+        some = rng.random(len(offsets)) < 0.01
+        offsets = np.where(some, rng.choice([0, -1, len(pixel), len(pixel) + 1, 1 << 40], len(offsets)), offsets)
+    return offsets, rgba, depth
+
+
+@case({"lists.walk_lists": Cost("n", "12*n + 1.5*8*n")}, 1 << 20, 1 << 14)
+def walking(device: Device, kind: str, size: int) -> Trial:
+    """Adversarial: fragments that are not there, without a depth and out of order, and lists that end anywhere."""
+    offsets, rgba, depth = lists_of(seeded(kind), size, kind == "adversarial")
+
+    def run() -> WalkedLists:
+        return walk_lists(device, offsets, rgba, depth, "check")
+
+    def results() -> list[Result]:
+        found, (nearest, *counts) = run(), walk_lists_twin(offsets, rgba, depth)
+        walked = found.nearest.get()[:size]
+        counted = Result(np.array([found.visible, found.broken]), np.array(counts))
+        return [Result(walked.view(np.int32), nearest.view(np.int32)), counted]
+
+    return Trial({"n": size}, run, results)
+
+
+@case({"lists.compare_nearest": Cost("n", "13*n")}, 1 << 20, 1 << 14)
+def nearest(device: Device, kind: str, size: int) -> Trial:
+    """A tenth lies elsewhere. Adversarial: by as much as is allowed, and depths that are none."""
+    rng, hard = seeded(kind), kind == "adversarial"
+    depth = rng.uniform(0.1, 1, size).astype(np.float32)
+    found = np.where(rng.random(size) < 0.1, rng.uniform(0, 1, size), depth).astype(np.float32)
+    if hard:
+        found = np.where(rng.random(size) < 0.5, depth * np.float32(1 + 1e-4), found)
+        depth, found = (np.where(rng.random(size) < 0.1, rng.choice(DEPTHS, size), of) for of in (depth, found))
+    triangle = rng.integers(-1, TRIANGLES, size).astype(np.int32)
+    known, owned = rng.random(TRIANGLES) < 0.7, rng.random(size) < 0.9
+    surfaces, uploaded = Surfaces(device.upload(depth), device.upload(triangle)), device.upload(found)
+
+    def run() -> int:
+        return compare_nearest(device, surfaces, known, owned, uploaded, 1e-4, "check")
+
+    def results() -> list[Result]:
+        expected = compare_nearest_twin(depth, triangle, known, owned, found, 1e-4)
+        return [Result(np.array([run()]), np.array([np.count_nonzero(expected)]))]
 
     return Trial({"n": size}, run, results)

@@ -48,6 +48,9 @@ def judged(packed: Packed, **options: Any) -> list[Violation]:
         return packed.check(**options)
 
 
+SCREENS = [cases.samples, cases.texels, cases.lookups, cases.walking, cases.nearest]
+
+
 def spoil_weights(packed: Packed, rng: np.random.Generator, some: np.ndarray) -> None:
     values = rng.choice(ODD, (len(some), 2))
     near = packed.owners.bary + rng.normal(0, rng.choice([1e-3, 0.05, 0.3, 2]), packed.owners.bary.shape)
@@ -155,7 +158,7 @@ def test_sound_frames_have_nothing_marked():
 
 
 @pytest.mark.parametrize("kind", INPUTS)
-@pytest.mark.parametrize("case", [cases.samples, cases.texels, cases.lookups], ids=lambda case: case.name)
+@pytest.mark.parametrize("case", SCREENS, ids=lambda case: case.name)
 @pytest.mark.parametrize("size", [1, 300, 1 << 13])
 def test_screens_are_their_twins(device: Device, case: Any, kind: str, size: int):
     for result in case.make(device, kind, size).results():
