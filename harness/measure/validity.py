@@ -46,9 +46,8 @@ in a valid frame next to nothing, is judged here, in float64 and by NumPy alone.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from threading import Lock
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -85,7 +84,7 @@ LOCATION = 1 / 3
 REACH = 3.0
 NEAR = 0.49  # texels: whoever writes all texels within half a texel of a triangle writes these, rounding aside
 BUDGET = 100_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
-CHUNK = 1 << 17  # points at a time, for the sake of memory
+CHUNK, JUDGED = 1 << 17, 1 << 15  # points at a time, and of those marked, for the sake of memory
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
 SIDEWAYS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # columns and rows to the four texels beside one
@@ -116,13 +115,11 @@ class Gaps:
 
     touched: int = 0
     missing: int = 0
-    _lock: Lock = field(default_factory=Lock, repr=False)
 
     def count(self, touched: int, missing: int) -> None:
-        """Add those of some lookups; from any thread."""
-        with self._lock:
-            self.touched += touched
-            self.missing += missing
+        """Add those of some lookups."""
+        self.touched += touched
+        self.missing += missing
 
     @property
     def share(self) -> float | None:
@@ -595,8 +592,9 @@ class _Lookups:
         screened = self._screen.screen(lookups)
         if self._gaps:
             self._gaps.count(screened.touched, screened.missing)
-        if (marked := screened.marked).size:
-            self._examine(lookups.triangle[marked], lookups.bary[marked], lookups.place[marked])
+        for start in range(0, len(screened.marked), JUDGED):
+            some = screened.marked[start : start + JUDGED]
+            self._examine(lookups.triangle[some], lookups.bary[some], lookups.place[some])
 
     @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
     def _examine(self, triangles: Ints, bary: Floats, located: Doubles) -> None:
