@@ -429,7 +429,8 @@ def _outside(owners: Owners, atlas: _Atlas, table: _Table) -> Longs:
     b1, b2 = owners.bary[bad].T
     rows = table.row[owners.triangle[bad]]
     weights = np.stack([1 - b1 - b2, b1, b2])
-    heights = np.where(rows >= 0, table.heights(rows).T, 1)
+    heights, known = np.ones(weights.shape), rows >= 0
+    heights[:, known] = table.heights(rows[known]).T
     allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
     outside: Longs = bad[~(allowed & np.isfinite(weights)).all(axis=0)]
     return outside
