@@ -137,7 +137,7 @@ def folded(label: str, room: int) -> str:
 
 
 def progress_bars(console: Console) -> bars.Progress:
-    """A live display of bars that goes when its work is done."""
+    """A live display of bars that goes when its work is done; only a terminal has one."""
     columns = (
         _What(),
         bars.BarColumn(bar_width=20),
@@ -145,7 +145,8 @@ def progress_bars(console: Console) -> bars.Progress:
         bars.TextColumn("left:"),
         bars.TimeRemainingColumn(),
     )
-    return bars.Progress(*columns, console=console, transient=True)
+    often = {"auto_refresh": console.is_terminal, "refresh_per_second": 4}  # what is drawn is paid by what is measured
+    return bars.Progress(*columns, console=console, transient=True, **often)
 
 
 class _What(bars.ProgressColumn):

@@ -115,4 +115,5 @@ def _warn_once(sentence: str) -> None:
 
 
 def _seal(path: Path, content: bytes) -> bytes:
-    return _SEAL.pack(len(content), zlib.crc32(content, zlib.crc32(path.name.encode())))
+    """Of the content and of what it is: that of another file, or of one of another kind, is not taken for it."""
+    return _SEAL.pack(len(content), zlib.crc32(content, zlib.crc32(f"{path.parent.name}/{path.name}".encode())))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import hashlib
-import json
 import math
 import os
 import re
@@ -22,7 +21,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic import arrays
-from shading_atlas_bench.kernels.cache import cache_folder, cache_root, read_checked, write_checked
+from shading_atlas_bench.kernels.cache import cache_folder, read_checked, write_checked
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.kernels.preprocessor import HIDDEN, hidden, logical_lines
 from shading_atlas_bench.kernels.runtime import kernel_cache
@@ -209,7 +208,7 @@ class Device:
         self.announce: Callable[[str], None] = lambda building: None
         self._building = Lock()  # not SPEAKING: a compiler needs no queue, others go on meanwhile
         self._programs: dict[tuple[Path | str, ...], Kernels] = {}
-        self._asked: list[tuple[str, Sequence[str], dict[str, int]]] = []  # what `build` was asked for, each once
+        self._compiled_here: dict[str, pyopencl.Program] = {}  # by digest, those of which no binary is kept
         self._names: dict[pyopencl.Kernel, str] = {}
         self._launched: set[tuple[pyopencl.Kernel, int, bool]] = set()
         self._records: list[Record] = []
@@ -260,27 +259,18 @@ class Device:
         return not self._built_note.exists()
 
     def remember_built(self) -> None:
-        """Remember that this device builds and runs these kernels; seals what was compiled."""
+        """Remember that this device builds and runs these kernels, and keep what was compiled, sealed."""
+        for digest, program in self._compiled_here.items():
+            write_checked(self._binary(digest), program.get_info(opencl().program_info.BINARIES)[0])
+        self._compiled_here.clear()
         kernel_cache.seal(pocl_cache())
         forget_death(self.found.key, kernels_digest())
         with contextlib.suppress(OSError):
             self._built_note.touch()
 
-    def remember_programs(self, plan: str) -> None:
-        """Note what this device has built, for `build_ahead` of a later process with the same plan."""
-        write_checked(self._programs_note(plan), json.dumps(self._asked, default=str).encode())
-
-    def build_ahead(self, plan: str) -> None:
-        """Build what a run of the same plan needed: a thread beside one that loads files has the time for it.
-
-        PoCL preprocesses a source to find what it compiled of it before, for 40 ms each.
-        """
-        for path, options, defines in json.loads(read_checked(self._programs_note(plan)) or "[]"):
-            self.build(path, options, **defines)
-
-    def _programs_note(self, plan: str) -> Path:
-        digest = hashlib.sha256(f"{self.variant} {plan}".encode()).hexdigest()[:16]
-        return cache_root() / "programs" / f"{self.found.key}-{kernels_digest()}-{digest}"
+    def _binary(self, digest: str) -> Path:
+        """The file of a program's binary, thrown away with all else that PoCL compiled."""
+        return pocl_cache() / "programs" / f"{self.found.key}-{digest}"
 
     @property
     def _built_note(self) -> Path:
@@ -313,7 +303,6 @@ class Device:
         with self._building:
             if key not in self._programs:
                 self._programs[key] = self._built(file, flags, arithmetic.contract)
-                self._asked.append((str(source), options, defines))
             return self._programs[key]
 
     def _built(self, file: Path, flags: Sequence[str], contract: str) -> Kernels:
@@ -321,12 +310,11 @@ class Device:
         files: set[Path] = set()
         source = f"{CONTRACT} {contract}\n{source_with_includes(file, files)}"
         source = INLINED_BUILTINS.replace("{source}", source)
-        stage = stage_name(file)
-        self.announce(stage)
-        with journal().building(stage):
-            built = self._compiled(stage, source, flags)
+        stage, options = stage_name(file), ["-cl-std=CL1.2", "-w", *flags]
         digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
-        kernels = Kernels({kernel.function_name: kernel for kernel in built}, digest)
+        with journal().building(stage):
+            program = self._kept(digest, options) or self._compiled(stage, source, options, digest)
+        kernels = Kernels({kernel.function_name: kernel for kernel in program.all_kernels()}, digest)
         self._names |= {
             kernels.by_name[name]: f"{stage_name(one)}.{name}"
             for one in files
@@ -335,14 +323,28 @@ class Device:
         }
         return kernels
 
-    def _compiled(self, stage: str, source: str, flags: Sequence[str]) -> list[pyopencl.Kernel]:
+    def _kept(self, digest: str, options: list[str]) -> pyopencl.Program | None:
+        """The program as it was compiled before, None if it was not: PoCL would preprocess its source to find that, for
+        40 ms; of a binary it takes 3."""
         cl = opencl()
+        binary = read_checked(self._binary(digest)) if self.found.is_pocl else None
+        if binary is None:
+            return None
         try:
-            program = cl.Program(self.context, source).build(["-cl-std=CL1.2", "-w", *flags], cache_dir=False)
+            return cl.Program(self.context, [self.device], [binary]).build(options, cache_dir=False)
+        except cl.Error:  # of another build of the runtime that calls itself the same
+            return None
+
+    def _compiled(self, stage: str, source: str, options: list[str], digest: str) -> pyopencl.Program:
+        cl = opencl()
+        self.announce(stage)
+        try:
+            program = cl.Program(self.context, source).build(options, cache_dir=False)
         except cl.RuntimeError as error:
             raise DeviceError(f"{stage}.cl does not build on {self.name}: ", log=str(error)) from error
-        kernels: list[pyopencl.Kernel] = program.all_kernels()
-        return kernels
+        if self.found.is_pocl:
+            self._compiled_here[digest] = program
+        return program
 
     def launch(
         self, stage: str, kernel: pyopencl.Kernel, items: int, *args: KernelArg, local: int | None = None
@@ -394,6 +396,19 @@ class Device:
         with SPEAKING:
             place = cl.Buffer(self.context, cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR, hostbuf=values)
             return array_class()(self.queue, values.shape, values.dtype, data=place)
+
+    @contextmanager
+    def written(self, array: Array) -> Iterator[arrays.Array]:
+        """`array` as the host sees it, of any shape and numbers, for a block that writes all of it: without a copy
+        where the memory of the device is that of the host."""
+        cl = opencl()
+        with SPEAKING:
+            place = (array.base_data, cl.map_flags.WRITE_INVALIDATE_REGION, array.offset, array.shape, array.dtype)
+            shown, _ = cl.enqueue_map_buffer(self.queue, *place)
+            try:
+                yield shown
+            finally:
+                shown.base.release(self.queue)
 
     def download(self, array: Array) -> bytes:
         """The bytes of `array`, of any shape and numbers, copied once, from where the device shows them to the host."""

@@ -49,7 +49,6 @@ class LookupClient(Client):
         self.mask = scene.mask
         self.geometry = GeometryDecoder(self.attributes)
         self._row_of: Ints | None = None
-        self._rgba: Bytes = np.empty((0, 0, 4), np.uint8)
 
     def read(self, blobs: Mapping[str, bytes]) -> None:
         """Take the frame's metadata; `self.geometry` holds the frame's triangles already."""
@@ -98,13 +97,12 @@ class LookupClient(Client):
         return np.maximum(row, 0), row >= 0
 
     def _upload(self, plane: Bytes) -> Array:
-        shape = (*plane.shape[:2], 4)
-        if self._rgba.shape != shape:  # kept, because the first writes to fresh memory cost more than what is written
-            self._rgba = np.full(shape, 255, np.uint8)
-        for channel in range(3):  # one by one NumPy copies twice as fast as pixel by pixel
-            self._rgba[..., channel] = plane[..., channel]
-        uploaded = self.device.recycled(shape, np.uint8)
-        uploaded.set(self._rgba)
+        """The plane with an opacity of 255, uint8 (H, W, 4), on the device."""
+        uploaded = self.device.recycled((*plane.shape[:2], 4), np.uint8)
+        with self.device.written(uploaded) as rgba:
+            for channel in range(3):  # one by one NumPy copies twice as fast as pixel by pixel
+                rgba[..., channel] = plane[..., channel]
+            rgba[..., 3] = 255
         return uploaded
 
     def _rasteriser(self, mask: AlphaMask | None) -> Rasteriser | LayeredRasteriser:

@@ -111,7 +111,7 @@ class Run:
         note_off_budget(self.store)
         note_full_atlas(self.store)
         note_as_published(self.store, [pipeline.packer for pipeline in self.pipelines])
-        self.session.device.remember_programs(repr(self.settings))
+        self.session.device.remember_built()
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.pipelines))
 
     def _prepare_all(self, finished: dict[tuple[str, str], int], task: Task) -> None:

@@ -137,7 +137,6 @@ def open_session(settings: Settings, device: Device | None = None) -> Session:
 def _opened(settings: Settings, device: Device | None) -> Session:
     with ThreadPoolExecutor(1) as beside:
         opening = beside.submit(lambda: device or Device.open(settings.device))
-        beside.submit(lambda: opening.result().build_ahead(repr(settings)))  # who needs what fails says so
         scene = open_scene(settings)
         path = open_path(settings, scene)
         head = open_head_motion(settings)

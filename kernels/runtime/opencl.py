@@ -84,11 +84,18 @@ def opencl() -> ModuleType:
 
 @cache
 def array_class() -> type[Array]:
-    """pyopencl's arrays, copied to and from the device by one thread at a time."""
+    """pyopencl's arrays, copied to and from the device by one thread at a time.
+
+    They keep no events: queues are in order, and an event keeps alive the array on the host that it was copied from or
+    to.
+    """
     opencl()  # before pyopencl itself is imported
     from pyopencl.array import Array
 
     class DeviceArray(Array):
+        def add_event(self, evt: pyopencl.Event) -> None:
+            pass
+
         def get(self, *args: Any, **kwargs: Any) -> arrays.Array:
             with SPEAKING:
                 return super().get(*args, **kwargs)

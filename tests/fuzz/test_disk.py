@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import tempfile
@@ -27,7 +26,7 @@ from shading_atlas_bench.harness.workload.environment import cached_environment_
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.harness.workload.shadows import cached_shadow_maps
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
-from shading_atlas_bench.kernels.cache import cache_root, read_checked, write_checked
+from shading_atlas_bench.kernels.cache import cache_root
 from shading_atlas_bench.kernels.shade.environment import SHAPE
 from shading_atlas_bench.kernels.shade.shadow import ROW_FLOATS, ShadowMaps
 from shading_atlas_bench.packers.sas import patches
@@ -44,7 +43,7 @@ from tests.harness.workload.test_cache_heals import flat, grid_file, parts_of
 from tests.reports.synthetic import PLAN, make_store
 
 PAGE = 4096  # bytes of a page of SQLite
-KINDS = ("scene", "patches", "visible set", "pace", "walk", "shadows", "environment map", "programs")
+KINDS = ("scene", "patches", "visible set", "pace", "walk", "shadows", "environment map")
 CHANGES = ("flip", "cut", "begin", "insert", "overwrite", "remove", "swap", "zeros", "pages")
 DAMAGES = (*["bytes"] * 8, "other", "folder", "full", "pipe", "nowhere", "self", "device", "up")
 
@@ -108,14 +107,6 @@ def users(scene: Scene, root: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str
             plan.remember_pace(session, 345.678, 3)
         return plan.expected_pace(session.settings, scene.content_hash)
 
-    def programs() -> Any:
-        file, value = root / "programs" / "key", [["a.cl", ["-w"], {"N": 1}]]
-        content = read_checked(file)
-        if content is None:
-            made["programs"].append("made")
-            write_checked(file, json.dumps(value).encode())
-        return json.loads(content) if content else value
-
     uses: dict[str, Callable[[], Any]] = {
         "scene": cached_scene,
         "patches": lambda: vars(patches._from_cache(root / "patches" / "key", scene)),
@@ -124,7 +115,6 @@ def users(scene: Scene, root: Path, monkeypatch: pytest.MonkeyPatch) -> dict[str
         "walk": lambda: parts_of(walks.cached_path(scene, "walk", 12, 0)),
         "shadows": lambda: vars(cached_shadow_maps(device, lit, draw_shadows)),
         "environment map": lambda: cached_environment_map(device, scene, around),
-        "programs": programs,
     }
     return {name: (use, made[name]) for name, use in uses.items()}
 

@@ -163,7 +163,8 @@ def lists_held(draw: st.DrawFn) -> object:
     }
     if draw(st.booleans()):
         name = draw(st.sampled_from(["view", "projection", "width", "height"]))
-        changed["view"] = replace(view(), **{name: draw(LEAVES)})
+        changed["view"] = view()
+        object.__setattr__(changed["view"], name, draw(LEAVES))  # a new view would look at it
     return (replace(right, **changed),)
 
 

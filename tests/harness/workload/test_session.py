@@ -1,4 +1,4 @@
-"""What follows from a path alone, and what opening a session does beside reading the scene."""
+"""What follows from a path alone, and what cannot be opened."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.session import Session, open_session
 from shading_atlas_bench.harness.workload.settings import Settings
-from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.kernels.runtime.opencl import DeviceError
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.paths import CameraPath
@@ -25,23 +24,6 @@ def test_the_pace_is_that_of_the_frames_that_are_run() -> None:
     sessions = {n: Session(Settings(frames=n), unused, unused, path, unused, unused, unused) for n in (1, 2, 3)}
     paces = {frames: session.frame_rate for frames, session in sessions.items()}
     assert paces == {1: None, 2: 100.0, 3: 50.0}
-
-
-SMALL = Settings(methods=("sas",), scene="hall", detail=40_000, frames=1)
-
-
-@pytest.mark.parametrize("program", ["raster/clusters.cl", "raster/nowhere.cl"])
-def test_what_the_plan_needs_is_built_while_the_scene_is_read(device: Device, monkeypatch, program: str) -> None:
-    def ahead(plan: str) -> None:
-        asked.append(plan)
-        fresh.build(program, CLUSTER=64, TILE=64)  # what is missing stops nobody who does not need it
-
-    asked: list[str] = []
-    fresh = Device(device.found)
-    monkeypatch.setattr(fresh, "build_ahead", ahead)
-    session = open_session(SMALL, fresh)
-    assert asked == [repr(SMALL)]
-    assert session.device is fresh
 
 
 def test_what_cannot_be_opened_says_so() -> None:
