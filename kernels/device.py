@@ -382,6 +382,21 @@ class Device:
         array.set(values)
         return array
 
+    def lent(self, values: arrays.Array) -> Array:
+        """A NumPy array, of any shape and numbers, for kernels to read: where it lies, if the device reads the host's
+        memory, else a copy. One without elements gets one, as in `upload`.
+
+        It must be kept until these kernels have run, and nobody may write to the array meanwhile. It begins at any
+        address: kernels must not read it by vectors that are to be aligned.
+        """
+        values = np.require(values, requirements=("C", "A"))
+        if values.size == 0:
+            return self.zeros((1,), values.dtype)
+        cl = opencl()
+        with SPEAKING:
+            place = cl.Buffer(self.context, cl.mem_flags.READ_ONLY | cl.mem_flags.USE_HOST_PTR, hostbuf=values)
+            return array_class()(self.queue, values.shape, values.dtype, data=place)
+
     @contextmanager
     def written(self, array: Array) -> Iterator[arrays.Array]:
         """`array` as the host sees it, of any shape and numbers, for a block that writes all of it: without a copy

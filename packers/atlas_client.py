@@ -80,10 +80,11 @@ class LookupClient(Client):
         row, known = self._rows(triangles)
         if not known.any():
             return np.full((len(triangles), 2), np.nan)
-        unused = np.zeros(len(row), np.int32)
-        samples = Samples.upload(self.device, row, bary[:, 0], bary[:, 1], unused, unused)
-        place: Doubles = self.place(samples).get()[:, : len(row)].T.astype(np.float64) + 0.5
-        place[~known] = np.nan
+        found = self.place(Samples.of_points(self.device, row, bary)).get()[:, : len(row)]
+        place = np.empty((len(row), 2))
+        np.add(found.T, 0.5, out=place, dtype=np.float64)
+        if not known.all():
+            place[~known] = np.nan
         return place
 
     def _rows(self, triangles: Ints) -> tuple[Ints, Bools]:

@@ -53,6 +53,8 @@ def owned_spans(views: Sequence[View], number: int) -> Ints:
 
 def owned_pixels(views: Sequence[View], number: int) -> Bools:
     """bool (h, w): the pixels of views[number] whose centres' rays belong to it."""
+    if len(views) == 1:
+        return np.ones((views[0].height, views[0].width), bool)
     first, end = owned_spans(views, number).T[..., None]
     columns = np.arange(views[number].width)
     owned: Bools = (columns >= first) & (columns < end)

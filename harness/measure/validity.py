@@ -38,23 +38,37 @@ Lookups are made at the corners and the centre of every placed triangle, at a gr
 its edges, spaced by a texel (but for triangles over 64 texels long, by 1/64 of their longest edge), and at the points
 that the novel view sees. A budget bounds each of these, and the samples of `once`, per frame: triangles and points take
 turns by frame index, so that every one is examined within a few frames.
+
+Kernels (kernels/validity/) go over all samples, texels and lookups, and mark what could break a rule. What they mark,
+in a valid frame next to nothing, is judged here, in float64 and by NumPy alone.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from functools import cached_property
-from threading import Lock
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shading_atlas_bench.arithmetic.arrays import Array, Bools, Doubles, Floats, Ints, Longs
+from shading_atlas_bench.arithmetic.arrays import Bools, Doubles, Floats, Ints, Longs
 from shading_atlas_bench.arithmetic.functions import log2
+from shading_atlas_bench.kernels.validity.lookups import BORDER, Limits, Lookups, LookupScreen, TriangleTable
+from shading_atlas_bench.kernels.validity.samples import (
+    NO_SAMPLE,
+    SampleList,
+    place_samples,
+    sample_plane_twin,
+)
+from shading_atlas_bench.kernels.validity.texels import compare_alpha, compare_alpha_twin
 from shading_atlas_bench.packers.interface import Client, Frame, Owners, Payload
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from shading_atlas_bench.kernels.device import Device
 
 WEIGHT = 1 / 512  # a texel of less weight changes a value by less than half of an 8-bit step
 MARGIN = 2.0  # texels that barycentrics may lie outside: a lookup reaches at most sqrt(2) from an edge
@@ -70,11 +84,11 @@ LOCATION = 1 / 3
 REACH = 3.0
 NEAR = 0.49  # texels: whoever writes all texels within half a texel of a triangle writes these, rounding aside
 BUDGET = 100_000  # per frame and kind: points of corners, of grids, of the novel view; samples of `once`
-WORKERS = 2  # threads: NumPy leaves Python's lock
-CHUNK = 1 << 15  # points at a time: their intermediate arrays stay in the processor's cache
+CHUNK, JUDGED = 1 << 17, 1 << 15  # points at a time, and of those marked, for the sake of memory
 FINEST = 6  # grids have up to 2^6 steps along an edge
 FIRST = 8  # offenders named per violation
-UNOWNED, BORDER = -1, -2  # in the owner plane
+SIDEWAYS = np.array([[1, 0], [-1, 0], [0, 1], [0, -1]])  # columns and rows to the four texels beside one
+STAGE = "check"
 ANCHORS = np.array([[0, 0], [1, 0], [0, 1], [1 / 3, 1 / 3]], np.float32)  # corners and centre
 
 Whole: TypeAlias = NDArray[np.integer[Any]]  # whole numbers of any width
@@ -101,13 +115,11 @@ class Gaps:
 
     touched: int = 0
     missing: int = 0
-    _lock: Lock = field(default_factory=Lock, repr=False)
 
     def count(self, touched: int, missing: int) -> None:
-        """Add those of some lookups; from any thread."""
-        with self._lock:
-            self.touched += touched
-            self.missing += missing
+        """Add those of some lookups."""
+        self.touched += touched
+        self.missing += missing
 
     @property
     def share(self) -> float | None:
@@ -136,34 +148,32 @@ def check(
     """
     if owners is None or not payload.planes:
         return _check_unplaced(frame, payload, None)
-    planes = {name: plane.get() for name, plane in payload.planes.items()}
-    height, width = next(iter(planes.values())).shape[:2]
     found = _check_ids(frame, owners)
     if found:
         return found  # nothing else can be computed with wrong ids
-    atlas = _Atlas(owners, width, height)
-    found = [*atlas.violations(), *_check_planes(planes, atlas)]
+    turns = _turns(len(owners.triangle), budget)
+    has_turn = np.zeros(frame.scene.triangles.count, bool)
+    has_turn[frame.index % turns :: turns] = True
+    atlas = _Atlas(frame.scene.device, owners, next(iter(payload.planes.values())), has_turn)
+    found = [*atlas.violations(), *_check_planes(payload.planes, atlas)]
     anchors = client.locate(np.repeat(frame.pvs, len(ANCHORS)), np.tile(ANCHORS, (len(frame.pvs), 1)))
     if anchors is None:
         return [*found, *_check_unplaced(frame, payload, np.isin(frame.pvs, owners.triangle))]
     table = _Table(frame, anchors.reshape(-1, len(ANCHORS), 2))
     found += _check_unplaced(frame, payload, table.placed)
+    found += _check_barycentrics(owners, _outside(owners, atlas, table), atlas, client)
+    found += _check_once(owners, atlas, client)
     lookups = _Lookups(frame, atlas, table, gaps)
-    with ThreadPoolExecutor(WORKERS) as pool:
-        barycentrics = pool.submit(_outside, owners, table)
-        points = [pool.submit(lookups.examine, *some) for some in _points(frame, table, client, visible, budget)]
-        once = _check_once(frame, owners, atlas, client, budget)
-        found += _check_barycentrics(owners, barycentrics.result(), atlas, client) + once
-        for task in points:
-            task.result()
+    for some in _points(frame, table, client, visible, budget):
+        lookups.look_up(some)
     return [*found, *lookups.violations()]
 
 
 def _check_ids(frame: Frame, owners: Owners) -> list[Violation]:
     count = frame.scene.triangles.count
-    bad = np.flatnonzero((owners.triangle < 0) | (owners.triangle >= count))
-    if not bad.size:
+    if owners.triangle.min(initial=0) >= 0 and owners.triangle.max(initial=0) < count:
         return []
+    bad = np.flatnonzero((owners.triangle < 0) | (owners.triangle >= count))
     sentence = f"{bad.size} samples name a triangle that the scene of {count} triangles does not have."
     return [
         Violation("barycentrics", bad.size, sentence, first_few(owners.triangle[bad]), first_few(owners.texel[bad]))
@@ -193,55 +203,66 @@ def _check_unplaced(frame: Frame, payload: Payload, placed: Bools | None) -> lis
 
 
 class _Atlas:
-    """Which sample lies in each texel, with a border of one texel around, so that lookups at the edge need no special
-    case.
+    """Which sample lies in each texel; of two in one texel the last counts.
 
-    sample: int32, by place in the plane with its border, row by row. triangle: int32, and bary: float32 (2, ...), by
-    sample, and after the last one what stands where there is none: UNOWNED or BORDER, and zeros.
+    listed: samples, on the device. plane: int32 (height, width), on the device, their numbers, NO_SAMPLE without one.
+    wrong_alpha: how many texels have an alpha that says otherwise. is_single: whether no texel is listed twice.
+    chosen: int (k), numbers of the samples inside a triangle that has its turn. far: of those with a weight below -1 or
+    not a number.
     """
 
-    def __init__(self, owners: Owners, width: int, height: int) -> None:
-        self.width, self.height, self.stride = width, height, width + 2
-        self._owners = owners
-        self._inside = self._contains(owners.texel)
-        self._count = count = len(owners.texel)
-        within = np.full(width * height, count, np.int32)
-        if self._inside.all():
-            self._listed = count
-            within[owners.texel] = np.arange(count, dtype=np.int32)
-        else:
-            listed = np.flatnonzero(self._inside)
-            self._listed = len(listed)
-            within[owners.texel[listed]] = listed
-        plane = np.full((height + 2, width + 2), count + 1, np.int32)
-        plane[1:-1, 1:-1] = within.reshape(height, width)
-        self.sample = plane.reshape(-1)
-        self.triangle = np.append(owners.triangle, np.array([UNOWNED, BORDER], np.int32))
-        self.bary = np.zeros((2, count + 2), np.float32)
-        self.bary[:, :count] = owners.bary.T
+    def __init__(self, device: Device, owners: Owners, texels: Array, has_turn: Bools) -> None:
+        """texels: the first plane. has_turn: bool (T), by triangle."""
+        self.height, self.width = texels.shape[:2]
+        self.owners, self.texels = owners, texels
+        self.listed = SampleList.lent(device, owners.texel, owners.triangle, owners.bary)
+        placed = place_samples(device, self.listed, self.width, self.height, has_turn, STAGE)
+        self.plane, self.outside = placed.plane, placed.outside
+        owned, self.wrong_alpha = _compare_alpha(device, texels, self.plane)
+        self.is_single = owned == len(owners.texel) - self.outside
+        if not self.is_single:  # which of two a kernel writes last nobody knows
+            self.plane.set(sample_plane_twin(owners.texel, self.width, self.height))
+        count = len(owners.texel)
+        self.chosen = np.flatnonzero(placed.chosen.get()[:count].view(bool))
+        self.far = np.flatnonzero(placed.far.get()[:count].view(bool)) if placed.distant else np.empty(0, np.int64)
 
-    @property
-    def owned(self) -> Bools:
-        """(height, width)."""
-        return self.sample.reshape(self.height + 2, self.stride)[1:-1, 1:-1] < self._count
+    @cached_property
+    def samples(self) -> Ints:
+        """The plane on the host, (height, width)."""
+        samples: Ints = self.plane.get()
+        return samples
 
-    def owner(self, at: Whole) -> Ints:
-        """Triangles of texels in the plane with its border."""
-        return self.triangle[self.sample[at]]
+    def sample_at(self, column: Whole, row: Whole) -> Ints:
+        """The samples in texels of any shape: NO_SAMPLE where there is none, BORDER outside the atlas."""
+        inside = (column >= 0) & (column < self.width) & (row >= 0) & (row < self.height)
+        found = self.samples[np.where(inside, row, 0), np.where(inside, column, 0)]
+        return np.where(inside, found, np.int32(BORDER))
 
-    def unpadded(self, padded: Whole) -> Whole:
-        """row * width + column of texels in the plane with its border."""
-        return (padded // self.stride - 1) * self.width + padded % self.stride - 1
+    def triangle_of(self, sample: Ints) -> Ints:
+        """Triangles of samples of any shape; NO_SAMPLE and BORDER stay what they are."""
+        if not len(self.owners.triangle):
+            return sample
+        return np.where(sample < 0, sample, self.owners.triangle[np.maximum(sample, 0)])
+
+    def bary_of(self, sample: Ints) -> Floats:
+        """Barycentrics of samples, float32 (2, ...); zeros where there is none."""
+        if not len(self.owners.bary):
+            return np.zeros((2, *sample.shape), np.float32)
+        bary = self.owners.bary[np.maximum(sample, 0)]
+        bary[sample < 0] = 0
+        return np.moveaxis(bary, -1, 0)
 
     def beside(self, texel: Longs, triangle: Ints, others: Longs) -> Bools:
         """Whether one of the four texels next to each texel (n) is among `others` and has the same owner: bool (n)."""
-        at, other = (self.padded(inside[self._contains(inside)]) for inside in (texel, others))
-        among = np.zeros(self.sample.size, bool)
-        among[other] = True
+        among = np.zeros(self.width * self.height, bool)
+        among[others[self._contains(others)]] = True
         found = np.zeros(len(texel), bool)
         kept = self._contains(texel)
-        for step in (1, -1, self.stride, -self.stride):
-            found[kept] |= among[at + step] & (self.owner(at + step) == triangle[kept])
+        column, row = self._position(texel[kept])
+        for across, down in SIDEWAYS:
+            owned = self.triangle_of(self.sample_at(column + across, row + down)) == triangle[kept]
+            beside = (row + down) * self.width + column + across
+            found[kept] |= owned & among[np.where(owned, beside, 0)]
         return found
 
     def towards_neighbours(self, triangle: Ints, bary: Floats, texel: Longs) -> Iterator[tuple[Floats, Doubles]]:
@@ -249,63 +270,65 @@ class _Atlas:
         where they should be looked up: float32 (n, 2) and float64 (n, 2), for each of eight directions."""
         if not len(texel):
             return
-        at = self.padded(np.clip(texel, 0, self.width * self.height - 1))  # what lies outside breaks another rule
+        # What lies outside breaks another rule.
+        column, row = self._position(np.clip(texel, 0, self.width * self.height - 1))
         centre = self.centre(texel)
         for across, down in np.array([[2, 1], [1, 2], [-2, 1], [-1, 2], [2, -1], [1, -2], [-2, -1], [-1, -2]]):
             moved = bary.astype(np.float64)
-            for step, count in ((np.sign(across), abs(across)), (np.sign(down) * self.stride, abs(down))):
-                beside = self.sample[at + step]
-                own = self.triangle[beside] == triangle
-                moved += np.where(own, count * PART * (self.bary[:, beside] - bary.T), 0).T
+            for step, count in (((np.sign(across), 0), abs(across)), ((0, np.sign(down)), abs(down))):
+                beside = self.sample_at(column + step[0], row + step[1])
+                own = self.triangle_of(beside) == triangle
+                moved += np.where(own, count * PART * (self.bary_of(beside) - bary.T), 0).T
             yield moved.astype(np.float32), centre + PART * np.array([across, down])
 
     def near_inside(self, texel: Longs, triangle: Ints) -> Bools:
         """Whether a sample inside the triangle is within 1 + MARGIN texels of each texel (n): bool (n)."""
-        row, column, reach = texel // self.width, texel % self.width, int(1 + MARGIN)
+        (column, row), reach = self._position(texel), int(1 + MARGIN)
         found = np.zeros(len(texel), bool)
         for step in np.ndindex(2 * reach + 1, 2 * reach + 1):
             line = np.clip(row + step[0] - reach, 0, self.height - 1)
-            beside = self.sample[self.padded(line * self.width + np.clip(column + step[1] - reach, 0, self.width - 1))]
-            bary = self.bary[:, beside]
+            beside = self.sample_at(np.clip(column + step[1] - reach, 0, self.width - 1), line)
+            bary = self.bary_of(beside)
             inside = (bary.min(axis=0) >= -1e-4) & (bary.sum(axis=0) <= 1 + 1e-4)
-            found |= inside & (self.triangle[beside] == triangle)
+            found |= inside & (self.triangle_of(beside) == triangle)
         return found
 
     def is_smooth(self, texel: Longs, triangle: Ints) -> Bools:
         """Whether each texel (n) continues three neighbours of its triangle, in a row or a square, as a plane does, to
         half of their differences: bool (n)."""
-        at, sides = self.padded(texel), (1, -1, self.stride, -self.stride)
-        own = self.bary[:, self.sample[at]]
+        at = np.stack(self._position(texel))[:, None]
+        own = self.bary_of(self.sample_at(*at[:, 0]))
         smooth = np.zeros(len(texel), bool)
-        for one, other in [(a, b) for a in sides for b in sides if a != -b]:
-            three = self.sample[np.clip(at + np.array([[one], [other], [one + other]]), 0, self.sample.size - 1)]
-            a, b, c = np.moveaxis(self.bary[:, three], 1, 0)
+        for one, other in [(a, b) for a in SIDEWAYS for b in SIDEWAYS if (a != -b).any()]:
+            three = self.sample_at(*at + np.stack([one, other, one + other], axis=1)[..., None])
+            a, b, c = np.moveaxis(self.bary_of(three), 1, 0)
             off = np.abs(own - (a + b - c)).sum(axis=0)
             step = np.maximum(np.abs(a - c).sum(axis=0), np.abs(b - c).sum(axis=0))
-            smooth |= (self.triangle[three] == triangle).all(axis=0) & (off <= step / 2)
+            smooth |= (self.triangle_of(three) == triangle).all(axis=0) & (off <= step / 2)
         return smooth
 
     def centre(self, texel: Longs) -> Doubles:
         """Column and row of texels' centres, float64 (n, 2)."""
-        return np.stack([texel % self.width, texel // self.width], axis=1, dtype=np.float64) + 0.5
+        return np.stack(self._position(texel), axis=1, dtype=np.float64) + 0.5
 
     def _contains(self, texel: Longs) -> Bools:
         return (texel >= 0) & (texel < self.width * self.height)
 
-    def padded(self, texel: Longs) -> Longs:
-        """Of texels row * width + column, the index in the plane with its border."""
-        return texel + (texel // self.width) * 2 + (self.stride + 1)
+    def _position(self, texel: Longs) -> tuple[Longs, Longs]:
+        """Columns and rows."""
+        row = texel // self.width
+        return texel - row * self.width, row
 
     def violations(self) -> list[Violation]:
         """Of the rules `inside` and `single owner`."""
-        texel, triangle = self._owners.texel, self._owners.triangle
+        texel, triangle = self.owners.texel, self.owners.triangle
         found = []
-        if self._listed < len(texel):
-            out = np.flatnonzero(~self._inside)
+        if self.outside:
+            out = np.flatnonzero(~self._contains(texel))
             sentence = f"{out.size} samples lie outside the atlas of {self.width} x {self.height} texels."
             found.append(Violation("inside", out.size, sentence, first_few(triangle[out]), first_few(texel[out])))
-        if np.count_nonzero(self.sample < self._count) < self._listed:
-            values, counts = np.unique(texel[self._inside], return_counts=True)
+        if not self.is_single:
+            values, counts = np.unique(texel[self._contains(texel)], return_counts=True)
             twice = values[counts > 1]
             culprits = triangle[np.isin(texel, twice[:FIRST])]
             sentence = f"{twice.size} texels are listed more than once."
@@ -315,20 +338,25 @@ class _Atlas:
         return found
 
 
-def _check_planes(planes: dict[str, Array], atlas: _Atlas) -> list[Violation]:
+def _compare_alpha(device: Device, texels: Array, plane: Array) -> tuple[int, int]:
+    """As the kernel, of any numbers."""
+    if texels.dtype == np.uint8:
+        return compare_alpha(device, texels, plane, STAGE)
+    return compare_alpha_twin(texels.get(), plane.get())
+
+
+def _check_planes(planes: Mapping[str, Array], atlas: _Atlas) -> list[Violation]:
     found = []
-    for position, (name, plane) in enumerate(planes.items()):
-        if plane.dtype.kind == "f" and not np.isfinite(plane).all():
-            bad = np.flatnonzero(~np.isfinite(plane).all(axis=-1))
+    for name, plane in planes.items():
+        values = plane.get() if plane.dtype.kind == "f" else None
+        if values is not None and not np.isfinite(values).all():
+            bad = np.flatnonzero(~np.isfinite(values).all(axis=-1))
             sentence = f"{bad.size} texels of the plane {name!r} are not finite."
             found.append(Violation("finite", bad.size, sentence, texels=first_few(bad)))
-        if position == 0:
-            wrong = np.flatnonzero(plane[..., 3] != atlas.owned * np.uint8(255))
-            if wrong.size:
-                sentence = (
-                    f"{wrong.size} texels have an alpha that is not 255 where they are listed, or not 0 elsewhere."
-                )
-                found.append(Violation("alpha", wrong.size, sentence, texels=first_few(wrong)))
+        if atlas.wrong_alpha and plane is atlas.texels:
+            wrong = np.flatnonzero(plane.get()[..., 3] != (atlas.samples >= 0) * np.uint8(255))
+            sentence = f"{wrong.size} texels have an alpha that is not 255 where they are listed, or not 0 elsewhere."
+            found.append(Violation("alpha", wrong.size, sentence, texels=first_few(wrong)))
     return found
 
 
@@ -338,13 +366,19 @@ class _Table:
     def __init__(self, frame: Frame, anchors: Doubles) -> None:
         self.pvs = frame.pvs
         self.anchors = anchors
-        self.placed: Bools = np.all(np.isfinite(anchors), axis=(1, 2))
+        finite = np.isfinite(anchors.reshape(-1, 2 * len(ANCHORS)))
+        self.placed: Bools = np.logical_and.reduce(finite.T, axis=0)
         self.row = np.full(frame.scene.triangles.count, -1, np.int32)
         self.row[frame.pvs] = np.arange(len(frame.pvs), dtype=np.int32)
         corners = anchors[:, :3]
         # (2, n, 2): column and row of the atlas, triangle, and the barycentrics 1 and 2 they change with, in texels
         self.jacobian = np.ascontiguousarray((corners[:, 1:] - corners[:, :1]).transpose(2, 0, 1))
         self._frame = frame
+
+    @cached_property
+    def points(self) -> Doubles:
+        """Those of the PVS."""
+        return self.corners(self.pvs)
 
     def corners(self, triangles: Ints) -> Doubles:
         """Positions float64 (n, 3, 3)."""
@@ -376,36 +410,35 @@ class _Table:
 
         The largest singular value of the map from the atlas to the surface (edges times the inverse Jacobian).
         """
-        p = self.corners(self.pvs)
-        longest = np.linalg.norm(p[:, [2, 0, 1]] - p[:, [1, 2, 0]], axis=2).max(axis=1)
+        p = np.ascontiguousarray(self.points.transpose(1, 2, 0))  # NumPy is slow over axes of three
         with np.errstate(all="ignore"):
-            column, row = self.jacobian
-            first, second = p[:, 1] - p[:, 0], p[:, 2] - p[:, 0]
-            along_column = (first * row[:, 1, None] - second * row[:, 0, None]) / self.determinant[:, None]
-            along_row = (second * column[:, 0, None] - first * column[:, 1, None]) / self.determinant[:, None]
-            a, c = (along_column * along_column).sum(axis=1), (along_row * along_row).sum(axis=1)
-            b = (along_column * along_row).sum(axis=1)
+            longest = np.sqrt(np.max([_dot(edge, edge) for edge in (p[2] - p[1], p[0] - p[2], p[1] - p[0])], axis=0))
+            (column1, column2), (row1, row2) = self.jacobian.transpose(0, 2, 1).copy()
+            first, second = p[1] - p[0], p[2] - p[0]
+            along_column = (first * row2 - second * row1) / self.determinant
+            along_row = (second * column1 - first * column2) / self.determinant
+            a, b, c = _dot(along_column, along_column), _dot(along_column, along_row), _dot(along_row, along_row)
             size = np.sqrt((a + c + np.sqrt((a - c) * (a - c) + 4 * b * b)) / 2)
         at_most: Doubles = np.fmin(size, longest)  # fmin: a triangle without area in the atlas gives NaN
         return at_most
 
 
-def _outside(owners: Owners, table: _Table) -> Longs:
+def _outside(owners: Owners, atlas: _Atlas, table: _Table) -> Longs:
     """Samples whose barycentrics are not finite or lie too far outside their triangle, as one of one height."""
-    found = [np.empty(0, np.int64)]
-    for start in range(0, len(owners.triangle), CHUNK):
-        b1, b2 = owners.bary[start : start + CHUNK].T
-        lowest = np.minimum(np.minimum(b1, b2), 1 - b1 - b2)
-        bad = np.flatnonzero(~(lowest >= -1))  # NaN and infinities fail any comparison; -1 is allowed to all
-        rows = table.row[owners.triangle[start + bad]]
-        weights = np.stack([1 - b1[bad] - b2[bad], b1[bad], b2[bad]])
-        heights = np.where(rows >= 0, table.heights(rows).T, 1)
-        allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
-        found.append(start + bad[~(allowed & np.isfinite(weights)).all(axis=0)])
-    return np.concatenate(found)
+    bad = atlas.far  # -1 is allowed to all
+    b1, b2 = owners.bary[bad].T
+    rows = table.row[owners.triangle[bad]]
+    weights = np.stack([1 - b1 - b2, b1, b2])
+    heights, known = np.ones(weights.shape), rows >= 0
+    heights[:, known] = table.heights(rows[known]).T
+    allowed = weights >= -(1 + MARGIN / np.fmax(heights, 1))
+    outside: Longs = bad[~(allowed & np.isfinite(weights)).all(axis=0)]
+    return outside
 
 
 def _check_barycentrics(owners: Owners, outside: Longs, atlas: _Atlas, client: Client) -> list[Violation]:
+    if not outside.size:
+        return []
     centre = atlas.centre(owners.texel[outside])
     outside = outside[~_close_by(owners.triangle[outside], owners.bary[outside], centre, client)]
     bad = outside[~_continues(owners.triangle[outside], owners.bary[outside], owners.texel[outside], atlas)]
@@ -451,42 +484,46 @@ def _locate(client: Client, triangles: Ints, bary: Floats) -> Doubles:
     return located
 
 
-def _check_once(frame: Frame, owners: Owners, atlas: _Atlas, client: Client, budget: int | None) -> list[Violation]:
-    turns = _turns(len(owners.triangle), budget)
-    has_turn = np.arange(frame.scene.triangles.count) % turns == frame.index % turns
-    chosen = np.flatnonzero(has_turn[owners.triangle])
-    triangle, bary, texel = owners.triangle[chosen], owners.bary[chosen], owners.texel[chosen]
-    b1, b2 = bary.T
-    within = (np.minimum(b1, b2) >= -1e-4) & (b1 + b2 <= 1 + 1e-4)
-    triangle, bary, texel = triangle[within], bary[within], texel[within]
+def _check_once(owners: Owners, atlas: _Atlas, client: Client) -> list[Violation]:
+    chosen = atlas.chosen
+    triangle, bary, texel = owners.triangle.take(chosen), owners.bary.take(chosen, 0), owners.texel.take(chosen)
     centre = atlas.centre(texel)
     distance = _apart(_locate(client, triangle, bary), centre)
-    stray = distance > DISTANCE  # False where a triangle has no place
+    strays = np.flatnonzero(distance > DISTANCE)  # not where a triangle has no place
+    count = np.bincount(triangle)
     for side in SIDES:
-        strays = np.flatnonzero(stray)
-        beside = _locate(client, triangle[strays], bary[strays] + side) if strays.size else centre[strays]
+        strays = _suspects(strays, triangle, count, atlas)
+        if not strays.size:
+            return []
+        beside = _locate(client, triangle[strays], bary[strays] + side)
         distance[strays] = np.fmin(distance[strays], _apart(beside, centre[strays]))
-        stray[strays] = distance[strays] > DISTANCE
-    strays = np.flatnonzero(stray)
+        strays = strays[distance[strays] > DISTANCE]
+    strays = _suspects(strays, triangle, count, atlas)
     for point, at in atlas.towards_neighbours(triangle[strays], bary[strays], texel[strays]):
         beside = _locate(client, triangle[strays], point)
         distance[strays] = np.fmin(distance[strays], _apart(beside, at))
-    stray[strays] = distance[strays] > DISTANCE
-    stray[stray] = ~atlas.beside(texel[stray], triangle[stray], texel[distance <= EXACT])
-    if stray.any():
-        count = np.bincount(triangle)
-        strays = np.bincount(triangle[stray], minlength=len(count))
-        twice = np.flatnonzero(strays > STRAYS * count)
-        if twice.size:
-            texels = texel[stray & np.isin(triangle, twice)]
-            sentence = f"{twice.size} triangles have samples over {DISTANCE:g} texel from where a client looks them up."
-            return [Violation("once", twice.size, sentence, first_few(twice), first_few(texels))]
-    return []
+    strays = strays[distance[strays] > DISTANCE]
+    strays = strays[~atlas.beside(texel[strays], triangle[strays], texel[distance <= EXACT])]
+    twice = np.flatnonzero(np.bincount(triangle[strays], minlength=len(count)) > STRAYS * count)
+    if not twice.size:
+        return []
+    texels = texel[strays[np.isin(triangle[strays], twice)]]
+    sentence = f"{twice.size} triangles have samples over {DISTANCE:g} texel from where a client looks them up."
+    return [Violation("once", twice.size, sentence, first_few(twice), first_few(texels))]
+
+
+def _suspects(strays: Longs, triangle: Ints, count: Longs, atlas: _Atlas) -> Longs:
+    """Strays (k) without those of triangles that have too few to be placed a second time, as what finds more samples
+    where they are looked up only takes strays away. triangle: of all samples. count: of each triangle."""
+    if not atlas.is_single:  # samples of another triangle in the same texel count as well
+        return strays
+    many = np.bincount(triangle[strays], minlength=len(count)) > STRAYS * count
+    return strays[many[triangle[strays]]]
 
 
 def _points(
     frame: Frame, table: _Table, client: Client, visible: Located | None, budget: int | None
-) -> Iterator[Located]:
+) -> Iterator[Lookups]:
     """All lookups, a chunk at a time."""
     rows = np.flatnonzero(table.placed)
     anchors = len(ANCHORS)
@@ -494,17 +531,17 @@ def _points(
     chosen = rows[frame.index % turns :: turns]
     for start in range(0, len(chosen), CHUNK // anchors):
         part = chosen[start : start + CHUNK // anchors]
-        yield np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1)), table.anchors[part].reshape(-1, 2)
+        triangles, bary = np.repeat(table.pvs[part], anchors), np.tile(ANCHORS, (len(part), 1))
+        yield Lookups(triangles, bary, table.anchors[part].reshape(-1, 2))
     for triangles, bary in _grids(frame, table, rows, budget):
-        yield triangles, bary, _locate(client, triangles, bary)
+        yield Lookups(triangles, bary, _locate(client, triangles, bary))
     if visible is None:
         return
     triangles, bary, located = visible
     turns = _turns(len(triangles), budget)
     for start in range(frame.index % turns, len(triangles), turns * CHUNK):
         some = slice(start, start + turns * CHUNK, turns)
-        known = np.isfinite(located[some, 0]) & (table.row[triangles[some]] >= 0)
-        yield triangles[some][known], bary[some][known], located[some][known]
+        yield Lookups(triangles[some], bary[some], located[some], only_known=True)
 
 
 def _grids(frame: Frame, table: _Table, rows: Whole, budget: int | None) -> Iterator[tuple[Ints, Floats]]:
@@ -542,48 +579,54 @@ class _Lookups:
 
     def __init__(self, frame: Frame, atlas: _Atlas, table: _Table, gaps: Gaps | None) -> None:
         self._atlas, self._table, self._gaps = atlas, table, gaps
-        self._offsets = np.array([0, 1, atlas.stride, atlas.stride + 1], np.int32)[:, None]
+        near = None if gaps is None else NEAR
+        triangles = TriangleTable(table.row, table.jacobian, table.texel_size, table.points)
+        limits = Limits(WEIGHT, near, LOCATION, REACH)
+        self._screen = LookupScreen(frame.scene.device, atlas.listed, atlas.plane, triangles, limits, STAGE)
         self._outside = np.zeros(len(frame.pvs), bool)  # triangles, by row
         self._misplaced = np.zeros(len(frame.pvs), bool)
         self._incomplete = np.zeros(len(frame.pvs), bool)
         self._unwritten: list[Whole] = []  # texels
 
-    @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
-    def examine(self, triangles: Ints, bary: Floats, located: Doubles) -> None:
-        """Look up n points: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2).
+    def look_up(self, lookups: Lookups) -> None:
+        """Look up some points."""
+        screened = self._screen.screen(lookups)
+        if self._gaps:
+            self._gaps.count(screened.touched, screened.missing)
+        for start in range(0, len(screened.marked), JUDGED):
+            some = screened.marked[start : start + JUDGED]
+            self._examine(lookups.triangle[some], lookups.bary[some], lookups.place[some])
 
-        Several threads may do so: each only sets flags.
-        """
-        if not len(triangles):  # an empty set, or nothing of it in the novel view
-            return
+    @np.errstate(invalid="ignore")  # barycentrics may hold infinities, which another rule reports
+    def _examine(self, triangles: Ints, bary: Floats, located: Doubles) -> None:
+        """Judge n of them: int32 (n), float32 (n, 2), and where the client looks them up, float64 (n, 2)."""
         atlas = self._atlas
         rows = self._table.row[triangles]
-        x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # in the plane with its border, from centre to centre
+        x = np.clip(located[:, 0] + 0.5, 0, atlas.width + 0.999)  # from centre to centre, from those of the border on
         y = np.clip(located[:, 1] + 0.5, 0, atlas.height + 0.999)
         column, line = x.astype(np.int32), y.astype(np.int32)
         x -= column
         y -= line
+        column, line = column + np.array([[-1], [0], [-1], [0]]), line + np.array([[-1], [-1], [0], [0]])
         weights = np.stack([(1 - x) * (1 - y), x * (1 - y), (1 - x) * y, x * y])
-        texels = line * np.int32(atlas.stride) + column + self._offsets
         touched = weights > WEIGHT
         weights *= touched
-        samples = atlas.sample[texels]
-        owner = atlas.triangle[samples]
+        samples = atlas.sample_at(column, line)
+        owner = atlas.triangle_of(samples)
         own = (owner == triangles) | ~touched
         whole = own.all(axis=0)
         if self._gaps:
             excused = ~own & (owner != BORDER) & _far(x, y)
-            self._gaps.count(int(np.count_nonzero(touched)), int(np.count_nonzero(excused)))
             touched, own = touched & ~excused, own | excused
         if owner.min() < 0:
-            self._note_gaps(rows, texels, owner, touched)
+            self._note_gaps(rows, line * atlas.width + column, owner, touched)
         self._check_location(rows, bary, samples, weights, whole)
         if not own.all():
             self._check_others(rows, bary, samples, ~own & (owner >= 0))
 
     def _note_gaps(self, rows: Ints, texels: Ints, owner: Ints, touched: Bools) -> None:
         self._outside[rows[(touched & (owner == BORDER)).any(axis=0)]] = True
-        gaps = touched & (owner == UNOWNED)
+        gaps = touched & (owner == NO_SAMPLE)
         self._incomplete[rows[gaps.any(axis=0)]] = True
         self._unwritten.append(np.unique(texels[gaps]))
 
@@ -591,7 +634,7 @@ class _Lookups:
         """Lookups whose texels are all the triangle's own: interpolated against true barycentrics, in texels."""
         total = weights.sum(axis=0)
         off1, off2 = (
-            (weights * plane[samples]).sum(axis=0) / total - bary[:, i] for i, plane in enumerate(self._atlas.bary)
+            (weights * of).sum(axis=0) / total - bary[:, i] for i, of in enumerate(self._atlas.bary_of(samples))
         )
         to_column, to_row = self._table.jacobian[:, rows]
         column, row = to_column[:, 0] * off1 + to_column[:, 1] * off2, to_row[:, 0] * off1 + to_row[:, 1] * off2
@@ -602,14 +645,14 @@ class _Lookups:
             ignored |= self._torn(samples[:, bad]) if self._gaps else False
             bad, off = bad[~ignored], off[~ignored]
             touched = weights[:, bad] > 0
-            own = self._atlas.triangle[samples[:, bad]] == self._table.pvs[rows[bad]]
+            own = self._atlas.triangle_of(samples[:, bad]) == self._table.pvs[rows[bad]]
             touched |= own & (touched.sum(axis=0) == 1)  # one alone shows no step, its neighbours do
             steps = self._steps(samples[:, bad], touched)
             self._misplaced[rows[bad[~(_distance(off, steps) <= LOCATION)]]] = True
 
     def _torn(self, samples: Ints) -> Bools:
         """Whether the four samples (4, n) around a lookup are of several parts of a triangle: bool (n)."""
-        bary = self._atlas.bary[:, samples]
+        bary = self._atlas.bary_of(samples)
         twist = np.abs(bary[:, 0] - bary[:, 1] - bary[:, 2] + bary[:, 3])  # 0 on one plane, gentle in perspective
         torn: Bools = np.any(twist > np.ptp(bary, axis=1) / 2, axis=0)
         return torn
@@ -623,7 +666,7 @@ class _Lookups:
         steps = np.empty((samples.shape[1], 2, 2))
         for axis, pairs in enumerate([((0, 1), (2, 3)), ((0, 2), (1, 3))]):
             one, other = (
-                np.where(touched[i] & touched[j], np.diff(self._atlas.bary[:, samples[[i, j]]], axis=1)[:, 0], 0).T
+                np.where(touched[i] & touched[j], np.diff(self._atlas.bary_of(samples[[i, j]]), axis=1)[:, 0], 0).T
                 for i, j in pairs
             )
             larger = np.abs(one).sum(axis=1) >= np.abs(other).sum(axis=1)
@@ -638,8 +681,8 @@ class _Lookups:
         table = self._table
         corner, point = np.nonzero(other)
         sample, row = samples[corner, point], rows[point]
-        triangle = self._atlas.triangle[sample]
-        there = _surface_points(table.corners(triangle), self._atlas.bary[:, sample].T)
+        triangle = self._atlas.triangle_of(sample)
+        there = _surface_points(table.corners(triangle), self._atlas.bary_of(sample).T)
         here = _surface_points(table.corners(table.pvs[row]), bary[point])
         other_row = table.row[triangle]
         size = np.where(other_row >= 0, table.texel_size[other_row], table.texel_size[row])
@@ -659,12 +702,17 @@ class _Lookups:
             unwritten = np.unique(np.concatenate(self._unwritten))
             count = unwritten.size
             sentence = f"Lookups in {incomplete.size} triangles touch {count} texels that were not written."
-            texels = self._atlas.unpadded(unwritten[:FIRST])
-            found.append(Violation("written", count, sentence, first_few(incomplete), first_few(texels)))
+            found.append(Violation("written", count, sentence, first_few(incomplete), first_few(unwritten)))
         if misplaced.size:
             sentence = f"Lookups in {misplaced.size} triangles find another surface, or another point of their own."
             found.append(Violation("surface", misplaced.size, sentence, first_few(misplaced)))
         return found
+
+
+def _dot(one: Doubles, other: Doubles) -> Doubles:
+    """Of vectors (3, n): (n)."""
+    product: Doubles = one[0] * other[0] + one[1] * other[1] + one[2] * other[2]
+    return product
 
 
 def _apart(one: Doubles, other: Doubles) -> Doubles:

@@ -89,21 +89,25 @@ class Verifier:
         count = len(owners.texel)
         found = list(check_sample_count(payload, count))
         found += check_texels(self.truth, frame, draw, payload.samples, owners, planes)
-        found += of_lists.check_bytes(payload, (), 0, "every")
+        found += of_lists.check_bytes(payload, (), 0, 0, "every")
         return Verified(count, found)
 
     def _of_lists(self, frame: Frame, payload: Payload, client: Client, draw: str) -> Verified:
         held, holds, before = client.fragments(), self.packer.holds, self.fragments
-        self.fragments = count = of_lists.count_fragments(held)
         if not held:
+            self.fragments = 0
             sentence = "The payload has no planes, and the client's `fragments` tells of no lists."
             return Verified(0, [violation("fragments", 1, sentence)])
-        found = list(of_lists.check_structure(held))
+        walked = of_lists.walk(self.truth.scene.device, held)
+        found = list(of_lists.check_structure(held, walked))
+        whole = [part for part in walked if part]
         if found:
-            return Verified(count, found)
+            self.fragments = of_lists.count_fragments(held)
+            return Verified(self.fragments, found)
+        self.fragments = count = sum(part.visible for part in whole)
         found += check_sample_count(payload, count, OLD if holds in ("alike", "moved") else 0.0)
-        found += of_lists.check_bytes(payload, held, before, holds)
-        found += of_lists.check_fragments(self.truth, frame, draw, holds, held)
+        found += of_lists.check_bytes(payload, held, count, before, holds)
+        found += of_lists.check_fragments(self.truth, frame, draw, holds, held, whole)
         return Verified(count, found)
 
 

@@ -21,18 +21,31 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, fields, replace
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from shading_atlas_bench.arithmetic.arrays import Array, Bools, Bytes, Doubles, Floats, Ints
+from shading_atlas_bench.arithmetic import arrays
+from shading_atlas_bench.arithmetic.arrays import Bools, Bytes, Doubles
 from shading_atlas_bench.arithmetic.matrices import product
 from shading_atlas_bench.harness.measure.validity import Violation, Whole
 from shading_atlas_bench.harness.measure.verification.rays import Hits, cast_rays
 from shading_atlas_bench.harness.measure.verification.truth import CHOSEN, LEVELS, Truth, violation
+from shading_atlas_bench.kernels.validity.lists import (
+    Surfaces,
+    WalkedLists,
+    compare_nearest,
+    compare_nearest_twin,
+    walk_lists,
+)
 from shading_atlas_bench.packers.cell_views import owned_pixels, owners
 from shading_atlas_bench.packers.interface import ALIKE, Frame, HeldLists, Payload, View
+
+if TYPE_CHECKING:
+    from pyopencl.array import Array
+
+    from shading_atlas_bench.kernels.device import Device
 
 Number = TypeVar("Number", bound=np.generic)
 
@@ -47,12 +60,25 @@ LOST = 0.25  # share of surfaces that moved fragments may lack: those that have 
 OPACITY = 3  # levels
 
 
-def check_structure(held: tuple[HeldLists, ...]) -> Iterator[Violation]:
-    """That each fragment is in one list, and each pixel's nearest comes first."""
-    for number, part in enumerate(held):
-        pixels, count, offsets = part.view.width * part.view.height, len(part.depth), part.offsets
-        whole = len(offsets) == pixels + 1 and offsets[0] == 0 and offsets[-1] == count == len(part.rgba)
-        if not whole or (np.diff(offsets) < 0).any():
+def walk(device: Device, held: tuple[HeldLists, ...]) -> list[WalkedLists | None]:
+    """What a kernel says of each part; None of one whose lists are not all its fragments."""
+    return [
+        walk_lists(device, part.offsets, part.rgba, part.depth, "check") if _is_whole(part) else None for part in held
+    ]
+
+
+def _is_whole(part: HeldLists) -> bool:
+    pixels, count, offsets = part.view.width * part.view.height, len(part.depth), part.offsets
+    return bool(len(offsets) == pixels + 1 and offsets[0] == 0 and offsets[-1] == count == len(part.rgba))
+
+
+def check_structure(held: tuple[HeldLists, ...], walked: list[WalkedLists | None]) -> Iterator[Violation]:
+    """That each fragment is in one list, and each pixel's nearest comes first. walked: see `walk`."""
+    for number, (part, of) in enumerate(zip(held, walked, strict=True)):
+        if of and not of.broken:
+            continue
+        pixels, offsets = part.view.width * part.view.height, part.offsets
+        if not of or (np.diff(offsets) < 0).any():
             yield violation("once", 1, f"Lists of part {number}: they overlap, or gap, or lack fragments.")
             continue
         pixel = np.repeat(np.arange(pixels, dtype=np.int32), np.diff(offsets))
@@ -71,15 +97,19 @@ def count_fragments(held: tuple[HeldLists, ...]) -> int:
     return sum(int(np.count_nonzero(part.rgba[:, 3])) for part in held)
 
 
-def check_bytes(payload: Payload, held: tuple[HeldLists, ...], before: int, holds: str) -> Iterator[Violation]:
-    """The uncompressed size, and what it may be; before: fragments that the client held before this payload."""
+def check_bytes(
+    payload: Payload, held: tuple[HeldLists, ...], fragments: int, before: int, holds: str
+) -> Iterator[Violation]:
+    """The uncompressed size, and what it may be.
+
+    fragments: that the client holds, see `count_fragments`; before: that it held before this payload.
+    """
     size = sum(len(data) for data in payload.lists.values())
     if payload.raw_bytes != size:
         sentence = f"The payload claims {payload.raw_bytes} uncompressed bytes of lists and has {size}."
         yield violation("raw bytes", abs(payload.raw_bytes - size), sentence)
     each = NORMAL if any(part.normals for part in held) else COLOUR
     pixels = sum(part.view.width * part.view.height for part in held)
-    fragments = count_fragments(held)
     if holds in ("alike", "moved"):
         fragments += before + pixels  # what is removed is sent as a fragment, too
     if size > HEADER * pixels + each * fragments:
@@ -91,35 +121,41 @@ def check_bytes(payload: Payload, held: tuple[HeldLists, ...], before: int, hold
 
 @dataclass(frozen=True)
 class ListView:
-    """A view's lists: its parts, and which pixels' rays belong to it. owned: bool (pixels)."""
+    """A view's lists: its parts, by their numbers too, and which pixels' rays belong to it. owned: bool (pixels)."""
 
     view: View
     parts: tuple[HeldLists, ...]
+    numbers: tuple[int, ...]
     owned: Bools
 
 
 def list_views(held: tuple[HeldLists, ...]) -> list[ListView]:
     """The parts by the views that they are of, in the order of these."""
-    parts: dict[bytes, list[HeldLists]] = {}
-    for part in held:
+    numbers: dict[bytes, list[int]] = {}
+    for number, part in enumerate(held):
         size = np.array([part.view.width, part.view.height], np.float64)
-        parts.setdefault(part.view.view.tobytes() + part.view.projection.tobytes() + size.tobytes(), []).append(part)
-    views = [some[0].view for some in parts.values()]
+        numbers.setdefault(part.view.view.tobytes() + part.view.projection.tobytes() + size.tobytes(), []).append(
+            number
+        )
+    views = [held[some[0]].view for some in numbers.values()]
     owned = [owned_pixels(views, number).ravel() for number in range(len(views))]
-    return [ListView(view, tuple(some), own) for view, some, own in zip(views, parts.values(), owned, strict=True)]
+    return [
+        ListView(view, tuple(held[number] for number in some), tuple(some), own)
+        for view, some, own in zip(views, numbers.values(), owned, strict=True)
+    ]
 
 
 def check_fragments(
-    truth: Truth, frame: Frame, method: str, holds: str, held: tuple[HeldLists, ...]
+    truth: Truth, frame: Frame, method: str, holds: str, held: tuple[HeldLists, ...], walked: list[WalkedLists]
 ) -> Iterator[Violation]:
-    """The rules for what such lists hold."""
+    """The rules for what such lists hold. walked: see `walk`."""
     views, eye = list_views(held), held[0].view.eye
     if not all(is_at(of.view, frame.server.eye) for of in views):
         yield violation("fragments", 1, "The lists are seen from another eye than the frame's server view.")
         return
     yield from _check_views(truth, frame, method, holds, views)
     if holds in ("every", "nearest", "blended"):
-        yield from _check_nearest(truth, frame, views)
+        yield from _check_nearest(truth, frame, views, walked)
     number, pixel = _chosen(truth, frame, method, views)
     hits = _cast(truth, frame, views, number, pixel)
     lists = [_at(views[of].parts, at) for of, at in zip(number, pixel, strict=True)]
@@ -152,8 +188,10 @@ def _check_views(truth: Truth, frame: Frame, method: str, holds: str, views: lis
     if outside := int(np.count_nonzero(~inside)):
         sentence = f"{outside} of {CHOSEN} rays of the cell's frustum are in no picture of lists."
         yield violation("fragments", outside, sentence)
+    if len(views) == 1:
+        return
     stray, count = 0, count_fragments(tuple(part for of in views for part in of.parts))
-    for of in views if len(views) > 1 else ():
+    for of in views:
         for part in of.parts:
             pixel = np.repeat(np.arange(len(of.owned)), np.diff(part.offsets))
             stray += int(np.count_nonzero((part.rgba[:, 3] > 0) & ~of.owned[pixel]))
@@ -205,29 +243,41 @@ def _at(parts: tuple[HeldLists, ...], pixel: int) -> List:
     return List(rgba[order], depth[order])
 
 
-def _check_nearest(truth: Truth, frame: Frame, views: list[ListView]) -> Iterator[Violation]:
+def _check_nearest(truth: Truth, frame: Frame, views: list[ListView], walked: list[WalkedLists]) -> Iterator[Violation]:
     """The nearest fragment of every pixel against the nearest surface that is not wholly transparent."""
-    known = np.zeros(truth.triangles.count + 1, bool)  # the last entry stands for no triangle
+    device, known = truth.scene.device, np.zeros(truth.triangles.count, bool)
     known[frame.pvs] = True
-    found = []
+    count, found = 0, []
     for of in views:
         with truth.drawing:
-            depth, ids = _nearest_surfaces(truth, of.view)
-        nearest = np.max([_first_visible(part.offsets, part.rgba[:, 3], part.depth) for part in of.parts], axis=0)
-        off = known[ids] & (np.abs(nearest - depth) > np.float32(SAME_DEPTH) * depth)
-        found.append(np.flatnonzero(off & of.owned))
-    wrong, pixels = np.concatenate(found), sum(np.count_nonzero(of.owned) for of in views)
-    if wrong.size > NEAREST * pixels:
-        sentence = f"In {wrong.size} of {pixels} pixels the nearest fragment is not the nearest surface of the set."
-        yield violation("fragments", wrong.size, sentence, texels=wrong)
+            surfaces = _nearest_surfaces(truth, of.view)
+        nearest = _nearest_of(device, [walked[number] for number in of.numbers])
+        count += compare_nearest(device, surfaces, known, of.owned, nearest, SAME_DEPTH, "check")
+        found.append((surfaces, nearest))
+    pixels = sum(np.count_nonzero(of.owned) for of in views)
+    if count > NEAREST * pixels:
+        sentence = f"In {count} of {pixels} pixels the nearest fragment is not the nearest surface of the set."
+        wrong = []
+        for of, (surfaces, nearest) in zip(views, found, strict=True):
+            depth, ids = surfaces.depth.get().ravel(), surfaces.triangle.get().ravel()
+            off = compare_nearest_twin(depth, ids, known, of.owned, nearest.get(), SAME_DEPTH)
+            wrong.append(np.flatnonzero(off))
+        yield violation("fragments", count, sentence, texels=np.concatenate(wrong))
 
 
-def _nearest_surfaces(truth: Truth, view: View) -> tuple[Floats, Ints]:
-    """Depth and triangle (pixels), 0 and -1 where there is nothing."""
+def _nearest_of(device: Device, parts: list[WalkedLists]) -> Array:
+    """Of each pixel's nearest fragments in several parts the nearest, float32 (pixels)."""
+    if len(parts) == 1:
+        return parts[0].nearest
+    return device.upload(np.max([part.nearest.get() for part in parts], axis=0))
+
+
+def _nearest_surfaces(truth: Truth, view: View) -> Surfaces:
+    """What a view shows, 0 and -1 where there is nothing."""
     scene = truth.scene
     if scene.layers is None:
         visible = scene.rasteriser.draw(view.view, view.projection, view.width, view.height, stage="check")
-        return visible.depth.get().ravel(), visible.triangle.get().ravel()
+        return Surfaces(visible.depth, visible.triangle)
     visible, fragments = scene.layers.rasteriser.draw(
         view.view, view.projection, view.width, view.height, stage="check"
     )
@@ -236,10 +286,11 @@ def _nearest_surfaces(truth: Truth, view: View) -> tuple[Floats, Ints]:
     opacity = scene.layers.opacity.of(fragments.samples, "check").get()[:n]
     nearer = _first_visible(fragments.offsets.get(), opacity, fragments.depth.get()[:n])
     covered = _first_visible(fragments.offsets.get(), opacity, fragments.samples.triangle.get()[:n] + 1)
-    return np.where(nearer > 0, nearer, depth), np.where(nearer > 0, covered - 1, ids)
+    found = np.where(nearer > 0, nearer, depth), np.where(nearer > 0, covered - 1, ids)
+    return Surfaces(*(scene.device.upload(values) for values in found))
 
 
-def _first_visible(offsets: Whole, opacity: Array, depth: NDArray[Number]) -> NDArray[Number]:
+def _first_visible(offsets: Whole, opacity: arrays.Array, depth: NDArray[Number]) -> NDArray[Number]:
     """Of each pixel's first fragment that has any opacity, its entry in `depth` (n), or 0: (pixels)."""
     if not opacity.all():
         seen = np.flatnonzero(opacity)
@@ -329,7 +380,7 @@ def _check_blends(
         yield violation("colours", len(bad), sentence, texels=pixel[bad])
 
 
-def blended(colours: Array, opacity: Array) -> Doubles:
+def blended(colours: arrays.Array, opacity: arrays.Array) -> Doubles:
     """float64 (4): colours (n, 3) of opacities (n), of 255, nearest first, over nothing; and what they let through."""
     through = np.cumprod(np.concatenate([[1.0], 1 - np.asarray(opacity, np.float64) / 255]))
     weights = through[:-1] * np.asarray(opacity) / 255

@@ -87,7 +87,8 @@ def cast_rays(truth: Truth, view: View, ids: Ints, columns: Whole, rows: Whole) 
 def _near_pixels(x: Doubles, y: Doubles, w: Doubles, centres: Doubles) -> tuple[Whole, Whole]:
     """Pairs of pixels and triangles whose box on screen holds them: numbers of both."""
     with np.errstate(all="ignore"):
-        boxes = [[f(values / w, axis=1) for f in (np.min, np.max)] for values in (x, y)]
+        corners = [(values / w).T.copy() for values in (x, y)]  # NumPy is slow over axes of three
+        boxes = [[f(values, axis=0) for f in (np.min, np.max)] for values in corners]
     anywhere = ~(w > 0).all(axis=1)
     (left, right), (top, low) = (
         (np.where(anywhere, -np.inf, first - 1), np.where(anywhere, np.inf, last + 1)) for first, last in boxes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from types import SimpleNamespace
 from typing import Any
 
@@ -24,20 +25,17 @@ from shading_atlas_bench.harness.measure.validity import (
     _Table,
     check,
 )
+from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.packers.interface import Client, Owners, Payload
 
 CELL, ACROSS = 8, 4
 SIDE = CELL * ACROSS
 
 
-class Plane:
-    """A device array that is not on a device."""
-
-    def __init__(self, values: np.ndarray) -> None:
-        self.values = values
-
-    def get(self) -> np.ndarray:
-        return self.values
+@cache
+def opened() -> Device:
+    """As the fixture, where the work is made before a test or in a property's example."""
+    return Device.open()
 
 
 class CornerClient(Client):
@@ -59,10 +57,11 @@ class CornerClient(Client):
 
 @dataclass
 class Packed:
-    """One frame's work and its outcome, for planting errors."""
+    """One frame's work and its outcome, for planting errors; plane: uint8 (H, W, 4)."""
 
     frame: Any
     payload: Payload
+    plane: np.ndarray
     owners: Owners
     client: CornerClient
 
@@ -71,11 +70,8 @@ class Packed:
 
     def check(self, seen: Any = None, budget: int | None = None, gaps: Gaps | None = None) -> list[Violation]:
         visible = seen and (*seen, self.client.locate(*seen))
-        return check(self.frame, self.payload, self.owners, self.client, visible, budget=budget, gaps=gaps)
-
-    @property
-    def plane(self) -> np.ndarray:
-        return self.payload.planes["atlas"].get()
+        payload = replace(self.payload, planes={"atlas": opened().upload(self.plane)})
+        return check(self.frame, payload, self.owners, self.client, visible, budget=budget, gaps=gaps)
 
     def drop(self, gone: np.ndarray) -> None:
         """Unwrite the samples selected by `gone`, in the list and in the plane."""
@@ -105,12 +101,9 @@ def pack_cells(count: int = 12, cell: int = CELL, across: int = ACROSS, index: i
     plane = np.zeros((side, side, 4), np.uint8)
     plane.reshape(-1, 4)[owners.texel] = (90, 120, 60, 255)
     host = SimpleNamespace(positions=positions, indices=indices)
-    frame = SimpleNamespace(
-        index=index, pvs=pvs, scene=SimpleNamespace(host=host, triangles=SimpleNamespace(count=count))
-    )
-    planes: dict[str, Any] = {"atlas": Plane(plane)}
-    payload = Payload(planes, {}, b"", len(owners.texel))
-    return Packed(frame, payload, owners, CornerClient(corners))
+    scene = SimpleNamespace(host=host, triangles=SimpleNamespace(count=count), device=opened())
+    payload = Payload({}, {}, b"", len(owners.texel))
+    return Packed(SimpleNamespace(index=index, pvs=pvs, scene=scene), payload, plane, owners, CornerClient(corners))
 
 
 def pack_fold(slope: float = 1.0) -> Packed:
@@ -280,12 +273,16 @@ def affine_atlas(side: int = 9) -> _Atlas:
     """One triangle that owns every texel; its barycentrics are STEP times the position of the texel's centre."""
     row, column = (axis.ravel() for axis in np.indices((side, side)))
     bary = STEP * np.stack([column + 0.5, row + 0.5], axis=1).astype(np.float32)
-    return _Atlas(Owners(row * side + column, np.zeros(side * side, np.int32), bary), side, side)
+    return atlas_of(Owners(row * side + column, np.zeros(side * side, np.int32), bary), side, side)
+
+
+def atlas_of(owners: Owners, width: int, height: int) -> _Atlas:
+    return _Atlas(opened(), owners, opened().zeros((height, width, 4), np.uint8), np.ones(3, bool))
 
 
 def test_points_towards_neighbours_are_where_they_are_said_to_be():
     atlas, texel = affine_atlas(), np.array([4 * 9 + 4])
-    found = list(atlas.towards_neighbours(np.zeros(1, np.int32), atlas.bary[:, texel].T, texel))
+    found = list(atlas.towards_neighbours(np.zeros(1, np.int32), atlas.owners.bary[texel], texel))
     for point, at in found:
         np.testing.assert_allclose(point, STEP * at, atol=1e-6)
     steps = {tuple(np.rint((at[0] - 4.5) / PART).astype(int).tolist()) for _, at in found}
@@ -295,7 +292,7 @@ def test_points_towards_neighbours_are_where_they_are_said_to_be():
 @pytest.mark.parametrize(("off", "smooth"), [(0, True), (0.45, True), (0.55, False)])
 def test_a_sample_is_smooth_within_half_a_step_of_its_neighbours_plane(off: float, smooth: bool):
     atlas, texel = affine_atlas(), np.array([4 * 9 + 4])
-    atlas.bary[0, texel] += off * STEP
+    atlas.owners.bary[texel, 0] += off * STEP
     assert atlas.is_smooth(texel, np.zeros(1, np.int32)).tolist() == [smooth]
     assert not atlas.is_smooth(texel, np.ones(1, np.int32)).any()  # nothing there is another triangle's
 
@@ -307,7 +304,7 @@ def test_samples_near_by_are_those_of_the_triangle_within_three_texels(seed: int
     listed = np.flatnonzero(rng.random(height * width) < 0.7)
     triangle, bary = rng.integers(0, 3, len(listed)).astype(np.int32), rng.uniform(-1.5, 1.5, (len(listed), 2))
     bary[rng.random(len(listed)) < 0.1] = 1 / 3
-    atlas = _Atlas(Owners(listed, triangle, bary.astype(np.float32)), width, height)
+    atlas = atlas_of(Owners(listed, triangle, bary.astype(np.float32)), width, height)
     asked = rng.integers(0, 3, height * width).astype(np.int32)
     found = atlas.near_inside(np.arange(height * width), asked).reshape(height, width)
     inside = (bary >= 0).all(axis=1) & (bary.sum(axis=1) <= 1)
@@ -335,8 +332,9 @@ def test_a_texel_is_as_large_as_the_map_from_the_atlas_stretches_it():
 def around(atlas: _Atlas, touched: list[int]) -> tuple[_Lookups, np.ndarray, np.ndarray]:
     """A lookup between columns 4 and 5 and rows 4 and 5: the samples there, of which those numbers are touched."""
     samples = np.array([[4 * 9 + 4], [4 * 9 + 5], [5 * 9 + 4], [5 * 9 + 5]])
-    unused: Any = None
-    return _Lookups(pack_cells().frame, atlas, unused, None), samples, np.isin(np.arange(4), touched)[:, None]
+    frame = pack_cells().frame
+    table = _Table(frame, np.zeros((len(frame.pvs), 4, 2)))
+    return _Lookups(frame, atlas, table, None), samples, np.isin(np.arange(4), touched)[:, None]
 
 
 @pytest.mark.parametrize(
@@ -358,7 +356,7 @@ def test_steps_from_texel_to_texel_are_those_between_touched_samples(touched, ac
 def test_a_sample_that_is_a_copy_of_another_hides_no_step(copy: int, of: int):
     atlas = affine_atlas()
     lookups, samples, touched = around(atlas, [0, 1, 2, 3])
-    atlas.bary[:, samples[copy]] = atlas.bary[:, samples[of]]
+    atlas.owners.bary[samples[copy]] = atlas.owners.bary[samples[of]]
     steps = np.abs(lookups._steps(samples, touched)[0])
     assert (steps.sum(axis=0) >= STEP * (1 - 1e-5)).all()
 
@@ -375,7 +373,7 @@ def test_four_samples_are_torn_where_they_twist_by_over_half_of_their_range(twis
     """Barycentrics of 0, 1, 1 and 2 + twist, whose range is 2 + twist."""
     atlas = affine_atlas()
     lookups, samples, _ = around(atlas, [])
-    atlas.bary[:, samples[:, 0]] = np.array([0, 1, 1, 2 + twist], np.float32)
+    atlas.owners.bary[samples[:, 0]] = np.array([[0], [1], [1], [2 + twist]], np.float32)
     assert lookups._torn(samples).tolist() == [torn]
 
 
@@ -468,10 +466,8 @@ def test_alpha_that_does_not_match_the_list(texel: int, alpha: int):
 
 def test_nan_in_a_plane():
     packed = pack_cells()
-    values = packed.plane.astype(np.float32)
-    values[2, 3, 1] = np.nan
-    planes: dict[str, Any] = packed.payload.planes
-    planes["atlas"] = Plane(values)
+    packed.plane = packed.plane.astype(np.float32)
+    packed.plane[2, 3, 1] = np.nan
     (violation,) = packed.check()
     assert (violation.rule, violation.texels) == ("finite", (2 * SIDE + 3,))
 

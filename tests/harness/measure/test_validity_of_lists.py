@@ -14,8 +14,10 @@ from shading_atlas_bench.harness.measure.verification.lists import (
     check_structure,
     count_fragments,
     is_at,
+    walk,
 )
 from shading_atlas_bench.harness.workload.views import CellFrustum, Pose, ViewCell
+from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.packers.interface import HeldLists, Payload, View
 
 
@@ -26,30 +28,30 @@ def lists() -> HeldLists:
     return HeldLists(view, np.array([0, 2, 2, 5]), np.full((5, 4), 255, np.uint8), np.reciprocal(far))
 
 
-def rules(*held: HeldLists) -> list[str]:
-    return [violation.rule for violation in check_structure(held)]
+def rules(device: Device, *held: HeldLists) -> list[str]:
+    return [violation.rule for violation in check_structure(held, walk(device, held))]
 
 
-def test_sound_lists_pass_and_a_swap_is_found():
+def test_sound_lists_pass_and_a_swap_is_found(device):
     sound = lists()
-    assert rules(sound) == []
+    assert rules(device, sound) == []
     swapped = replace(sound, depth=sound.depth[[0, 1, 3, 2, 4]])
-    assert rules(swapped) == ["sorted"]
+    assert rules(device, swapped) == ["sorted"]
     gone = sound.rgba.copy()
     gone[2:] = 0  # what is removed has no order
-    assert rules(replace(swapped, rgba=gone)) == []
+    assert rules(device, replace(swapped, rgba=gone)) == []
     assert count_fragments((sound, replace(sound, rgba=gone))) == 7
 
 
-def test_a_fragment_in_two_lists_or_in_none_is_found():
+def test_a_fragment_in_two_lists_or_in_none_is_found(device):
     sound = lists()
     shared, lost = (replace(sound, offsets=np.array(offsets)) for offsets in ([0, 2, 1, 5], [0, 2, 2, 4]))
-    assert rules(shared) == rules(lost) == rules(sound, lost) == ["once"]
+    assert rules(device, shared) == rules(device, lost) == rules(device, sound, lost) == ["once"]
 
 
-def test_fragments_have_depths():
+def test_fragments_have_depths(device):
     nowhere = replace(lists(), depth=np.array([1, np.nan, 1, 0, 0], np.float32))
-    assert rules(nowhere) == ["sorted"]
+    assert rules(device, nowhere) == ["sorted"]
 
 
 def test_bytes_are_counted_and_bounded():
@@ -57,7 +59,7 @@ def test_bytes_are_counted_and_bounded():
 
     def found(size: int, claimed: int, held: HeldLists, before: int = 0, holds: str = "every") -> int:
         payload = Payload({}, {}, b"", 5, lists={"lists": bytes(size)}, raw_bytes=claimed)
-        return len(list(check_bytes(payload, (held,), before, holds)))
+        return len(list(check_bytes(payload, (held,), 5, before, holds)))
 
     assert found(72, 72, lists()) == 0
     assert found(72, 71, lists()) == 1
@@ -65,21 +67,22 @@ def test_bytes_are_counted_and_bounded():
     assert found(73, 74, lists()) == 2
     assert found(132, 132, replace(lists(), normals=True)) == 0
     assert found(73, 73, lists(), before=1, holds="alike") == 0
-    assert list(check_bytes(Payload({}, {}, b"", 0), (), 0, "every")) == []  # without lists nothing is claimed
+    assert list(check_bytes(Payload({}, {}, b"", 0), (), 0, 0, "every")) == []  # without lists nothing is claimed
 
 
 @pytest.mark.parametrize(
     ("holds", "found"),
     [("every", ["samples"]), ("nearest", ["samples"]), ("alike", []), ("moved", []), ("blended", ["samples"])],
 )
-def test_a_claim_may_be_a_fifth_off_where_lists_may_be_old(holds, found, monkeypatch):
+def test_a_claim_may_be_a_fifth_off_where_lists_may_be_old(holds, found, monkeypatch, device):
     """Of 5 fragments, 4 are claimed."""
     monkeypatch.setattr(of_lists, "check_fragments", lambda *_: iter(()))
     payload = Payload({}, {}, b"", 4, lists={"lists": bytes(72)}, raw_bytes=72)
     packer: Any = SimpleNamespace(name="lists", holds=holds)
     client: Any = SimpleNamespace(fragments=lambda: (lists(),))
+    truth: Any = SimpleNamespace(scene=SimpleNamespace(device=device))
     unused: Any = None
-    verified = Verifier(unused, packer)._of_lists(unused, payload, client, "")
+    verified = Verifier(truth, packer)._of_lists(unused, payload, client, "")
     assert (verified.samples, [violation.rule for violation in verified.found]) == (5, found)
 
 

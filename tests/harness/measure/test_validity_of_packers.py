@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -114,8 +113,7 @@ def test_a_texel_that_is_not_written(sent: Sent):
     texel = row * ATLAS + column
     keep = sent.owners.texel != texel
     plane[row, column] = 0
-    planes: dict[str, Any] = {"atlas": SimpleNamespace(get=lambda: plane)}
-    payload = replace(sent.payload, planes=planes)
+    payload = replace(sent.payload, planes={"atlas": sent.frame.scene.device.upload(plane)})
     changes = {name: getattr(sent.owners, name)[keep] for name in ("texel", "triangle", "bary")}
     (violation,) = sent.violations(payload=payload, **changes)
     assert (violation.rule, violation.count, violation.texels) == ("written", 1, (texel,))
