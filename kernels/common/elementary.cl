@@ -22,7 +22,6 @@
     }
 DEFINE_LOG2(log2_1, float, int, as_float, as_int, convert_float)
 DEFINE_LOG2(log2_8, float8, int8, as_float8, as_int8, convert_float8)
-DEFINE_LOG2(log2_16, float16, int16, as_float16, as_int16, convert_float16)
 
 // 2^x for -126 <= x < 127, within 2 units of the last place; what is below counts as -126.
 #define DEFINE_EXP2(NAME, FLOAT, INT, AS_FLOAT, CONVERT_FLOAT, CONVERT_INT) \
@@ -40,7 +39,6 @@ DEFINE_LOG2(log2_16, float16, int16, as_float16, as_int16, convert_float16)
         return p * AS_FLOAT((whole + 127) << 23);                           \
     }
 DEFINE_EXP2(exp2_8, float8, int8, as_float8, convert_float8, convert_int8)
-DEFINE_EXP2(exp2_16, float16, int16, as_float16, convert_float16, convert_int16)
 
 // The angle of (x, y) in -pi..pi, within 4 units of the last place of pi; 0 for the zero vector.
 INLINE float8 atan2_8(const float8 y, const float8 x)

@@ -23,33 +23,7 @@ INLINE floatN map_shareN(floatN roughness)
     return withinN((MATT - roughness) * FADE, 0.0f, 1.0f);
 }
 
-// Bilinear RGB of two levels of roughness, which follow each other in a texel.
-#if LANES == 16
-INLINE float16 two_lanes(__global const float *map, int one, int other)
-{
-    return (float16)(*(__global const loose_float8 *)(map + one), *(__global const loose_float8 *)(map + other));
-}
-
-// One lane's in the first half, another's in the second.
-INLINE float16 bilinear_two(__global const float *map, int one, int other, float16 across, float16 down)
-{
-    __global const float *below = map + STRIDE * TEXEL_FLOATS;
-    const float16 a = two_lanes(map, one, other), b = two_lanes(map + TEXEL_FLOATS, one, other);
-    const float16 c = two_lanes(below, one, other), d = two_lanes(below + TEXEL_FLOATS, one, other);
-    const float16 top = a + (b - a) * across, bottom = c + (d - c) * across;
-    return top + (bottom - top) * down;
-}
-
-INLINE void bilinear_quads(__global const float *map, const int *places, int i, float16 across, float16 down,
-                           float16 *smooth, float16 *rough)
-{
-    const float16 p = bilinear_two(map, places[i], places[i + 4], across.s0000000044444444, down.s0000000044444444);
-    const float16 q =
-        bilinear_two(map, places[i + 8], places[i + 12], across.s88888888cccccccc, down.s88888888cccccccc);
-    *smooth = (float16)(p.s0123, p.s89ab, q.s0123, q.s89ab);
-    *rough = (float16)(p.s3456, p.sbcde, q.s3456, q.sbcde);
-}
-#else
+// Bilinear RGB of one level of roughness.
 INLINE floatN bilinear_level(__global const float *map, const int *places, int i, floatN across, floatN down)
 {
     __global const float *below = map + STRIDE * TEXEL_FLOATS;
@@ -58,14 +32,6 @@ INLINE floatN bilinear_level(__global const float *map, const int *places, int i
     const floatN top = a + (b - a) * across, bottom = c + (d - c) * across;
     return top + (bottom - top) * down;
 }
-
-INLINE void bilinear_quads(__global const float *map, const int *places, int i, floatN across, floatN down,
-                           floatN *smooth, floatN *rough)
-{
-    *smooth = bilinear_level(map, places, i, across, down);
-    *rough = bilinear_level(map + 3, places, i, across, down);
-}
-#endif
 
 // Radiance from around a direction, as a surface of this roughness reflects it.
 INLINE vectorN environmentN(__global const float *map, vectorN direction, floatN roughness)
@@ -90,8 +56,8 @@ INLINE vectorN environmentN(__global const float *map, vectorN direction, floatN
     STORE_INTN((convert_intN(upper) * STRIDE + convert_intN(left)) * TEXEL_FLOATS + whole * 3, places);
     QUAD_LOOP
     for (int i = 0; i < QUADS; i++) {
-        floatN smooth, rough;
-        bilinear_quads(map, places, i, weights_x[i], weights_y[i], &smooth, &rough);
+        const floatN smooth = bilinear_level(map, places, i, weights_x[i], weights_y[i]);
+        const floatN rough = bilinear_level(map + 3, places, i, weights_x[i], weights_y[i]);
         colours[i] = smooth + (rough - smooth) * steps[i];
     }
     columns_of(colours, channels);

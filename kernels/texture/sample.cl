@@ -74,11 +74,7 @@ INLINE void rowsN(__global const int4 *table, intN numbers, intN *x, intN *y, in
 INLINE floatN texel_quads(__global const ushort4 *texels, const int *places, int i)
 {
 #define TEXEL(lane) texels[places[lane]]
-#if LANES == 16
-    return convert_float16((ushort16)(OF_QUAD(TEXEL, i)));
-#else
-    return convert_float8((ushort8)(OF_QUAD(TEXEL, i)));
-#endif
+    return convert_floatN(((ushortN)(OF_QUAD(TEXEL, i))));
 #undef TEXEL
 }
 
@@ -107,7 +103,7 @@ INLINE void bilinearN(intN level, floatN u, floatN v, intN mode_s, intN mode_t, 
 
 // Trilinear lookup: linear RGB (0..1) of `texture` (entries of the texture table) at u, v; `footprint` is the side of
 // the sample in texture space (1 = the whole texture).
-INLINE void textureN(intN texture, floatN u, floatN v, floatN footprint, floatN *r, floatN *g, floatN *b,
+CALLED void textureN(intN texture, floatN u, floatN v, floatN footprint, floatN *r, floatN *g, floatN *b,
                      TEXTURE_PARAMETERS)
 {
     intN first, last, mode, size;
