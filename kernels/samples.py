@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
 
-WIDTH = 16  # samples per step of the widest kernel; lists are allocated in whole steps
+WIDTH = 32  # samples per step of the widest kernel; lists are allocated in whole steps
 
 
 @dataclass

@@ -24,19 +24,21 @@ DEFINE_LOG2(log2_1, float, int, as_float, as_int, convert_float)
 DEFINE_LOG2(log2_8, float8, int8, as_float8, as_int8, convert_float8)
 
 // 2^x for -126 <= x < 127, within 2 units of the last place; what is below counts as -126.
-INLINE float8 exp2_8(const float8 x)
-{
-    const float8 y = (x > -126.0f) ? x : (float8)-126.0f;
-    const int8 whole = convert_int8(y + 126.5f) - 126;
-    const float8 f = y - convert_float8(whole);
-    float8 p = 0.00015478021f * f + 0.00134004315f;
-    p = p * f + 0.00961799454f;
-    p = p * f + 0.05550327150f;
-    p = p * f + 0.24022652209f;
-    p = p * f + 0.69314718246f;
-    p = p * f + 1.0f;
-    return p * as_float8((whole + 127) << 23);
-}
+#define DEFINE_EXP2(NAME, FLOAT, INT, AS_FLOAT, CONVERT_FLOAT, CONVERT_INT) \
+    INLINE FLOAT NAME(const FLOAT x)                                        \
+    {                                                                       \
+        const FLOAT y = (x > -126.0f) ? x : (FLOAT) - 126.0f;               \
+        const INT whole = CONVERT_INT(y + 126.5f) - 126;                    \
+        const FLOAT f = y - CONVERT_FLOAT(whole);                           \
+        FLOAT p = 0.00015478021f * f + 0.00134004315f;                      \
+        p = p * f + 0.00961799454f;                                         \
+        p = p * f + 0.05550327150f;                                         \
+        p = p * f + 0.24022652209f;                                         \
+        p = p * f + 0.69314718246f;                                         \
+        p = p * f + 1.0f;                                                   \
+        return p * AS_FLOAT((whole + 127) << 23);                           \
+    }
+DEFINE_EXP2(exp2_8, float8, int8, as_float8, convert_float8, convert_int8)
 
 // The angle of (x, y) in -pi..pi, within 4 units of the last place of pi; 0 for the zero vector.
 INLINE float8 atan2_8(const float8 y, const float8 x)

@@ -1,4 +1,4 @@
-// How much each fragment covers what is behind it, 0..255, 8 fragments at a time.
+// How much each fragment covers what is behind it, 0..255, LANES fragments at a time.
 #define WRAP_MODES 1
 #include "texture/sample.cl"
 
@@ -9,13 +9,13 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
                                __global const int *indices, __global const int2 *faces, __global const float4 *surfaces,
                                __global const float4 *corners, __global int *opacity, TEXTURE_PARAMETERS)
 {
-    const int first = get_global_id(0) * 8;
+    const int first = get_global_id(0) * LANES;
     if (first >= count)
         return;
-    float alpha[8], u[8], v[8], side[8];
-    int texture[8];
+    float alpha[LANES], u[LANES], v[LANES], side[LANES];
+    int texture[LANES];
     int textured = 0;
-    for (int lane = 0; lane < 8; lane++) {
+    for (int lane = 0; lane < LANES; lane++) {
         const int i = MIN(first + lane, count - 1), id = triangle[i];
         const float b1 = bary1[i], b2 = bary2[i];
         const float4 a = corners[indices[3 * id]], b = corners[indices[3 * id + 1]], c = corners[indices[3 * id + 2]];
@@ -30,23 +30,25 @@ __kernel void fragment_opacity(const int count, __global const int *triangle, __
         textured |= texture[lane];
     }
     if (textured) {
-        int mode[8], row[8];
-        float4 texel[8];
-        float level[8];
-        for (int lane = 0; lane < 8; lane++) {
+        int mode[LANES], row[LANES];
+        floatN quads[QUADS], channels[4];
+        float level[LANES], covered[LANES];
+        for (int lane = 0; lane < LANES; lane++) {
             const int4 entry = textures[texture[lane]];
             const float across = side[lane] * entry.w;
             level[lane] = across > 1.0f ? log2_1(across) + 0.5f : 0.0f;
             mode[lane] = entry.z;
             row[lane] = entry.x + (level[lane] < entry.y ? (int)level[lane] : entry.y);
         }
-        const int8 modes = LOAD_INT8(mode), mode_s = modes & 3, mode_t = modes >> 2;
-        const float8 s = wrapped8(LOAD8(u), mode_s), t = wrapped8(LOAD8(v), mode_t);
-        bilinear8(row, s, t, mode_s, mode_t, texel, TEXTURE_ARGUMENTS);
-        for (int lane = 0; lane < 8; lane++)
-            alpha[lane] *= texture[lane] ? texel[lane].w * TEXEL_SCALE : 1.0f;
+        const intN modes = LOAD_INTN(mode), mode_s = modes & 3, mode_t = modes >> 2;
+        const floatN s = wrappedN(LOADN(u), mode_s), t = wrappedN(LOADN(v), mode_t);
+        bilinearN(LOAD_INTN(row), s, t, mode_s, mode_t, quads, TEXTURE_ARGUMENTS);
+        columns_of(quads, channels);
+        STOREN(channels[3], covered);
+        for (int lane = 0; lane < LANES; lane++)
+            alpha[lane] *= texture[lane] ? covered[lane] * TEXEL_SCALE : 1.0f;
     }
-    for (int lane = 0; lane < 8 && first + lane < count; lane++) {
+    for (int lane = 0; lane < LANES && first + lane < count; lane++) {
         const float share = alpha[lane] > 0.0f ? (alpha[lane] < 1.0f ? alpha[lane] : 1.0f) : 0.0f;
         opacity[first + lane] = (int)(share * 255.0f + 0.5f);
     }

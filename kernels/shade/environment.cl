@@ -1,4 +1,4 @@
-// Lookups in an environment map, 8 wide: bilinear in the direction, linear between two levels of roughness. Layout of
+// Lookups in an environment map: bilinear in the direction, linear between two levels of roughness. Layout of
 // the map: kernels/shade/environment.py.
 #include "shade/vector.cl"
 
@@ -11,52 +11,55 @@
 #define STRIDE 130      // texels in a row, with it
 #define TEXEL_FLOATS 16 // RGB of each level
 
-#define CHANNEL(c, i) ((float8)(c[0].i, c[1].i, c[2].i, c[3].i, c[4].i, c[5].i, c[6].i, c[7].i))
-
 // a between two numbers; what is not a number counts as the lower one.
-INLINE float8 within8(float8 a, float low, float high)
+INLINE floatN withinN(floatN a, float low, float high)
 {
-    return (a > low) ? ((a < high) ? a : (float8)high) : (float8)low;
+    return (a > low) ? ((a < high) ? a : (floatN)high) : (floatN)low;
 }
 
 // How much of what a surface of this roughness reflects comes from the map; the rest is the sky's.
-INLINE float8 map_share8(float8 roughness)
+INLINE floatN map_shareN(floatN roughness)
 {
-    return within8((MATT - roughness) * FADE, 0.0f, 1.0f);
+    return withinN((MATT - roughness) * FADE, 0.0f, 1.0f);
+}
+
+// Bilinear RGB of one level of roughness.
+INLINE floatN bilinear_level(__global const float *map, const int *places, int i, floatN across, floatN down)
+{
+    __global const float *below = map + STRIDE * TEXEL_FLOATS;
+    const floatN a = loaded_quads(map, places, i), b = loaded_quads(map + TEXEL_FLOATS, places, i);
+    const floatN c = loaded_quads(below, places, i), d = loaded_quads(below + TEXEL_FLOATS, places, i);
+    const floatN top = a + (b - a) * across, bottom = c + (d - c) * across;
+    return top + (bottom - top) * down;
 }
 
 // Radiance from around a direction, as a surface of this roughness reflects it.
-INLINE vector8 environment8(__global const float *map, vector8 direction, float8 roughness)
+INLINE vectorN environmentN(__global const float *map, vectorN direction, floatN roughness)
 {
-    const float8 sum = abs8(direction.x) + abs8(direction.y) + abs8(direction.z);
-    const float8 inverse = 1.0f / ((sum > 1e-20f) ? sum : (float8)1e-20f);
-    const float8 x = direction.x * inverse, z = direction.z * inverse;
-    const float8 folded_x = 1.0f - abs8(z), folded_z = 1.0f - abs8(x);
-    const int8 below = direction.y < 0.0f;
-    const float8 u = below ? ((x < 0.0f) ? -folded_x : folded_x) : x;
-    const float8 v = below ? ((z < 0.0f) ? -folded_z : folded_z) : z;
-    const float8 column = within8(u * (0.5f * MAP_SIDE) + (0.5f * MAP_SIDE + 0.5f), 0.5f, MAP_SIDE + 0.5f);
-    const float8 row = within8(v * (0.5f * MAP_SIDE) + (0.5f * MAP_SIDE + 0.5f), 0.5f, MAP_SIDE + 0.5f);
-    const float8 level = within8((roughness - SMOOTHEST) * LEVELS_PER_ROUGHNESS, 0.0f, LAST_LEVEL);
-    const float8 left = floor8(column), upper = floor8(row), cut = floor8(level);
-    const int8 whole = convert_int8((cut < LAST_LEVEL - 1.0f) ? cut : (float8)(LAST_LEVEL - 1.0f));
-    int starts[8];
-    float across[8], down[8], further[8];
-    float4 colours[8];
-    STORE_INT8((convert_int8(upper) * STRIDE + convert_int8(left)) * TEXEL_FLOATS + whole * 3, starts);
-    STORE8(column - left, across);
-    STORE8(row - upper, down);
-    STORE8(level - convert_float8(whole), further);
-    for (int lane = 0; lane < 8; lane++) { // two levels at once, one after the other in a texel
-        __global const float *first = map + starts[lane], *second = first + STRIDE * TEXEL_FLOATS;
-        const float8 a = *(__global const loose_float8 *)first;
-        const float8 b = *(__global const loose_float8 *)(first + TEXEL_FLOATS);
-        const float8 c = *(__global const loose_float8 *)second;
-        const float8 d = *(__global const loose_float8 *)(second + TEXEL_FLOATS);
-        const float8 top = a + (b - a) * across[lane], bottom = c + (d - c) * across[lane];
-        const float8 both = top + (bottom - top) * down[lane];
-        const float4 smooth = both.s0123, rough = both.s3456;
-        colours[lane] = smooth + (rough - smooth) * further[lane];
+    const floatN sum = absN(direction.x) + absN(direction.y) + absN(direction.z);
+    const floatN inverse = 1.0f / ((sum > 1e-20f) ? sum : (floatN)1e-20f);
+    const floatN x = direction.x * inverse, z = direction.z * inverse;
+    const floatN folded_x = 1.0f - absN(z), folded_z = 1.0f - absN(x);
+    const intN below = direction.y < 0.0f;
+    const floatN u = below ? ((x < 0.0f) ? -folded_x : folded_x) : x;
+    const floatN v = below ? ((z < 0.0f) ? -folded_z : folded_z) : z;
+    const floatN column = withinN(u * (0.5f * MAP_SIDE) + (0.5f * MAP_SIDE + 0.5f), 0.5f, MAP_SIDE + 0.5f);
+    const floatN row = withinN(v * (0.5f * MAP_SIDE) + (0.5f * MAP_SIDE + 0.5f), 0.5f, MAP_SIDE + 0.5f);
+    const floatN level = withinN((roughness - SMOOTHEST) * LEVELS_PER_ROUGHNESS, 0.0f, LAST_LEVEL);
+    const floatN left = floorN(column), upper = floorN(row), cut = floorN(level);
+    const intN whole = convert_intN((cut < LAST_LEVEL - 1.0f) ? cut : (floatN)(LAST_LEVEL - 1.0f));
+    const floatN across = column - left, down = row - upper, further = level - convert_floatN(whole);
+    const floatN weights_x[QUADS] = TO_QUADS(across), weights_y[QUADS] = TO_QUADS(down),
+                 steps[QUADS] = TO_QUADS(further);
+    floatN colours[QUADS], channels[4];
+    int places[LANES];
+    STORE_INTN((convert_intN(upper) * STRIDE + convert_intN(left)) * TEXEL_FLOATS + whole * 3, places);
+    QUAD_LOOP
+    for (int i = 0; i < QUADS; i++) {
+        const floatN smooth = bilinear_level(map, places, i, weights_x[i], weights_y[i]);
+        const floatN rough = bilinear_level(map + 3, places, i, weights_x[i], weights_y[i]);
+        colours[i] = smooth + (rough - smooth) * steps[i];
     }
-    return (vector8){CHANNEL(colours, x), CHANNEL(colours, y), CHANNEL(colours, z)};
+    columns_of(colours, channels);
+    return (vectorN){channels[0], channels[1], channels[2]};
 }

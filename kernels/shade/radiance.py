@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
-from shading_atlas_bench.kernels.shade.shade import shade8_twin
+from shading_atlas_bench.kernels.shade.shade import shaded_twin
 
 if TYPE_CHECKING:
     from shading_atlas_bench.kernels.samples import Samples
     from shading_atlas_bench.kernels.shade.shader import Shader
 
-STEP = 8  # samples shaded at once
+STEP = 8  # samples shaded at once, by the narrowest kernel
 
 
 def radiance(shader: Shader, samples: Samples, eye: Doubles, stage: str = "radiance") -> Floats:
@@ -33,4 +33,4 @@ def radiance_twin(shader: Shader, samples: Samples, eye: Doubles) -> Doubles:
     bary = np.stack([samples.bary1.get(), samples.bary2.get()], axis=1)[:n]
     known = (shader.tables, shader.faces.get(), shader.textures, shader.shadows.maps.get())
     with np.errstate(invalid="ignore"):
-        return shade8_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], eye)
+        return shaded_twin(*known, samples.triangle.get()[:n], bary, samples.footprint.get()[:n], eye)

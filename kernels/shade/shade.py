@@ -59,11 +59,11 @@ def shade_twin(
 
     faces: int32 (T, 2), material and bits of the UV scale. shadow_maps: float32, all maps one after the other.
     """
-    radiance = shade8_twin(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
+    radiance = shaded_twin(tables, faces, textures, shadow_maps, triangle, bary, footprint, eye)
     return encode(radiance * tables.environment[9])
 
 
-def shade8_twin(
+def shaded_twin(
     tables: Tables,
     faces: Ints,
     textures: TextureBuffers,
@@ -73,7 +73,7 @@ def shade8_twin(
     footprint: Array,
     eye: Array,
 ) -> Doubles:
-    """What shade8 returns: radiance (n, 3) of the samples, given as for `shade_twin`."""
+    """What shadeN returns: radiance (n, 3) of the samples, given as for `shade_twin`."""
     points = _interpolated(tables, faces, triangle, np.asarray(bary, np.float64), footprint)
     if tables.defines["SURFACE_MAPS"] or tables.defines["OCCLUSION"]:
         points = _mapped(textures, points)

@@ -8,6 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from shading_atlas_bench.arithmetic.arrays import Doubles, Floats
+from shading_atlas_bench.kernels.samples import WIDTH
 from shading_atlas_bench.kernels.shade.faces import face_rows
 from shading_atlas_bench.kernels.shade.shadow import ShadowMaps
 from shading_atlas_bench.kernels.shade.sky import Sky
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from shading_atlas_bench.kernels.triangles import Triangles
 
 CHUNKS = 512  # on a CPU: enough for balance where some samples cost several times others
-STEP = 8  # samples shaded at once
+STEP = 8  # samples shaded at once, by the narrowest kernel
 
 
 class Shader:
@@ -92,10 +93,9 @@ class Shader:
         """Write the colour of every sample, sRGB with alpha 255, at its texel of `target`, uint8 (H, W, 4).
 
         eye: float64 (3), from where highlights are seen and double-sided surfaces are turned towards. The sample arrays
-        must have room for whole steps of 8 (`Samples.allocate` sees to it); what lies beyond `count` is ignored.
+        must have room for whole steps of WIDTH (`Samples.allocate` sees to it); what lies beyond `count` is ignored.
         """
-        chunks = CHUNKS if self.device.is_cpu else -(-samples.count // STEP)
-        run = max(1, -(-samples.count // (chunks * STEP))) * STEP if samples.count else STEP
+        run = max(1, -(-samples.count // (CHUNKS * WIDTH))) * WIDTH if self.device.is_cpu else STEP
         self.device.launch(
             stage,
             self.device.build("shade/shade.cl", **self.defines).shade_samples,

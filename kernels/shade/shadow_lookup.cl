@@ -1,4 +1,4 @@
-// Shadow map lookups, 8 wide: 3x3 percentage-closer filtering, the taps bilinear.
+// Shadow map lookups: 3x3 percentage-closer filtering, the taps bilinear.
 #include "shade/vector.cl"
 
 // Layout of a light's shadow in its record: rows of the map's transform (from scene space to map texels x and y, depth
@@ -24,75 +24,73 @@
 #define LIGHT_OFFSET 0.75f
 
 #if SHADOWS
-typedef float4 __attribute__((aligned(4))) loose_float4;
-
-INLINE float8 row8(__global const float *row, float8 x, float8 y, float8 z)
+INLINE floatN rowN(__global const float *row, floatN x, floatN y, floatN z)
 {
     return row[0] * x + row[1] * y + row[2] * z + row[3];
 }
 
-// The map's 3x3 bilinear taps around texel coordinates (column, row): each is clamp(depth - steepness * map, 0, 1).
-// Lanes that are not `inside` give 1.
-INLINE float8 filtered8(__global const float *map, int size, float8 column, float8 row, float8 depth, float8 steepness,
-                        int8 inside)
+// How open a row of four taps is: clamp(depth - steepness * map, 0, 1).
+INLINE floatN openN(floatN taps, floatN depth, floatN steepness)
 {
-    const float8 column_low = floor8(column - 0.5f), row_low = floor8(row - 0.5f);
-    int starts[8], looked[8];
-    float weights_x[8], weights_y[8], lit[8], depths[8], slopes[8];
-    STORE8(column - 0.5f - column_low, weights_x);
-    STORE8(row - 0.5f - row_low, weights_y);
-    STORE8(depth, depths);
-    STORE8(steepness, slopes);
-    STORE_INT8(inside, looked);
-    STORE_INT8((convert_int8(row_low) - 1) * size + convert_int8(column_low) - 1, starts);
-    for (int lane = 0; lane < 8; lane++) {
-        lit[lane] = 1.0f;
-        if (!looked[lane])
-            continue;
-        const float4 across = (float4)(1.0f - weights_x[lane], 1.0f, 1.0f, weights_x[lane]);
-        const float4 down = (float4)(1.0f - weights_y[lane], 1.0f, 1.0f, weights_y[lane]);
-        __global const float *taps = map + starts[lane];
-        float4 sum = 0.0f;
-        for (int i = 0; i < 4; i++) {
-            float4 open = depths[lane] - *(__global const loose_float4 *)(taps + i * size) * slopes[lane];
-            open = (open > 0.0f) ? ((open < 1.0f) ? open : (float4)1.0f) : (float4)0.0f;
-            sum += open * (i == 0 ? down.x : i == 3 ? down.w : 1.0f);
-        }
-        sum *= across;
-        lit[lane] = (sum.x + sum.y + sum.z + sum.w) * (1.0f / 9.0f);
+    const floatN open = depth - taps * steepness;
+    return (open > 0.0f) ? ((open < 1.0f) ? open : (floatN)1.0f) : (floatN)0.0f;
+}
+
+// The map's 3x3 bilinear taps around texel coordinates (column, row): each is clamp(depth - steepness * map, 0, 1).
+// Lanes that are not `inside` give 1, but must lie there, too.
+INLINE floatN filteredN(__global const float *map, int size, floatN column, floatN row, floatN depth, floatN steepness,
+                        intN inside)
+{
+    const floatN column_low = floorN(column - 0.5f), row_low = floorN(row - 0.5f);
+    const floatN right = column - 0.5f - column_low, lower = row - 0.5f - row_low;
+    const floatN left = 1.0f - right, upper = 1.0f - lower;
+    const floatN depths[QUADS] = TO_QUADS(depth), slopes[QUADS] = TO_QUADS(steepness);
+    const floatN uppers[QUADS] = TO_QUADS(upper), lowers[QUADS] = TO_QUADS(lower);
+    floatN sums[QUADS], columns[4];
+    int starts[LANES];
+    STORE_INTN((convert_intN(row_low) - 1) * size + convert_intN(column_low) - 1, starts);
+    QUAD_LOOP
+    for (int i = 0; i < QUADS; i++) {
+        const floatN a = openN(loaded_quads(map, starts, i), depths[i], slopes[i]);
+        const floatN b = openN(loaded_quads(map + size, starts, i), depths[i], slopes[i]);
+        const floatN c = openN(loaded_quads(map + 2 * size, starts, i), depths[i], slopes[i]);
+        const floatN d = openN(loaded_quads(map + 3 * size, starts, i), depths[i], slopes[i]);
+        sums[i] = a * uppers[i] + b + c + d * lowers[i];
     }
-    return LOAD8(lit);
+    columns_of(sums, columns);
+    const floatN lit = (columns[0] * left + columns[1] + columns[2] + columns[3] * right) * (1.0f / 9.0f);
+    return inside ? lit : (floatN)1.0f;
 }
 
 // The share of light that arrives at p; l: unit direction to the light; n: unit smooth normal on the lit side (the
 // triangle's own would let coarse surfaces shadow themselves where light grazes them); lanes with `wanted` 0 give 1.
 // Between lit and dark lies a ramp one texel deep instead of a step, so that shading is a continuous function of p.
-INLINE float8 shadow8(__global const float *light, __global const float *shadow_maps, vector8 p, vector8 n, vector8 l,
-                      int8 wanted)
+INLINE floatN shadowN(__global const float *light, __global const float *shadow_maps, vectorN p, vectorN n, vectorN l,
+                      intN wanted)
 {
     const int size = (int)light[SHADOW_SIZE];
-    const float8 texel = light[TEXEL_BASE] + light[TEXEL_PER_W] * row8(light + SHADOW_W, p.x, p.y, p.z);
-    const float8 cosine = n.x * light[AXIS] + n.y * light[AXIS + 1] + n.z * light[AXIS + 2];
-    const float8 squared = (cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (float8)0.0f;
-    const float8 sine = squared * inverse_sqrt8(squared);
-    const float8 normal_offset = texel * NORMAL_OFFSET * sine;
-    const float8 light_offset = texel * LIGHT_OFFSET;
-    const float8 x = p.x + n.x * normal_offset + l.x * light_offset;
-    const float8 y = p.y + n.y * normal_offset + l.y * light_offset;
-    const float8 z = p.z + n.z * normal_offset + l.z * light_offset;
-    const float8 w = row8(light + SHADOW_W, x, y, z);
-    const float8 inverse = 1.0f / ((w > 0.0f) ? w : (float8)1.0f);
-    const float8 column = row8(light + SHADOW_X, x, y, z) * inverse, row = row8(light + SHADOW_Y, x, y, z) * inverse;
-    const float8 depth = row8(light + SHADOW_DEPTH, x, y, z) * inverse;
-    const float8 ramp = texel * (light[DEPTH_BASE] + light[DEPTH_PER_SQUARE] * depth * depth);
-    const float8 steepness = 1.0f / ((ramp > 1e-12f) ? ramp : (float8)1e-12f);
+    const floatN texel = light[TEXEL_BASE] + light[TEXEL_PER_W] * rowN(light + SHADOW_W, p.x, p.y, p.z);
+    const floatN cosine = n.x * light[AXIS] + n.y * light[AXIS + 1] + n.z * light[AXIS + 2];
+    const floatN squared = (cosine * cosine < 1.0f) ? 1.0f - cosine * cosine : (floatN)0.0f;
+    const floatN sine = squared * inverse_sqrtN(squared);
+    const floatN normal_offset = texel * NORMAL_OFFSET * sine;
+    const floatN light_offset = texel * LIGHT_OFFSET;
+    const floatN x = p.x + n.x * normal_offset + l.x * light_offset;
+    const floatN y = p.y + n.y * normal_offset + l.y * light_offset;
+    const floatN z = p.z + n.z * normal_offset + l.z * light_offset;
+    const floatN w = rowN(light + SHADOW_W, x, y, z);
+    const floatN inverse = 1.0f / ((w > 0.0f) ? w : (floatN)1.0f);
+    const floatN column = rowN(light + SHADOW_X, x, y, z) * inverse, row = rowN(light + SHADOW_Y, x, y, z) * inverse;
+    const floatN depth = rowN(light + SHADOW_DEPTH, x, y, z) * inverse;
+    const floatN ramp = texel * (light[DEPTH_BASE] + light[DEPTH_PER_SQUARE] * depth * depth);
+    const floatN steepness = 1.0f / ((ramp > 1e-12f) ? ramp : (floatN)1e-12f);
     const float far = size - 2;
-    const int8 inside = wanted && w > 0.0f && column >= 2.0f && column <= far && row >= 2.0f && row <= far;
-    if (!any_of8(inside))
+    const intN inside = wanted && w > 0.0f && column >= 2.0f && column <= far && row >= 2.0f && row <= far;
+    if (!any_ofN(inside))
         return 1.0f;
     // Other lanes may lie anywhere, also where no int reaches.
-    const float8 x_inside = inside ? column : (float8)2.0f, y_inside = inside ? row : (float8)2.0f;
-    return filtered8(shadow_maps + as_int(light[SHADOW_START]), size, x_inside, y_inside, depth * steepness + 1.0f,
+    const floatN x_inside = inside ? column : (floatN)2.0f, y_inside = inside ? row : (floatN)2.0f;
+    return filteredN(shadow_maps + as_int(light[SHADOW_START]), size, x_inside, y_inside, depth * steepness + 1.0f,
                      steepness, inside);
 }
 #endif

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from shading_atlas_bench.kernels.device import Device
 
-STEP = 8  # pixels painted at once
+STEP = 8  # pixels painted at once, by the narrowest kernel
 
 
 @dataclass(frozen=True)

@@ -1,5 +1,5 @@
-// Trilinear lookups of 8 samples at a time in the mip chains of texture/buffers.py. Coordinates and filter weights are
-// computed 8 wide; texels are fetched lane by lane, because there is no gather.
+// Trilinear lookups of LANES samples at a time in the mip chains of texture/buffers.py. Texels are fetched lane by
+// lane, because there is no gather.
 
 #include "shade/wide_math.cl"
 
@@ -10,110 +10,126 @@
 #define MIRROR_MODE 2
 
 // A coordinate wrapped into 0..1; what is not a number or beyond 1e6 counts as 0.
-INLINE float8 wrapped8(float8 u, int8 mode)
+INLINE floatN wrappedN(floatN u, intN mode)
 {
-    u = (u > -1e6f && u < 1e6f) ? u : (float8)0.0f; // farther out float32 has no texels left
-    float8 inside = u - floor8(u);
+    u = (u > -1e6f && u < 1e6f) ? u : (floatN)0.0f; // farther out float32 has no texels left
+    floatN inside = u - floorN(u);
 #if WRAP_MODES
-    const float8 half_turn = u * 0.5f;
-    const float8 sawtooth = (half_turn - floor8(half_turn)) * 2.0f;
+    const floatN half_turn = u * 0.5f;
+    const floatN sawtooth = (half_turn - floorN(half_turn)) * 2.0f;
     inside = (mode == MIRROR_MODE) ? ((sawtooth > 1.0f) ? 2.0f - sawtooth : sawtooth) : inside;
-    const float8 clamped = (u > 0.0f) ? ((u < 1.0f) ? u : (float8)1.0f) : (float8)0.0f;
+    const floatN clamped = (u > 0.0f) ? ((u < 1.0f) ? u : (floatN)1.0f) : (floatN)0.0f;
     inside = (mode == CLAMP_MODE) ? clamped : inside;
 #endif
     return inside;
 }
 
 // The two texels that a lookup at `u` (wrapped, 0..1) blends along one axis, and the weight of the second.
-INLINE float8 neighbours8(float8 u, int8 size, int8 mode, int8 *first, int8 *second)
+INLINE floatN neighboursN(floatN u, intN size, intN mode, intN *first, intN *second)
 {
-    const float8 x = u * convert_float8(size) - 0.5f;
-    const float8 low = floor8(x);
-    int8 a = convert_int8(low);
-    int8 b = a + 1;
+    const floatN x = u * convert_floatN(size) - 0.5f;
+    const floatN low = floorN(x);
+    intN a = convert_intN(low);
+    intN b = a + 1;
 #if WRAP_MODES
-    const int8 cyclic = mode == 0;
-    a = (a < 0) ? (cyclic ? size - 1 : (int8)0) : a;
-    b = (b >= size) ? (cyclic ? (int8)0 : size - 1) : b;
+    const intN cyclic = mode == 0;
+    a = (a < 0) ? (cyclic ? size - 1 : (intN)0) : a;
+    b = (b >= size) ? (cyclic ? (intN)0 : size - 1) : b;
 #else
     a = (a < 0) ? size - 1 : a;
-    b = (b >= size) ? (int8)0 : b;
+    b = (b >= size) ? (intN)0 : b;
 #endif
     *first = a;
     *second = b;
     return x - low;
 }
 
-// Bilinear lookup of one level per lane (rows of the level table); u, v wrapped. Results scaled by 65535, per lane.
-INLINE void bilinear8(const int *level, float8 u, float8 v, int8 mode_s, int8 mode_t, float4 *result,
-                      TEXTURE_PARAMETERS)
+// Rows of a table, one per lane, as columns. Neighbouring samples mostly ask for the same one.
+INLINE void rowsN(__global const int4 *table, intN numbers, intN *x, intN *y, intN *z, intN *w)
 {
-    int offsets[8], widths[8], heights[8];
-    for (int lane = 0; lane < 8; lane++) {
-        const int4 row = levels[level[lane]];
-        offsets[lane] = row.x;
-        widths[lane] = row.y;
-        heights[lane] = row.z;
+    if (any_ofN(numbers != numbers.s0)) {
+        int each[LANES], columns[4][LANES];
+        STORE_INTN(numbers, each);
+        for (int lane = 0; lane < LANES; lane++) {
+            const int4 row = table[each[lane]];
+            columns[0][lane] = row.x;
+            columns[1][lane] = row.y;
+            columns[2][lane] = row.z;
+            columns[3][lane] = row.w;
+        }
+        *x = LOAD_INTN(columns[0]);
+        *y = LOAD_INTN(columns[1]);
+        *z = LOAD_INTN(columns[2]);
+        *w = LOAD_INTN(columns[3]);
+    } else {
+        const int4 row = table[numbers.s0];
+        *x = row.x;
+        *y = row.y;
+        *z = row.z;
+        *w = row.w;
     }
-    const int8 width = LOAD_INT8(widths);
-    int8 x0, x1, y0, y1;
-    float weight_x[8], weight_y[8];
-    int near_x[8], far_x[8], near_y[8], far_y[8];
-    STORE8(neighbours8(u, width, mode_s, &x0, &x1), weight_x);
-    STORE8(neighbours8(v, LOAD_INT8(heights), mode_t, &y0, &y1), weight_y);
-    const int8 offset = LOAD_INT8(offsets);
-    STORE_INT8(offset + y0 * width, near_y);
-    STORE_INT8(offset + y1 * width, far_y);
-    STORE_INT8(x0, near_x);
-    STORE_INT8(x1, far_x);
-    for (int lane = 0; lane < 8; lane++) {
-        const float4 a = convert_float4(texels[near_y[lane] + near_x[lane]]);
-        const float4 b = convert_float4(texels[near_y[lane] + far_x[lane]]);
-        const float4 c = convert_float4(texels[far_y[lane] + near_x[lane]]);
-        const float4 d = convert_float4(texels[far_y[lane] + far_x[lane]]);
-        const float4 top = a + (b - a) * weight_x[lane];
-        const float4 bottom = c + (d - c) * weight_x[lane];
-        result[lane] = top + (bottom - top) * weight_y[lane];
+}
+
+// The texels at some lanes' places.
+INLINE floatN texel_quads(__global const ushort4 *texels, const int *places, int i)
+{
+#define TEXEL(lane) texels[places[lane]]
+    return convert_floatN(((ushortN)(OF_QUAD(TEXEL, i))));
+#undef TEXEL
+}
+
+// Bilinear lookup of one level per lane (rows of the level table); u, v wrapped. Results scaled by 65535, in quads.
+INLINE void bilinearN(intN level, floatN u, floatN v, intN mode_s, intN mode_t, floatN *quads, TEXTURE_PARAMETERS)
+{
+    intN offset, width, height, unused, x0, x1, y0, y1;
+    rowsN(levels, level, &offset, &width, &height, &unused);
+    const floatN across = neighboursN(u, width, mode_s, &x0, &x1), down = neighboursN(v, height, mode_t, &y0, &y1);
+    const floatN weights_x[QUADS] = TO_QUADS(across), weights_y[QUADS] = TO_QUADS(down);
+    const intN near = offset + y0 * width, far = offset + y1 * width;
+    int near_0[LANES], near_1[LANES], far_0[LANES], far_1[LANES];
+    STORE_INTN(near + x0, near_0);
+    STORE_INTN(near + x1, near_1);
+    STORE_INTN(far + x0, far_0);
+    STORE_INTN(far + x1, far_1);
+    QUAD_LOOP
+    for (int i = 0; i < QUADS; i++) {
+        const floatN a = texel_quads(texels, near_0, i), b = texel_quads(texels, near_1, i);
+        const floatN c = texel_quads(texels, far_0, i), d = texel_quads(texels, far_1, i);
+        const floatN top = a + (b - a) * weights_x[i];
+        const floatN bottom = c + (d - c) * weights_x[i];
+        quads[i] = top + (bottom - top) * weights_y[i];
     }
 }
 
 // Trilinear lookup: linear RGB (0..1) of `texture` (entries of the texture table) at u, v; `footprint` is the side of
 // the sample in texture space (1 = the whole texture).
-INLINE void texture8(const int *texture, float8 u, float8 v, float8 footprint, float8 *r, float8 *g, float8 *b,
+CALLED void textureN(intN texture, floatN u, floatN v, floatN footprint, floatN *r, floatN *g, floatN *b,
                      TEXTURE_PARAMETERS)
 {
-    int first[8], last[8], mode[8], size[8];
-    for (int lane = 0; lane < 8; lane++) {
-        const int4 row = textures[texture[lane]];
-        first[lane] = row.x;
-        last[lane] = row.y;
-        mode[lane] = row.z;
-        size[lane] = row.w;
-    }
-    const float8 texels_across = footprint * convert_float8(LOAD_INT8(size));
-    const float8 highest = convert_float8(LOAD_INT8(last));
-    float8 level = (texels_across > 1.0f) ? log2_8(texels_across) : (float8)0.0f;
+    intN first, last, mode, size;
+    rowsN(textures, texture, &first, &last, &mode, &size);
+    const floatN texels_across = footprint * convert_floatN(size);
+    const floatN highest = convert_floatN(last);
+    floatN level = (texels_across > 1.0f) ? log2_N(texels_across) : (floatN)0.0f;
     level = (level < highest) ? level : highest;
-    const float8 base = floor8(level);
-    const float8 blend = level - base;
-    const int8 mode_s = LOAD_INT8(mode) & 3, mode_t = LOAD_INT8(mode) >> 2;
-    const float8 s = wrapped8(u, mode_s), t = wrapped8(v, mode_t);
+    const floatN base = floorN(level);
+    const floatN blend = level - base;
+    const intN mode_s = mode & 3, mode_t = mode >> 2;
+    const floatN s = wrappedN(u, mode_s), t = wrappedN(v, mode_t);
 
-    float4 fine[8];
-    int rows[8];
-    const int8 row = LOAD_INT8(first) + convert_int8(base);
-    STORE_INT8(row, rows);
-    bilinear8(rows, s, t, mode_s, mode_t, fine, TEXTURE_ARGUMENTS);
-    if (any_of8(blend > 0.0f)) {
-        float4 coarse[8];
-        float blends[8];
-        STORE8(blend, blends);
-        STORE_INT8((base < highest) ? row + 1 : row, rows);
-        bilinear8(rows, s, t, mode_s, mode_t, coarse, TEXTURE_ARGUMENTS);
-        for (int lane = 0; lane < 8; lane++)
-            fine[lane] += (coarse[lane] - fine[lane]) * blends[lane];
+    floatN fine[QUADS], channels[4];
+    const intN row = first + convert_intN(base);
+    bilinearN(row, s, t, mode_s, mode_t, fine, TEXTURE_ARGUMENTS);
+    if (any_ofN(blend > 0.0f)) {
+        floatN coarse[QUADS];
+        const floatN blends[QUADS] = TO_QUADS(blend);
+        bilinearN((base < highest) ? row + 1 : row, s, t, mode_s, mode_t, coarse, TEXTURE_ARGUMENTS);
+        UNROLL
+        for (int i = 0; i < QUADS; i++)
+            fine[i] += (coarse[i] - fine[i]) * blends[i];
     }
-    *r = TEXEL_SCALE * (float8)(fine[0].x, fine[1].x, fine[2].x, fine[3].x, fine[4].x, fine[5].x, fine[6].x, fine[7].x);
-    *g = TEXEL_SCALE * (float8)(fine[0].y, fine[1].y, fine[2].y, fine[3].y, fine[4].y, fine[5].y, fine[6].y, fine[7].y);
-    *b = TEXEL_SCALE * (float8)(fine[0].z, fine[1].z, fine[2].z, fine[3].z, fine[4].z, fine[5].z, fine[6].z, fine[7].z);
+    columns_of(fine, channels);
+    *r = TEXEL_SCALE * channels[0];
+    *g = TEXEL_SCALE * channels[1];
+    *b = TEXEL_SCALE * channels[2];
 }

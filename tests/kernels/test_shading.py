@@ -104,6 +104,17 @@ def test_a_sample_does_not_depend_on_its_neighbours(device):
     np.testing.assert_array_equal(shaded(device, shader, samples), expected)
 
 
+@pytest.mark.parametrize("adversarial", [False, True])
+@pytest.mark.parametrize("case", ["wrap modes", "further UVs", "everything"])
+def test_the_number_of_lanes_changes_no_byte(device, case, adversarial):
+    materials, lights, features = CASES[case]
+    shader = make_shader(device, materials, lights, degenerate=adversarial, **features)
+    samples = make_samples(device, count=3989, adversarial=adversarial)
+    usual = shaded(device, shader, samples)
+    shader.defines |= {"LANES": 8}
+    np.testing.assert_array_equal(shaded(device, shader, samples), usual)
+
+
 def test_what_a_scene_lacks_is_compiled_out(device):
     plain = make_shader(device, PLAIN, []).defines
     assert not any(plain.values())
