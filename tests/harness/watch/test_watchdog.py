@@ -121,4 +121,4 @@ def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
     runs.store = SimpleNamespace(notes={})
     runs._prepare(pipeline, finished=0)
     assert pipeline.dead is None
-    assert asked == [(6.0, "preparing"), (60.0, "preparing"), (18.0, "warming up")]
+    assert asked == [(6.0, "preparing"), (60.0, "preparing"), (60.0, "warming up")]
