@@ -72,13 +72,11 @@ class Samples:
     def of_points(cls, device: Device, triangle: arrays.Array, bary: arrays.Array) -> Samples:
         """Surface points from host arrays of any numbers, triangle (n) and bary (n, 2); footprints and texels are 0."""
         samples, count = cls.allocate(device, len(triangle)), len(triangle)
-        room = samples.triangle.shape[0]
-        triangles, weights = np.zeros(room, np.int32), np.zeros((2, room), np.float32)
-        triangles[:count] = triangle
-        weights[:, :count] = bary.T
-        samples.triangle.set(triangles)
-        samples.bary1.set(weights[0])
-        samples.bary2.set(weights[1])
+        parts = (samples.triangle, triangle), (samples.bary1, bary[:, 0]), (samples.bary2, bary[:, 1])
+        for array, values in parts:
+            with device.written(array) as shown:
+                shown[:count] = values
+                shown[count:] = 0
         device.fill(samples.footprint, 0)
         device.fill(samples.texel, 0)
         return samples
