@@ -145,8 +145,9 @@ def progress_bars(console: Console) -> bars.Progress:
         bars.TextColumn("left:"),
         bars.TimeRemainingColumn(),
     )
-    often = {"auto_refresh": console.is_terminal, "refresh_per_second": 4}  # what is drawn is paid by what is measured
-    return bars.Progress(*columns, console=console, transient=True, **often)
+    shown = console.is_terminal
+    # Seldom: the processor that draws it is the one that is measured.
+    return bars.Progress(*columns, console=console, transient=True, auto_refresh=shown, refresh_per_second=4)
 
 
 class _What(bars.ProgressColumn):

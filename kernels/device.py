@@ -261,7 +261,8 @@ class Device:
     def remember_built(self) -> None:
         """Remember that this device builds and runs these kernels, and keep what was compiled, sealed."""
         for digest, program in self._compiled_here.items():
-            write_checked(self._binary(digest), program.get_info(opencl().program_info.BINARIES)[0])
+            (binary,) = program.binaries
+            write_checked(self._binary(digest), binary)
         self._compiled_here.clear()
         kernel_cache.seal(pocl_cache())
         forget_death(self.found.key, kernels_digest())
@@ -331,15 +332,17 @@ class Device:
         if binary is None:
             return None
         try:
-            return cl.Program(self.context, [self.device], [binary]).build(options, cache_dir=False)
+            program: pyopencl.Program = cl.Program(self.context, [self.device], [binary])
+            program.build(options)
         except cl.Error:  # of another build of the runtime that calls itself the same
             return None
+        return program
 
     def _compiled(self, stage: str, source: str, options: list[str], digest: str) -> pyopencl.Program:
         cl = opencl()
         self.announce(stage)
         try:
-            program = cl.Program(self.context, source).build(options, cache_dir=False)
+            program: pyopencl.Program = cl.Program(self.context, source).build(options, cache_dir=False)
         except cl.RuntimeError as error:
             raise DeviceError(f"{stage}.cl does not build on {self.name}: ", log=str(error)) from error
         if self.found.is_pocl:
