@@ -78,7 +78,8 @@ class Version:
         if command.cold:
             caches = self.place / "cold"
             shutil.rmtree(caches, ignore_errors=True)
-        environment = os.environ | {"PYTHONPATH": str(self.code), "XDG_CACHE_HOME": str(caches)}
+        kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
+        environment = kept | {"PYTHONPATH": str(self.code), "XDG_CACHE_HOME": str(caches)}
         line = [self.python, "-m", "shading_atlas_bench", *command.arguments, "--out", str(out)]
         with (self.place / "log").open("wb") as log:
             start = time.perf_counter()

@@ -27,8 +27,9 @@ SOURCES = (".py", ".cl", ".clh", ".h", ".hpp", ".inc")  # beside a packer that i
 @cache
 def suite_digest() -> str:
     """A hash of the files that all methods share: stages, scenes, measuring. An edit of one method is not in it."""
+    methods = _methods()
     files = [file for name in SHARED for file in _below(ROOT / name)]
-    shared = (file for file in files if not any(file.is_relative_to(own) for own in _methods()))
+    shared = (file for file in files if not any(file.is_relative_to(own) for own in methods))
     return source_digest(ROOT, shared)
 
 
