@@ -34,9 +34,9 @@ INLINE double3 surface_point(__global const double *corners, const double b1, co
 // RUN lookups per item, in three steps, so that memory is asked for all of a step at a time: the samples of their
 // texels, the samples' owners, and what is wrong. A triangle's row is its place in the tables, -1 for one that is in
 // none; jacobian: of all rows first that of the column.
-__kernel void screen_lookups(const int count, const int only_known, const int width, const int height,
-                             const int rows, __global const int *triangle, __global const float *bary,
-                             __global const double *places, __global const int *row_of, __global const double *jacobian,
+__kernel void screen_lookups(const int count, const int only_known, const int width, const int height, const int rows,
+                             __global const int *triangle, __global const float *bary, __global const double *places,
+                             __global const int *row_of, __global const double *jacobian,
                              __global const double *texel_size, __global const double *corners,
                              __global const int *plane, __global const int *owners, __global const float *owner_bary,
                              __global const double *limits, __global uchar *marks, __global int *counts)

@@ -2,9 +2,9 @@
 
 // has_turn: by triangle. chosen: of samples inside a triangle that has. far: of those with a weight below -1 or not a
 // number. counts: samples outside the plane, and those that are far.
-__kernel void place_samples(const int count, const int texels, __global const long *texel,
-                            __global const int *triangle, __global const float *bary, __global const uchar *has_turn,
-                            __global int *plane, __global uchar *chosen, __global uchar *far, __global int *counts)
+__kernel void place_samples(const int count, const int texels, __global const long *texel, __global const int *triangle,
+                            __global const float *bary, __global const uchar *has_turn, __global int *plane,
+                            __global uchar *chosen, __global uchar *far, __global int *counts)
 {
     const int i = get_global_id(0);
     if (i >= count)
