@@ -31,23 +31,15 @@ INLINE double3 surface_point(__global const double *corners, const double b1, co
     return a + b1 * (b - a) + b2 * (c - a);
 }
 
-// RUN lookups per item, in three steps, so that memory is asked for all of a step at a time: the samples of their
-// texels, the samples' owners, and what is wrong. A triangle's row is its place in the tables, -1 for one that is in
-// none; jacobian: of all rows first that of the column.
-__kernel void screen_lookups(const int count, const int only_known, const int width, const int height, const int rows,
-                             __global const int *triangle, __global const float *bary, __global const double *places,
-                             __global const int *row_of, __global const double *jacobian,
-                             __global const double *texel_size, __global const double *corners,
-                             __global const int *plane, __global const int *owners, __global const float *owner_bary,
-                             __global const double *limits, __global uchar *marks, __global int *counts)
+// What lies in the four texels of each of `run` lookups: its owner, or why there is none, and the barycentrics. In two
+// steps, so that memory is asked for all samples at a time, and then for all their owners.
+INLINE void read_texels(const int run, const int width, const int height, __global const double *places,
+                        __global const int *plane, __global const int *owners, __global const float *owner_bary,
+                        int *owner, float2 *owned)
 {
-    const int first = RUN * get_global_id(0), run = MIN(RUN, count - first);
-    if (run <= 0)
-        return;
-    int sample[4 * RUN], owner[4 * RUN];
-    float2 owned[4 * RUN];
+    int sample[4 * RUN];
     for (int i = 0; i < run; i++) {
-        const Lookup at = lookup_at(places + 2 * (first + i), width, height);
+        const Lookup at = lookup_at(places + 2 * i, width, height);
         UNROLL
         for (int k = 0; k < 4; k++) {
             const int column = at.column + (k & 1), row = at.row + (k >> 1);
@@ -60,6 +52,42 @@ __kernel void screen_lookups(const int count, const int only_known, const int wi
         owner[i] = at >= 0 ? owners[at] : at;
         owned[i] = at >= 0 ? (float2)(owner_bary[2 * at], owner_bary[2 * at + 1]) : 0;
     }
+}
+
+// Whether a point of one row's triangle may be too far from one of another's. NumPy takes the root of the one side,
+// here the other one is squared: a margin for the rounding of both.
+INLINE int is_far(const int row, const double b1, const double b2, const int row_there, const double o1,
+                  const double o2, __global const double *corners, __global const double *texel_size, const double most)
+{
+    const double3 there = surface_point(corners + 9 * row_there, o1, o2);
+    const double3 off = there - surface_point(corners + 9 * row, b1, b2);
+    const double reach = most * (texel_size[row] + texel_size[row_there]);
+    return !(off.x * off.x + off.y * off.y + off.z * off.z <= reach * reach * (1 - 1e-9));
+}
+
+// Whether barycentrics that are so much off are more than `most` texels off, by the map through the triangle's corners.
+INLINE int is_off(const double off1, const double off2, __global const double *to_column, __global const double *to_row,
+                  const double most)
+{
+    const double c = to_column[0] * off1 + to_column[1] * off2, r = to_row[0] * off1 + to_row[1] * off2;
+    return !(c <= most && -c <= most && r <= most && -r <= most);
+}
+
+// RUN lookups per item. A triangle's row is its place in the tables, -1 for one that is in none; jacobian: of all rows
+// first that of the column.
+__kernel void screen_lookups(const int count, const int only_known, const int width, const int height, const int rows,
+                             __global const int *triangle, __global const float *bary, __global const double *places,
+                             __global const int *row_of, __global const double *jacobian,
+                             __global const double *texel_size, __global const double *corners,
+                             __global const int *plane, __global const int *owners, __global const float *owner_bary,
+                             __global const double *limits, __global uchar *marks, __global int *counts)
+{
+    const int first = RUN * get_global_id(0), run = MIN(RUN, count - first);
+    if (run <= 0)
+        return;
+    int owner[4 * RUN];
+    float2 owned[4 * RUN];
+    read_texels(run, width, height, places + 2 * first, plane, owners, owner_bary, owner, owned);
     int marked = 0, all_touched = 0, missing = 0;
     for (int i = 0; i < run; i++) {
         const int number = first + i, own = triangle[number], row = row_of[own];
@@ -95,21 +123,11 @@ __kernel void screen_lookups(const int count, const int only_known, const int wi
             }
 #endif
             const int row_there = triangle_there >= 0 ? row_of[triangle_there] : -1;
-            if (row_there < 0) {
-                bad = 1;
-                continue;
-            }
-            const double3 there = surface_point(corners + 9 * row_there, o1, o2);
-            const double3 off = there - surface_point(corners + 9 * row, b1, b2);
-            const double reach = REACH * (texel_size[row] + texel_size[row_there]);
-            // NumPy takes the root of the one side, here the other one is squared: a margin for the rounding of both.
-            bad |= !(off.x * off.x + off.y * off.y + off.z * off.z <= reach * reach * (1 - 1e-9));
+            bad |= row_there < 0 || is_far(row, b1, b2, row_there, o1, o2, corners, texel_size, REACH);
         }
         if (whole) {
-            const double off1 = sum1 / total - b1, off2 = sum2 / total - b2;
-            __global const double *to_column = jacobian + 2 * row, *to_row = jacobian + 2 * (rows + row);
-            const double c = to_column[0] * off1 + to_column[1] * off2, r = to_row[0] * off1 + to_row[1] * off2;
-            bad |= !(c <= LOCATION && -c <= LOCATION && r <= LOCATION && -r <= LOCATION);
+            bad |=
+                is_off(sum1 / total - b1, sum2 / total - b2, jacobian + 2 * row, jacobian + 2 * (rows + row), LOCATION);
         }
         marks[number] = bad;
         marked += bad;
