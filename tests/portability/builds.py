@@ -65,7 +65,8 @@ def noted() -> Iterator[set[Build]]:
         finally:
             paths.pop()
 
-    with mock.patch.object(cl, "Program", Program), mock.patch.object(Device, "build", build_noted):
+    from_source = mock.patch.object(Device, "_kept", lambda *_: None)
+    with from_source, mock.patch.object(cl, "Program", Program), mock.patch.object(Device, "build", build_noted):
         yield builds
 
 
