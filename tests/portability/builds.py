@@ -65,7 +65,7 @@ def noted() -> Iterator[set[Build]]:
         finally:
             paths.pop()
 
-    from_source = mock.patch.object(Device, "_kept", lambda *_: None)
+    from_source = mock.patch.object(Device, "_kept", return_value=None)
     with from_source, mock.patch.object(cl, "Program", Program), mock.patch.object(Device, "build", build_noted):
         yield builds
 
