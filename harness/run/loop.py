@@ -121,13 +121,6 @@ class Run:
             self._announce(task, f"preparing {pipeline.label}")
             self._prepare(pipeline, finished[pipeline.method, pipeline.variant])
             self._check_shared([pipeline])
-        unfinished = [
-            pipeline for pipeline in self.pipelines if finished[pipeline.method, pipeline.variant] < self.frames
-        ]
-        cold = [pipeline for pipeline in unfinished if not pipeline.dead]
-        self._announce(task, "warming up")
-        self._in_threads("warming up", cold, lambda pipeline: pipeline.warm_up(self.session.source.work, self.tried))
-        self._check_shared(cold)
         self._announce(task, "warming up metrics")
         self._warm_up_metrics()
         self.session.device.remember_built()
@@ -157,7 +150,7 @@ class Run:
         return counts
 
     def _prepare(self, pipeline: Pipeline, finished: int) -> None:
-        """Prepare a pipeline that has frames left."""
+        """Prepare a pipeline that has frames left, and warm its kernels up."""
         if pipeline.dead:
             return
         with self._guarded(pipeline, "preparing"), self._limited(pipeline, "preparing", packs=1):
@@ -170,6 +163,9 @@ class Run:
             return
         with self._guarded(pipeline, "preparing"), self._limited(pipeline, "preparing", PREPARE):
             self.store.notes[f"prepare_ms/{pipeline.method}[{pipeline.variant}]"] = f"{pipeline.prepare():.1f}"
+        if not pipeline.dead:
+            with self._guarded(pipeline, "warming up"), self._limited(pipeline, "warming up", packs=3):
+                pipeline.warm_up(self.session.source.work, self.tried)
 
     def _warm_up_metrics(self) -> None:
         """Build and run the kernels of all metrics once."""
@@ -259,17 +255,16 @@ class Run:
                 packed[pipeline] = pipeline.pack(work.frame)
                 filled[pipeline] = pipeline.fill(packed[pipeline].payload)
         sent = self._in_threads(
-            f"sending frame {index}",
-            filled,
-            lambda pipeline: pipeline.advance(packed[pipeline].payload, filled[pipeline]),
+            "sending", filled, index, lambda pipeline: pipeline.advance(packed[pipeline].payload, filled[pipeline])
         )
         for pipeline in sent:
             doing = f"drawing frame {index}"
             with self._guarded(pipeline, doing), self._limited(pipeline, doing, PREPARE):
                 drawn[pipeline] = pipeline.draw(sent[pipeline], novel, self.metrics, pictured)
         measured = self._in_threads(
-            f"measuring frame {index}",
+            "measuring",
             drawn,
+            index,
             lambda pipeline: pipeline.measure(
                 work, novel, packed[pipeline], filled[pipeline], sent[pipeline], drawn[pipeline], pictured
             ),
@@ -294,17 +289,14 @@ class Run:
             )
 
     def _in_threads(
-        self, doing: str, pipelines: Iterable[Pipeline], work: Callable[[Pipeline], T]
+        self, step: str, pipelines: Iterable[Pipeline], index: int, work: Callable[[Pipeline], T]
     ) -> dict[Pipeline, T]:
-        """What `work` gives for each pipeline, several at a time; pipelines that fail are stopped and left out.
-
-        doing: a step and what it is done to: "measuring frame 3".
-        """
-        spent = self.spent.setdefault(doing.split()[0], {})
+        """What `work` gives for each pipeline, several at a time; pipelines that fail are stopped and left out."""
+        spent = self.spent.setdefault(step, {})
 
         def timed(pipeline: Pipeline) -> T:
             start = time.perf_counter()
-            with self._limited(pipeline, doing, PREPARE):
+            with self._limited(pipeline, f"{step} frame {index}", PREPARE):
                 result = work(pipeline)
             spent[pipeline] = time.perf_counter() - start
             return result
@@ -317,7 +309,7 @@ class Run:
                 for pipeline in sorted(pipelines, key=lambda pipeline: -spent.get(pipeline, 0.0))
             }
             for pipeline in pipelines:
-                with self._guarded(pipeline, doing):
+                with self._guarded(pipeline, f"frame {index}"):
                     done[pipeline] = tasks[pipeline].result()
         return done
 

@@ -7,7 +7,6 @@ import sys
 import threading
 from types import SimpleNamespace
 from typing import Any
-from unittest.mock import Mock
 
 import pytest
 
@@ -102,7 +101,7 @@ def test_steps_that_ended_are_found_by_their_facts(tmp_path, monkeypatch):
     assert ended_steps(method="n") == []
 
 
-def test_preparing_and_warming_up_may_take_ten_packings(monkeypatch):
+def test_preparing_may_take_ten_packings_and_warming_up_three(monkeypatch):
     asked = []
 
     @contextlib.contextmanager
@@ -113,12 +112,13 @@ def test_preparing_and_warming_up_may_take_ten_packings(monkeypatch):
 
     monkeypatch.setattr("shading_atlas_bench.harness.run.loop.time_limit", limit)
     packer = SimpleNamespace(skip=lambda host: "", rare_costs=lambda: ())
-    pipeline: Any = Mock(packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0)
+    pipeline: Any = SimpleNamespace(
+        packer=packer, dead=None, method="m", variant="v", prepare=lambda: 1.0, warm_up=lambda *_: None
+    )
     runs: Any = Run.__new__(Run)
     runs.frames, runs.settings, runs.tried, runs.folder = 2, Settings(timeout=6.0), 1, "folder"
     runs.session = SimpleNamespace(scene=SimpleNamespace(host=None), source=SimpleNamespace(work=None))
-    runs.store, runs.spent, runs.workers = SimpleNamespace(notes={}), {}, 1
+    runs.store = SimpleNamespace(notes={})
     runs._prepare(pipeline, finished=0)
-    runs._in_threads("warming up", [pipeline], lambda pipeline: pipeline.warm_up())
     assert pipeline.dead is None
-    assert asked == [(6.0, "preparing"), (60.0, "preparing"), (60.0, "warming up")]
+    assert asked == [(6.0, "preparing"), (60.0, "preparing"), (18.0, "warming up")]
