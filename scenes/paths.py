@@ -75,7 +75,9 @@ class Poses:
         known = ((self.times_ms[here] == times) | (count == 1))[:, None]
         a = np.minimum(here, max(count - 2, 0))
         b = np.minimum(a + 1, count - 1)
-        share = (times - self.times_ms[a]) / np.where(a < b, self.times_ms[b] - self.times_ms[a], 1)
+        span = self.times_ms[b] - self.times_ms[a]
+        # Two keys of one time have no speed: the later one stays.
+        share = np.divide(times - self.times_ms[a], span, out=np.ones(len(times)), where=span > 0)
         positions = self.positions[a] + share[:, None] * (self.positions[b] - self.positions[a])
         orientations = slerp(self.orientations[a], self.orientations[b], share)
         return Poses(

@@ -13,7 +13,7 @@ from shading_atlas_bench.scenes.builder import Palette, ball, box, merge, sheet
 from shading_atlas_bench.scenes.hall import make_hall
 from shading_atlas_bench.scenes.load import load_scene
 from shading_atlas_bench.scenes.model import Camera, CameraAnimation, Material, Scene
-from shading_atlas_bench.scenes.paths import HALF_ACROSS, HALF_UP, CameraPath, PathError, list_paths, make_path
+from shading_atlas_bench.scenes.paths import HALF_ACROSS, HALF_UP, CameraPath, PathError, Poses, list_paths, make_path
 from shading_atlas_bench.scenes.quaternions import conjugate, from_matrix, looking, multiply, rotate, slerp
 from shading_atlas_bench.scenes.village import make_village
 from tests.conftest import REAL_SCENES
@@ -113,6 +113,15 @@ def test_poses_at_many_times_are_those_at_each(hall: Scene) -> None:
     together, each = poses.at(times), [poses.at(times[k : k + 1]) for k in range(len(times))]
     assert np.array_equal(together.positions, np.concatenate([pose.positions for pose in each]))
     assert np.array_equal(together.orientations, np.concatenate([pose.orientations for pose in each]))
+
+
+def test_of_two_keys_of_one_time_the_later_one_stays() -> None:
+    turns = np.tile([0.0, 0.0, 0.0, 1.0], (3, 1))
+    positions = np.array([[0.0, 0, 0], [2, 0, 0], [9, 0, 0]])
+    jump = Poses(np.array([0.0, 10, 10]), positions, turns)
+    assert jump.at(np.array([-1.0, 0, 5, 10, 11, 500])).positions[:, 0].tolist() == [0, 0, 1, 9, 9, 9]
+    both = Poses(np.zeros(2), positions[:2], turns[:2])
+    assert both.at(np.array([-1.0, 0, 1])).positions[:, 0].tolist() == [2, 2, 2]
 
 
 def test_beyond_the_end_the_path_goes_on(hall: Scene) -> None:
