@@ -11,8 +11,8 @@ from shading_atlas_bench.kernels.device import Device
 from shading_atlas_bench.scenes.model import SceneError
 from shading_atlas_bench.scenes.repair import load_pymeshlab
 
-# A folder of real scenes, used where it is present; tests that need it are skipped without it.
-REAL_SCENES = Path(os.environ.get("BENCH_SCENES", Path(__file__).parents[2] / "shared" / "scenes"))
+# A folder of real scenes, used where it is present; tests that need it are skipped without it, or with BENCH_SCENES= .
+REAL_SCENES = Path(os.environ.get("BENCH_SCENES", Path(__file__).parents[2] / "shared" / "scenes") or "no scenes")
 
 # Files whose tests take a minute and more: begun first, so that no worker is left alone with one of them in the end.
 LONG = {"test_same_results.py", "test_documentation.py", "test_supervisor.py", "test_sweep.py", "test_conformance.py"}
