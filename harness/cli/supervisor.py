@@ -133,7 +133,7 @@ class Supervisor:
             return code if code >= 0 else INTERRUPTED
         building, device = list(state["building"].values()), state["device"]
         steps = list(state["steps"].values())
-        if (overdue or crashed(code) or code > 0) and sum(map(_has_owner, steps)) > 1 and not self.serial:
+        if (overdue or crashed(code) or code >= 0) and sum(map(_has_owner, steps)) > 1 and not self.serial:
             self.serial = True  # whose fault it was shows when they run one after the other
             return None
         if overdue:

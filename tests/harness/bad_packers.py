@@ -121,6 +121,16 @@ class AbortingBeside(ShadingAtlasStreaming):
         os.abort()
 
 
+class LeavingBeside(ShadingAtlasStreaming):
+    """Ends the process as if all were well where other methods work beside it."""
+
+    name = "leaving-beside"
+
+    @property
+    def leaves_unwritten(self):
+        os._exit(0)
+
+
 class AbortingLater(ShadingAtlasStreaming):
     """Takes its process with it while another method's kernels are compiled beside it."""
 

@@ -35,7 +35,7 @@ def rows_of(folder: Path) -> dict[str, list[tuple[str, str]]]:
 
 def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: Path):
     folder = tmp_path / "run"
-    names = ("Aborting", "AbortingBeside", "Exiting", "Leaving")
+    names = ("Aborting", "AbortingBeside", "LeavingBeside", "Exiting", "Leaving")
     methods = [word for name in names for word in ("--method", f"{BAD}:{name}")]
     done = bench(*SMALL, *methods, "--method", "sas", "--out", str(folder))
     assert done.returncode == 1, done.stderr
@@ -45,6 +45,8 @@ def test_packers_that_crash_or_hang_end_as_rows_and_stop_nobody_else(tmp_path: P
     assert rows["aborting"][2][1] == "frame 2: the process crashed (SIGABRT)."
     assert [status for status, _ in rows["aborting-beside"]] == ["failed"] * 3
     assert "measuring frame 0: the process crashed" in rows["aborting-beside"][0][1]
+    assert [status for status, _ in rows["leaving-beside"]] == ["failed"] * 3
+    assert "measuring frame 0: the process was ended with exit code 0" in rows["leaving-beside"][0][1]
     assert "Going on without it." in done.stderr
     assert [status for status, _ in rows["exiting"] + rows["leaving"]] == ["failed"] * 6
     assert "SystemExit: 0" in rows["exiting"][0][1]
@@ -181,7 +183,7 @@ def test_whose_fault_a_death_is(quiet, tmp_path, monkeypatch, code, compiled, en
 
 
 @pytest.mark.parametrize("building", [None, {"what": "raster/tiles.draw", "kernel": "draw"}])
-@pytest.mark.parametrize("code", [SEGV, 1, -9])
+@pytest.mark.parametrize("code", [SEGV, 1, 0, -9])
 def test_suspects_side_by_side_are_tried_one_after_the_other(quiet, tmp_path, building, code):
     watched = Supervisor(["run"])
     watched.again = ["--out", "there"]
