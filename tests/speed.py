@@ -37,12 +37,16 @@ VARYING = {column.name for column in FRAME_COLUMNS if column.kind == "time"} - {
 
 @dataclass(frozen=True)
 class Command:
-    """A command that is timed. cold: with empty caches. scene: a folder below BENCH_SCENES that it needs."""
+    """A command that is timed. cold: with empty caches. scene: a file below BENCH_SCENES that it opens."""
 
     meaning: str
     arguments: tuple[str, ...]
     cold: bool = False
     scene: str = ""
+
+    def scene_file(self) -> Path | None:
+        """The file of its scene; None where it opens one of the suite's own."""
+        return Path(os.environ.get("BENCH_SCENES", ""), self.scene) if self.scene else None
 
 
 COMMANDS = {
@@ -51,10 +55,12 @@ COMMANDS = {
     "tiny": Command("one small frame", ("run", "--method", "sas", "--frames", "1", "--size", "480x270")),
     "atlas": Command("a large atlas", (*FOUR, "--frames", "1", "--size", "160x90", "--atlas", "8192x8192")),
     "pixels": Command("a large picture", (*FOUR, "--frames", "1", "--size", "3840x2160")),
-    "viking": Command(
-        "4 million triangles", (*FOUR, "--frames", "1", "--scene", "viking_village"), scene="viking_village"
-    ),
+    "viking": Command("4 million triangles", (*FOUR, "--frames", "1"), scene="viking_village/scene.glb"),
 }
+
+
+class CommandError(Exception):
+    """A command that ended with an error, and what it said."""
 
 
 @dataclass
@@ -80,7 +86,8 @@ class Version:
             shutil.rmtree(caches, ignore_errors=True)
         kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
         environment = kept | {"PYTHONPATH": str(self.code), "XDG_CACHE_HOME": str(caches)}
-        line = [self.python, "-m", "shading_atlas_bench", *command.arguments, "--out", str(out)]
+        scene = ["--scene", str(file)] if (file := command.scene_file()) else []
+        line = [self.python, "-m", "shading_atlas_bench", *command.arguments, *scene, "--out", str(out)]
         with (self.place / "log").open("wb") as log:
             start = time.perf_counter()
             process = subprocess.Popen(
@@ -91,7 +98,7 @@ class Version:
         process.returncode = os.waitstatus_to_exitcode(status)
         if process.returncode:
             told = (self.place / "log").read_text(encoding="utf-8", errors="replace")[-2000:]
-            sys.exit(f"{self.name}: bench {' '.join(command.arguments)} ended with {process.returncode}:\n{told}")
+            raise CommandError(f"{self.name}: {' '.join(line)} ended with {process.returncode}:\n{told}")
         self.rows[name] = _rows(out)
         return {"wall": wall, "processor": used.ru_utime + used.ru_stime, "peak": used.ru_maxrss / 1024}
 
@@ -167,7 +174,7 @@ def main() -> None:
     asked = parser.parse_args()
     if unknown := sorted(set(asked.command) - set(COMMANDS)):
         parser.error(f"there is no command {', '.join(unknown)}; there are {', '.join(COMMANDS)}.")
-    scenes = Path(os.environ.get("BENCH_SCENES", ""))
+    failed = 0
     with tempfile.TemporaryDirectory(prefix="bench-speed-") as folder:
         place = Path(folder)
         for side in ("new", "old"):
@@ -177,15 +184,20 @@ def main() -> None:
             old = Version(asked.revision, code, asked.python, place / "old")
             try:
                 for name in asked.command or COMMANDS:
-                    if (scene := COMMANDS[name].scene) and not (scenes / scene).is_dir():
-                        print(f"  {name}: left out, as BENCH_SCENES has no {scene}", file=sys.stderr)
+                    if (scene := COMMANDS[name].scene_file()) and not scene.is_file():
+                        print(f"  {name}: left out, as there is no {scene} (BENCH_SCENES)", file=sys.stderr)
                         continue
-                    measure(name, (new, old), asked.pairs)
+                    try:
+                        measure(name, (new, old), asked.pairs)
+                    except CommandError as error:
+                        print(f"  {name}: {error}", file=sys.stderr)
+                        failed = 1
             except KeyboardInterrupt:
                 print("Stopped; this is what was measured.", file=sys.stderr)
             print(f"\n{'':12}{new.name:>11}{old.name[:12]:>13}  ratio")
             for name in COMMANDS:
                 tell(name, new, old)
+    sys.exit(failed)
 
 
 if __name__ == "__main__":

@@ -13,8 +13,9 @@ from hypothesis import HealthCheck, settings
 from shading_atlas_bench.errors import BenchError
 
 CASES = "BENCH_FUZZ_CASES"  # variable: how many cases of each target
+SECONDS = "BENCH_FUZZ_SECONDS"  # variable: how long a case may take
 FEW = 25  # as one of many tests
-LONGEST = timedelta(seconds=10)  # of a case
+LONGEST = 10  # seconds
 LONGEST_SENTENCE = 2000  # letters of an error for people
 
 _asked_for = os.environ.get(CASES)
@@ -24,7 +25,7 @@ _asked_for = os.environ.get(CASES)
 fuzzed = settings(
     max_examples=int(_asked_for or FEW),
     derandomize=_asked_for is None,
-    deadline=LONGEST if _asked_for else None,
+    deadline=timedelta(seconds=float(os.environ.get(SECONDS, LONGEST))) if _asked_for else None,
     database=None,
     print_blob=True,
     suppress_health_check=list(HealthCheck),
