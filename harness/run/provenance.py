@@ -19,26 +19,39 @@ PACKAGES = ("numpy", "pyopencl", "av", "trimesh", "OpenImageIO", "colour-science
 
 
 def write_notes(store: Store, session: Session) -> None:
-    """What a result must say about where it came from; warnings; what was skipped and why."""
-    notes, scene = store.notes, session.scene.host
-    notes.setdefault("environment/date", datetime.now().astimezone().isoformat(timespec="seconds"))
-    notes.setdefault("environment/commit", commit())
-    notes["environment/machine"] = f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores"
-    notes["environment/triangles"] = f"{scene.triangle_count:,}"
-    notes["environment/system"] = platform.platform()
-    notes["environment/python"] = platform.python_version()
+    """What a result must say about where it came from; warnings; what was skipped and why. A run that goes on keeps its
+    first date and commit."""
+    begun = {
+        "environment/date": datetime.now().astimezone().isoformat(timespec="seconds"),
+        "environment/commit": commit(),
+    }
+    new = {key: value for key, value in begun.items() if key not in store.notes}
+    store.notes.write(new | _environment(session) | _warnings(session) | _skipped(session))
+
+
+def _environment(session: Session) -> dict[str, str]:
+    """Machine, software, device and scene."""
+    scene = session.scene.host
+    notes = {
+        "environment/machine": f"{platform.processor() or platform.machine()}, {os.cpu_count()} cores",
+        "environment/triangles": f"{scene.triangle_count:,}",
+        "environment/system": platform.platform(),
+        "environment/python": platform.python_version(),
+    }
     for name in PACKAGES:
         with suppress(PackageNotFoundError):  # those of an extra need not be there
             notes[f"environment/{name}"] = version(name)
-    for number, text in enumerate(session.device.passed_over):
-        notes[f"warning/device{number:02d}"] = text
-    for key, value in session.device.description.items():
-        notes[f"device/{key}"] = value
-    for number, text in enumerate([*scene.notes, *session.path.notes]):
-        notes[f"scene/{number:02d}"] = text
-    for number, text in enumerate(noise_warnings()):
-        notes[f"warning/{number:02d}"] = text
-    for name, reason in skipped_stages(scene.features, session.settings.no_skip).items():
-        notes[f"skipped/{name}"] = reason
-    for skip in known_skips(find_methods(session.settings)):
-        notes[f"skip/{skip.name}"] = f"{skip.what}: {skip.unneeded}"
+    notes |= {f"device/{key}": value for key, value in session.device.description.items()}
+    return notes | {f"scene/{n:02d}": text for n, text in enumerate([*scene.notes, *session.path.notes])}
+
+
+def _warnings(session: Session) -> dict[str, str]:
+    passed_over = {f"warning/device{number:02d}": text for number, text in enumerate(session.device.passed_over)}
+    return passed_over | {f"warning/{number:02d}": text for number, text in enumerate(noise_warnings())}
+
+
+def _skipped(session: Session) -> dict[str, str]:
+    stages = skipped_stages(session.scene.host.features, session.settings.no_skip)
+    known = known_skips(find_methods(session.settings))
+    notes = {f"skipped/{name}": reason for name, reason in stages.items()}
+    return notes | {f"skip/{skip.name}": f"{skip.what}: {skip.unneeded}" for skip in known}

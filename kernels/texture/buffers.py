@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.arrays import Bytes, Floats, Ints
 from shading_atlas_bench.kernels.runtime.opencl import DeviceError
-from shading_atlas_bench.kernels.texture.mipmap import fill_hidden, linear_texels, mip_chain
+from shading_atlas_bench.kernels.texture.mipmap import fill_hidden, linear_tables, linear_texels, look_up, mip_chain
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -124,7 +124,9 @@ def _levels(texture: TextureImage, hidden: float | None) -> list[NDArray[np.uint
     """The mip chain in uint16, linear light."""
     linear = linear_texels(texture.texels, texture.srgb)
     if hidden is None:
-        return [_quantised(level) for level in mip_chain(linear)]
+        _, *coarser = mip_chain(linear)
+        finest = look_up(texture.texels, *map(_quantised, linear_tables(texture.srgb)))
+        return [finest, *map(_quantised, coarser)]
     linear[..., :3] = fill_hidden(linear[..., :3], linear[..., 3] >= hidden)
     # A trace of weight for invisible texels keeps a colour where nothing is visible at all.
     weight = linear[..., 3:] + np.float32(1e-3)
@@ -133,5 +135,8 @@ def _levels(texture: TextureImage, hidden: float | None) -> list[NDArray[np.uint
 
 
 def _quantised(level: Floats) -> NDArray[np.uint16]:
-    whole: NDArray[np.uint16] = (np.clip(level, 0, 1) * FULL + 0.5).astype(np.uint16)
+    scaled = np.clip(level, 0, 1)
+    scaled *= FULL
+    scaled += 0.5
+    whole: NDArray[np.uint16] = scaled.astype(np.uint16)
     return whole

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from shading_atlas_bench.arithmetic.arrays import Array, Bools, Bytes, Doubles, Floats
 from shading_atlas_bench.arithmetic.functions import power
+
+Number = TypeVar("Number", np.float32, np.uint16)
 
 
 def srgb_to_linear(encoded: Array) -> Doubles:
@@ -18,11 +22,24 @@ def srgb_to_linear(encoded: Array) -> Doubles:
 
 def linear_texels(texels: Bytes, srgb: bool) -> Floats:
     """float32 (H, W, 4) in 0..1: colour in linear light, alpha as it is, of uint8 (H, W, 4)."""
+    colour, alpha = linear_tables(srgb)
+    return look_up(texels, colour, alpha)
+
+
+def linear_tables(srgb: bool) -> tuple[Floats, Floats]:
+    """What each byte of a colour and of an alpha is in linear light, 0..1: two arrays, float32 (256,)."""
     byte = np.arange(256) / 255
-    table = (srgb_to_linear(byte) if srgb else byte).astype(np.float32)
-    linear = table[texels]
-    linear[..., 3] = byte.astype(np.float32)[texels[..., 3]]
-    return linear
+    return (srgb_to_linear(byte) if srgb else byte).astype(np.float32), byte.astype(np.float32)
+
+
+def look_up(texels: Bytes, colour: NDArray[Number], alpha: NDArray[Number]) -> NDArray[Number]:
+    """The tables' entries, float32 or uint16 (H, W, 4), for each byte of texels, uint8 (H, W, 4).
+
+    colour, alpha: float32 or uint16 (256,).
+    """
+    found = np.take(colour, texels, mode="clip")
+    found[..., 3] = np.take(alpha, texels[..., 3], mode="clip")
+    return found
 
 
 def mip_chain(level: Floats) -> Iterator[Floats]:
@@ -44,7 +61,8 @@ def _halved(level: Floats, axis: int) -> Floats:
     level = np.moveaxis(level, axis, 0)
     half = count // 2
     if count % 2 == 0:
-        out = (level[0::2] + level[1::2]) * level.dtype.type(0.5)
+        out = level[0::2] + level[1::2]
+        out *= level.dtype.type(0.5)
     else:
         i = np.arange(half, dtype=level.dtype).reshape(-1, *[1] * (level.ndim - 1))
         out = ((half - i) * level[0:-1:2] + half * level[1::2] + (i + 1) * level[2::2]) / level.dtype.type(count)
