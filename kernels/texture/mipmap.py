@@ -27,7 +27,7 @@ def linear_texels(texels: Bytes, srgb: bool) -> Floats:
 
 
 def linear_tables(srgb: bool) -> tuple[Floats, Floats]:
-    """What each byte of a colour and of an alpha is in linear light, 0..1: two arrays, float32 (256,)."""
+    """What each byte of a colour and of an alpha is in linear light, 0..1: float32 (256) and float32 (256)."""
     byte = np.arange(256) / 255
     return (srgb_to_linear(byte) if srgb else byte).astype(np.float32), byte.astype(np.float32)
 
@@ -35,7 +35,7 @@ def linear_tables(srgb: bool) -> tuple[Floats, Floats]:
 def look_up(texels: Bytes, colour: NDArray[Number], alpha: NDArray[Number]) -> NDArray[Number]:
     """The tables' entries, float32 or uint16 (H, W, 4), for each byte of texels, uint8 (H, W, 4).
 
-    colour, alpha: float32 or uint16 (256,).
+    colour, alpha: float32 or uint16 (256).
     """
     found = np.take(colour, texels, mode="clip")
     found[..., 3] = np.take(alpha, texels[..., 3], mode="clip")
