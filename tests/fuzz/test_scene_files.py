@@ -36,6 +36,7 @@ WORDS = (
     b"end_header vertex face format ascii binary_little_endian comment TextureFile OFF STCNOFF BINARY solid facet "
     b"endfacet loop \xff\xfe \xe9 \x00 vertex_indices"
 ).split(b" ")
+MOST_WORDS = 3000  # that doubling adds to a line
 PACKED = [struct.pack(f"{order}I", n) for n in (0, 1, 3, 255, 65535, 2**31, 2**32 - 1) for order in "<>"]
 PACKED += [struct.pack(f"<{kind}", n) for n in (1.0, 1e38, -np.inf, np.nan) for kind in "fd"]
 VALUES: tuple[Any, ...] = (
@@ -93,7 +94,8 @@ def mutated_words(data: st.DataObject, text: bytes) -> bytes:
         elif change == "drop":
             del line[place : place + 1]
         elif change == "double":
-            line[place:place] = line[place:] * data.draw(st.sampled_from((1, 1, 300)))
+            doubled = line[place:] * data.draw(st.sampled_from((1, 1, 300)))
+            line[place:place] = doubled[:MOST_WORDS]  # those doubled again and again would take all memory
         else:
             lines.insert(data.draw(st.integers(0, len(lines))), list(line))
     return b"\n".join(b" ".join(line) for line in lines)
