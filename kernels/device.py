@@ -208,7 +208,6 @@ class Device:
         self.announce: Callable[[str], None] = lambda building: None
         self._building = Lock()  # not SPEAKING: a compiler needs no queue, others go on meanwhile
         self._programs: dict[tuple[Path | str, ...], Kernels] = {}
-        self._compiled_here: dict[str, pyopencl.Program] = {}  # by digest, those of which no binary is kept
         self._names: dict[pyopencl.Kernel, str] = {}
         self._launched: set[tuple[pyopencl.Kernel, int, bool]] = set()
         self._records: list[Record] = []
@@ -259,19 +258,19 @@ class Device:
         return not self._built_note.exists()
 
     def remember_built(self) -> None:
-        """Remember that this device builds and runs these kernels, and keep what was compiled, sealed."""
-        for digest, program in self._compiled_here.items():
-            (binary,) = program.binaries
-            write_checked(self._binary(digest), binary)
-        self._compiled_here.clear()
+        """Remember that this device builds and runs these kernels, and seal what was compiled."""
         kernel_cache.seal(pocl_cache())
         forget_death(self.found.key, kernels_digest())
         with contextlib.suppress(OSError):
             self._built_note.touch()
 
-    def _binary(self, digest: str) -> Path:
-        """The file of a program's binary, thrown away with all else that PoCL compiled."""
-        return pocl_cache() / "programs" / f"{self.found.key}-{digest}"
+    def _object(self, digest: str) -> Path:
+        """The file of a program that is compiled and not linked, thrown away with all else that PoCL compiled.
+
+        Of a linked one PoCL would compile each kernel once more, for work-groups of any size, before it gives it away:
+        25 s in the first run of all, for half a second less in each later one.
+        """
+        return pocl_cache() / "objects" / f"{self.found.key}-{digest}"
 
     @property
     def _built_note(self) -> Path:
@@ -314,7 +313,7 @@ class Device:
         stage, options = stage_name(file), ["-cl-std=CL1.2", "-w", *flags]
         digest = hashlib.sha256("\n".join([*flags, source]).encode()).hexdigest()[:16]
         with journal().building(stage):
-            program = self._kept(digest, options) or self._compiled(stage, source, options, digest)
+            program = self._kept(digest) or self._compiled(stage, source, options, digest)
         kernels = Kernels({kernel.function_name: kernel for kernel in program.all_kernels()}, digest)
         self._names |= {
             kernels.by_name[name]: f"{stage_name(one)}.{name}"
@@ -324,30 +323,36 @@ class Device:
         }
         return kernels
 
-    def _kept(self, digest: str, options: list[str]) -> pyopencl.Program | None:
+    def _kept(self, digest: str) -> pyopencl.Program | None:
         """The program as it was compiled before, None if it was not: PoCL would preprocess its source to find that, for
-        40 ms; of a binary it takes 3."""
+        40 ms. To link it takes 5, and a third of a second the first time, in which PoCL reads its built-ins."""
         cl = opencl()
-        binary = read_checked(self._binary(digest)) if self.found.is_pocl else None
-        if binary is None:
+        compiled = read_checked(self._object(digest)) if self.found.is_pocl else None
+        if compiled is None:
             return None
         try:
-            program: pyopencl.Program = cl.Program(self.context, [self.device], [binary])
-            program.build(options)
+            return self._linked(cl.Program(self.context, [self.device], [compiled]))
         except cl.Error:  # of another build of the runtime that calls itself the same
             return None
+
+    def _linked(self, compiled: pyopencl.Program) -> pyopencl.Program:
+        program: pyopencl.Program = opencl().link_program(self.context, [compiled])
         return program
 
     def _compiled(self, stage: str, source: str, options: list[str], digest: str) -> pyopencl.Program:
         cl = opencl()
         self.announce(stage)
+        new = cl.Program(self.context, source)
         try:
-            program: pyopencl.Program = cl.Program(self.context, source).build(options, cache_dir=False)
+            if not self.found.is_pocl:  # others keep what they compile themselves
+                program: pyopencl.Program = new.build(options, cache_dir=False)
+                return program
+            new.compile(options)
+            (compiled,) = new.get_info(cl.program_info.BINARIES)
+            write_checked(self._object(digest), compiled)
+            return self._linked(new)
         except cl.RuntimeError as error:
             raise DeviceError(f"{stage}.cl does not build on {self.name}: ", log=str(error)) from error
-        if self.found.is_pocl:
-            self._compiled_here[digest] = program
-        return program
 
     def launch(
         self, stage: str, kernel: pyopencl.Kernel, items: int, *args: KernelArg, local: int | None = None

@@ -78,6 +78,8 @@ def opencl() -> ModuleType:
     vendors().show()
     # A build that fails raises with its log; of one that succeeds nobody needs it.
     warnings.filterwarnings("ignore", category=cl.CompilerWarning)
+    # Whoever compiles without linking is told that pyopencl then keeps nothing itself.
+    warnings.filterwarnings("ignore", message="Pre-build attribute access defeats compiler caching")
     atexit.register(kernel_cache.seal, folder)
     return cl
 

@@ -40,7 +40,6 @@ def test_what_was_compiled_is_not_compiled_again(make) -> None:
     first, compiled = make()
     expected = scanned(first)
     assert compiled
-    first.remember_built()
     later, compiled = make()
     assert np.array_equal(scanned(later), expected)
     assert not compiled
@@ -50,7 +49,6 @@ def test_other_options_and_variants_are_other_programs(make) -> None:
     first, _ = make()
     for tile in (8, np.int64(16)):
         first.build(PATH, CLUSTER=64, TILE=tile)
-    first.remember_built()
     later, compiled = make()
     for tile in (8, 16, 32):
         later.build(PATH, CLUSTER=64, TILE=tile)
@@ -60,24 +58,33 @@ def test_other_options_and_variants_are_other_programs(make) -> None:
     assert compiled == ["raster/clusters"]
 
 
+def test_kept_programs_compute_what_their_options_say(make, tmp_path: Path) -> None:
+    source = tmp_path / "value.cl"
+    source.write_text("__kernel void write(__global int *out) { out[get_global_id(0)] = VALUE; }")
+    for _ in range(2):
+        device, _ = make()
+        for value in (3, 5):
+            out = device.zeros(64, np.int32)
+            device.launch("value", device.build(source, VALUE=value).write, 64, out)
+            assert (out.get() == value).all()
+
+
 @pytest.mark.parametrize("content", [b"", b"poclbin\0", b"\x7fELF" + bytes(100)])
-def test_what_is_no_binary_is_compiled_from_its_source(make, tmp_path: Path, content: bytes) -> None:
+def test_what_is_no_program_is_compiled_from_its_source(make, tmp_path: Path, content: bytes) -> None:
     first, _ = make()
     expected = scanned(first)
-    first.remember_built()
-    for file in (tmp_path / "programs").iterdir():
+    for file in (tmp_path / "objects").iterdir():
         write_checked(file, content)
     later, compiled = make()
     assert np.array_equal(scanned(later), expected)
     assert compiled
 
 
-def test_a_damaged_binary_is_compiled_from_its_source(make, tmp_path: Path) -> None:
+def test_a_damaged_program_is_compiled_from_its_source(make, tmp_path: Path) -> None:
     first, _ = make()
     first.build(PATH, CLUSTER=64, TILE=8)
-    first.remember_built()
-    (binary,) = (tmp_path / "programs").iterdir()
-    binary.write_bytes(binary.read_bytes()[:-1])
+    (kept,) = (tmp_path / "objects").iterdir()
+    kept.write_bytes(kept.read_bytes()[:-1])
     later, compiled = make()
     with pytest.warns(UserWarning, match="was damaged"):
         later.build(PATH, CLUSTER=64, TILE=8)
