@@ -140,6 +140,10 @@ class VideoStream:
             raise CodecError(
                 f"A plane of {width}x{height} texels cannot be encoded: sides go from 1 to {LARGEST_SIDE}."
             )
+        if codec == "h264" and (crf is None or not 0 <= crf <= 51):
+            raise CodecError(f"The H.264 rate factor is {crf}: give a whole number from 0 to 51.")
+        if codec == "jpeg" and not 1 <= quality <= 100:
+            raise CodecError(f"The JPEG quality is {quality}: give a whole number from 1 to 100.")
         self.codec, self.crf, self.quality = codec, crf, quality
         self.width, self.height, self.grey = width, height, grey
         self.wants_decoded = decode
@@ -151,8 +155,9 @@ class VideoStream:
         return _padded(self.width) * _padded(self.height) - self.width * self.height if self.codec == "h264" else 0
 
     def reset(self) -> None:
-        """Start again: the next frame is a keyframe and no earlier frame matters."""
-        self._coder = self._open()
+        """Start again: the next frame is a keyframe and no earlier frame matters. Until it comes, this takes no memory:
+        an encoder of x264 has 14 to 24 bytes for each texel."""
+        self._coder: _Coder | None = None
 
     def _open(self) -> _Coder:
         if self.codec == "h264":
@@ -165,24 +170,26 @@ class VideoStream:
 
         Raises CodecError for a frame of another size than the stream's.
         """
+        coder = self._coder = self._coder or self._open()
         began = time.thread_time()
         picture = rgb if isinstance(rgb, Picture) else Picture(rgb)
         if (picture.width, picture.height) != (self.width, self.height):
             size = f"{picture.width}x{picture.height}"
             raise CodecError(f"A frame of {size} came to a stream of {self.width}x{self.height}.")
         started = time.thread_time()
-        data = self._coder.encode(picture)
+        data = coder.encode(picture)
         encoded = time.thread_time()
-        decoded = self._coder.decode(data, picture)[: self.height, : self.width] if self.wants_decoded else None
+        decoded = coder.decode(data, picture)[: self.height, : self.width] if self.wants_decoded else None
         ended = time.thread_time()
         milliseconds = ((encoded - started) * 1000, (ended - encoded) * 1000, (ended - began) * 1000)
         return EncodedFrame(len(data), decoded, *milliseconds)
 
 
-def encode_all(streams: Sequence[VideoStream], rgb: Array) -> list[EncodedFrame]:
+def encode_all(streams: Sequence[VideoStream], rgb: Array, *, last: bool = False) -> list[EncodedFrame]:
     """Encode one frame with every stream, two at a time (the codecs leave Python's lock); in the order of `streams`.
 
-    rgb: uint8 (H, W, 3 or 4); a contiguous (H, W, 4) array saves a copy. The conversion to YUV is made once, and its
+    rgb: uint8 (H, W, 3 or 4); a contiguous (H, W, 4) array saves a copy. last: no frame follows, so each stream is
+    reset when it is done. The conversion to YUV is made once, and its
     time counted in every H.264 stream's `encode_ms`.
     """
     began = time.thread_time()
@@ -192,8 +199,15 @@ def encode_all(streams: Sequence[VideoStream], rgb: Array) -> list[EncodedFrame]
         _ = picture.yuv
         shared = picture.conversion_ms
     clocked = (time.thread_time() - began) * 1000
+
+    def encoded(stream: VideoStream) -> EncodedFrame:
+        frame = stream.encode(picture)
+        if last:
+            stream.reset()
+        return frame
+
     with ThreadPoolExecutor(ENCODERS_AT_A_TIME) as pool:
-        frames = list(pool.map(lambda stream: stream.encode(picture), streams))
+        frames = list(pool.map(encoded, streams))
     return [
         replace(
             f,
@@ -276,8 +290,6 @@ class _H264:
     """x264 through PyAV, and FFmpeg's decoder behind it; `width` and `height` are multiples of 4."""
 
     def __init__(self, crf: int | None, width: int, height: int, decode: bool, grey: bool) -> None:
-        if crf is None or not 0 <= crf <= 51:
-            raise CodecError(f"The H.264 rate factor is {crf}: give a whole number from 0 to 51.")
         _quieten_av()
         from av import CodecContext
         from av.video.reformatter import ColorRange
@@ -330,8 +342,6 @@ class _Jpeg:
     """Baseline JPEG with 4:2:0 chroma through OpenImageIO, whose Python writes to files only."""
 
     def __init__(self, quality: int, grey: bool) -> None:
-        if not 1 <= quality <= 100:
-            raise CodecError(f"The JPEG quality is {quality}: give a whole number from 1 to 100.")
         self.quality, self.grey = quality, grey
 
     def encode(self, picture: Picture) -> bytes:

@@ -351,8 +351,8 @@ class Pipeline:
             self.fillers[name] = Filler(self.scene.device, width, height)
         return self.fillers[name]
 
-    def advance(self, payload: Received, filled: Filled) -> Sent:
-        """Encode the payload, and decode it as the clients would."""
+    def advance(self, payload: Received, filled: Filled, *, last: bool = False) -> Sent:
+        """Encode the payload, and decode it as the clients would. last: no frame follows."""
         start = time.thread_time()
         blobs, lists = pack_lz4(payload.blobs), pack_lz4(payload.lists)
         geometry = pack_lz4({"geometry": payload.geometry})
@@ -362,7 +362,8 @@ class Pipeline:
         end = time.thread_time()
         encoded: dict[Key, dict[str, EncodedFrame]] = {}
         for name, plane in filled.filled.items():
-            for key, frame in zip(self.keys()[1:], encode_all(self._streams(name, plane), plane), strict=True):
+            frames = encode_all(self._streams(name, plane), plane, last=last)
+            for key, frame in zip(self.keys()[1:], frames, strict=True):
                 encoded.setdefault(key, {})[name] = frame
         plain = {name: plane[..., :3] for name, plane in filled.planes.items()}
         shown = {name: fixed(frame.shown) for name, frame in encoded.get(self.display_key, {}).items()}

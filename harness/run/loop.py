@@ -254,10 +254,15 @@ class Run:
             with self._guarded(pipeline, doing), self._limited(pipeline, doing, packs=self.settings.repeat):
                 packed[pipeline] = pipeline.pack(work.frame)
                 filled[pipeline] = pipeline.fill(packed[pipeline].payload)
+        last = index == self.frames - 1
         sent = self._in_threads(
-            "sending", filled, index, lambda pipeline: pipeline.advance(packed[pipeline].payload, filled[pipeline])
+            "sending",
+            filled,
+            index,
+            lambda pipeline: pipeline.advance(packed[pipeline].payload, filled[pipeline], last=last),
         )
         for pipeline in sent:
+            filled[pipeline].filled.clear()  # they are encoded: nobody else reads them
             doing = f"drawing frame {index}"
             with self._guarded(pipeline, doing), self._limited(pipeline, doing, PREPARE):
                 drawn[pipeline] = pipeline.draw(sent[pipeline], novel, self.metrics, pictured)

@@ -90,11 +90,10 @@ __kernel void push(const int width, const int height, const int coarse_width, co
     store_texels(fine, width, row, column, (here >> 24u) != 0u ? here : parent);
 }
 
-// The filled plane; alpha stays as it was. Texels that were not owned before either keep the colour they had, so that
-// the blocks of a video they lie in need not be coded again.
+// The filled plane, in place of the last one; alpha stays as it was. Texels that were not owned before either keep the
+// colour they had, so that the blocks of a video they lie in need not be coded again.
 __kernel void finish(const int width, const int height, const int coarse_width, const int coarse_height,
-                     __global const uint *coarse, __global const uint *atlas, __global const uint *before,
-                     __global uint *filled)
+                     __global const uint *coarse, __global const uint *atlas, __global uint *filled)
 {
     const int pieces = (width + PIECE - 1) / PIECE;
     const int row = get_global_id(0) / pieces;
@@ -102,7 +101,7 @@ __kernel void finish(const int width, const int height, const int coarse_width, 
         return;
     const int column = (get_global_id(0) % pieces) * PIECE;
     const uint16 here = load_texels(atlas, width, height, row, column);
-    const uint16 old = load_texels(before, width, height, row, column);
+    const uint16 old = load_texels(filled, width, height, row, column);
     const uint16 parent = parents(coarse_width, coarse_height, coarse, row, column) & 0x00ffffffu;
     const uint16 fill = (old >> 24u) != 0u ? parent : old;
     store_texels(filled, width, row, column, (here >> 24u) != 0u ? here : fill);

@@ -38,8 +38,7 @@ class Filler:
     def __init__(self, device: Device, width: int, height: int) -> None:
         self.device, self.kernels = device, device.build("fill/fill.cl")
         self.sizes = _levels(width, height)
-        self.levels = [device.empty((h, w, 4), np.uint8) for w, h in self.sizes[1:]]
-        self.before, self.filled = (device.empty((height, width, 4), np.uint8) for _ in range(2))
+        self.filled = device.empty((height, width, 4), np.uint8)
         self.reset()
 
     def reset(self) -> None:
@@ -48,16 +47,16 @@ class Filler:
 
     def fill(self, atlas: Array) -> Array:
         """The filled plane of the next frame, uint8 (h, w, 4), with the alpha of `atlas`; good until the next call."""
-        planes, launch, kernels = [atlas, *self.levels], self.device.launch, self.kernels
-        for k in range(len(self.levels)):
+        levels = [self.device.recycled((h, w, 4), np.uint8) for w, h in self.sizes[1:]]
+        planes, launch, kernels = [atlas, *levels], self.device.launch, self.kernels
+        for k in range(len(levels)):
             size = (*self.sizes[k], *self.sizes[k + 1])
             launch("fill/pull", kernels.pull, self._items(k + 1), *size, planes[k], planes[k + 1])
-        for k in range(len(self.levels) - 1, 0, -1):
+        for k in range(len(levels) - 1, 0, -1):
             size = (*self.sizes[k], *self.sizes[k + 1])
             launch("fill/push", kernels.push, self._items(k), *size, planes[k + 1], planes[k])
-        self.before, self.filled = self.filled, self.before
         size = (*self.sizes[0], *self.sizes[1])
-        launch("fill/finish", kernels.finish, self._items(0), *size, planes[1], atlas, self.before, self.filled)
+        launch("fill/finish", kernels.finish, self._items(0), *size, planes[1], atlas, self.filled)
         return self.filled
 
     def _items(self, k: int) -> int:

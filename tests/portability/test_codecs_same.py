@@ -84,12 +84,12 @@ def coded() -> dict[str, list[str]]:
         frames = moving_picture(height, width)
         for codec, crf in STREAMS:
             for grey in (False, True):
-                stream = VideoStream(codec, crf, width, height, decode=True, grey=grey)
+                coder = VideoStream(codec, crf, width, height, decode=True, grey=grey)._open()
                 wire, seen = hashlib.sha256(), hashlib.sha256()
                 for frame in frames:
-                    data = stream._coder.encode(Picture(frame))
+                    data = coder.encode(Picture(frame))
                     wire.update(data)
-                    seen.update(stream._coder.decode(data, Picture(frame))[:height, :width].tobytes())
+                    seen.update(coder.decode(data, Picture(frame))[:height, :width].tobytes())
                 name = f"{codec} {crf} {width}x{height}{' grey' if grey else ''}"
                 found[name] = [wire.hexdigest()[:16], seen.hexdigest()[:16]]
     return found

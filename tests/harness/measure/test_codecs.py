@@ -167,9 +167,21 @@ def test_the_stream_says_what_its_colours_are():
     import av
 
     stream = VideoStream("h264", 20, 64, 64)
-    data = stream._coder.encode(Picture(chart(64, 64)))
+    data = stream._open().encode(Picture(chart(64, 64)))
     frame = av.CodecContext.create("h264", "r").decode(av.Packet(data))[0]
     assert (int(frame.colorspace), int(frame.color_range), int(frame.color_primaries), int(frame.color_trc)) == (1,) * 4
+
+
+def test_after_the_last_frame_streams_hold_nothing():
+    streams = [VideoStream("h264", crf, 128, 96, decode=True) for crf in (10, 30)]
+    frames = moving(2)
+    first, second = encode_all(streams, frames[0]), encode_all(streams, frames[1], last=True)
+    assert all(stream._coder is None for stream in streams)
+    kept = [VideoStream("h264", crf, 128, 96, decode=True) for crf in (10, 30)]
+    again = [encode_all(kept, frame) for frame in frames]
+    assert [[one.bytes for one in every] for every in (first, second)] == [
+        [one.bytes for one in every] for every in again
+    ]
 
 
 @pytest.mark.parametrize("codec", ["h264", "jpeg"])
