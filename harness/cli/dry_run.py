@@ -10,6 +10,7 @@ from shading_atlas_bench.harness.console import make_console, make_table, styled
 from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.plugins import label_of, variant_string
 from shading_atlas_bench.harness.run.folder import check_folder
+from shading_atlas_bench.harness.run.memory import memory_need, methods_at_once
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
 from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.session import open_head_motion, open_path, open_scene
@@ -51,6 +52,10 @@ def show_plan(settings: Settings, out: Path | None) -> bool:
     for name, reason in skipped_stages(scene.features, settings.no_skip).items():
         table.add_row(name, reason)
     console.print(table)
+    at_once = methods_at_once(settings, scene, packers)
+    some = "one method" if at_once == 1 else f"{at_once} methods"
+    together = f", {some} at a time" if at_once < len(packers) else ""
+    console.print(f"about {memory_need(settings, scene, packers, at_once)}{together}")
     seconds = 10 + count * expected_pace(settings, scene.content_hash) * max(1, told.count(None))
     console.print(f"about {duration(seconds)}; results in {out or 'a new folder below runs/'}")
     return all(why is None or why[0] == "skipped" for why in told)

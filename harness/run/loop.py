@@ -34,6 +34,7 @@ from shading_atlas_bench.harness.measure.verification.shared_arrays import Share
 from shading_atlas_bench.harness.progress import Progress, Task
 from shading_atlas_bench.harness.run.as_published import note_as_published
 from shading_atlas_bench.harness.run.full_atlas import note_full_atlas
+from shading_atlas_bench.harness.run.memory import AT_ONCE
 from shading_atlas_bench.harness.run.off_budget import note_off_budget
 from shading_atlas_bench.harness.run.plan import remember_pace
 from shading_atlas_bench.harness.run.rare import note_unseen
@@ -51,7 +52,6 @@ T = TypeVar("T")
 
 WORKERS = 2  # threads for what only the host does
 SERIAL = "BENCH_SERIAL"  # variable: one thread for that, so that a crash has one cause
-AT_ONCE = 4  # pipelines that go through a frame together: that many payloads are in memory at a time
 LONGEST_TRACEBACK = 100_000  # letters: what a method says in it may have any length
 PREPARE = 10  # packings' time that preparing may take: charts of millions of triangles need minutes
 
@@ -60,8 +60,16 @@ class Run:
     """One run on its way: what it works with, and where its results go."""
 
     def __init__(
-        self, session: Session, pipelines: list[Pipeline], store: Store, folder: Path, *, pictures: bool = True
+        self,
+        session: Session,
+        pipelines: list[Pipeline],
+        store: Store,
+        folder: Path,
+        *,
+        pictures: bool = True,
+        at_once: int = AT_ONCE,
     ) -> None:
+        self.at_once = at_once  # pipelines that go through a frame together
         self.session, self.pipelines, self.store, self.folder = session, pipelines, store, folder
         self.settings, self.frames = session.settings, session.frames
         self.metrics = Metrics.asked_for(session.device, session.settings.metrics, session.scene.skips)
@@ -211,8 +219,8 @@ class Run:
             return
         with self._common_step(f"frame {index}: novel view"):
             novel = self._novel_view(work)
-        for first in range(0, len(pipelines), AT_ONCE):
-            some = pipelines[first : first + AT_ONCE]
+        for first in range(0, len(pipelines), self.at_once):
+            some = pipelines[first : first + self.at_once]
             self._announce(task, f"frame {index + 1}: {', '.join(pipeline.label for pipeline in some)}")
             self._measure(some, work, novel)
             task.advance(len(some))

@@ -16,7 +16,7 @@ from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.cache import VERSION, cache_root, read_checked, write_checked
 
 # Settings that change no result, so a run may be resumed with others.
-WITHOUT_EFFECT = ("timeout", "dump", "methods", "allow_outside")
+WITHOUT_EFFECT = ("timeout", "memory", "dump", "methods", "allow_outside")
 # Host seconds of one frame before anything was measured here: per million pixels, texels and PVS pixels, and fixed.
 FIRST_GUESS = {"pixels": 0.9, "texels": 0.25, "pvs_pixels": 0.012, "fixed": 0.3}
 

@@ -13,6 +13,7 @@ from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.explain import explain, rows_of
 from shading_atlas_bench.harness.run.folder import COMPLETE, check_folder, folder_for, locked, stops_kept
 from shading_atlas_bench.harness.run.loop import Run
+from shading_atlas_bench.harness.run.memory import methods_at_once
 from shading_atlas_bench.harness.run.plan import make_plan
 from shading_atlas_bench.harness.run.provenance import write_notes
 from shading_atlas_bench.harness.workload.methods import find_methods
@@ -58,6 +59,7 @@ def run(
     packers = find_methods(settings)
     check_names(settings.no_skip, packers)
     session = open_session(settings)
+    at_once = methods_at_once(settings, session.scene.host, packers)
     truth = Truth(session.scene, settings.seed)
     pipelines = [Pipeline(packer, session.scene, settings, truth) for packer in packers]
     plan = make_plan(session, pipelines)
@@ -74,7 +76,7 @@ def run(
         rows = None
         with stops_kept(again):
             write_notes(store, session)
-            Run(session, pipelines, store, folder).all_frames(progress)
+            Run(session, pipelines, store, folder, at_once=at_once).all_frames(progress)
             if explained:
                 rows = _explain(session, store, progress)
         csv_files.write_all(folder)

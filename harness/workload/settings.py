@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 from collections.abc import Callable
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
@@ -67,6 +68,7 @@ RANGES = {  # of settings; those that are None are not given
     "seed": Range("--seed", 0, 2**32 - 1),
     "repeat": Range("--repeat", 1, 10_000),
     "timeout": Range("--timeout", 0.001, LONGEST, "seconds"),
+    "memory": Range("--memory", 1_000_000, 10**15, "bytes"),
 }
 RATE = Range("--crf", 0, 51)
 
@@ -82,7 +84,7 @@ class Settings:
     samples_per_pixel: shading samples per pixel of the client's picture for every method with an atlas; None for its
         own rule.
     pvs_density: pixels of the PVS views per client pixel, along each axis; one view is denser for tiny triangles.
-    timeout: seconds for one pack.
+    timeout: seconds for one pack. memory: bytes that a run may take; None for most of the machine's.
     bandwidth: of the network, in Mbit/s. reference_eye: whose eye the reference is shaded for, "client" or "server".
     metrics: those of METRIC_NAMES to compute. no_skip: skips that are forced off (skips.py).
     """
@@ -118,6 +120,7 @@ class Settings:
     seed: int = 0
     repeat: int = 1
     timeout: float = 60.0
+    memory: int | None = None
     dump: bool = False
     metrics: tuple[str, ...] = METRIC_NAMES
     no_skip: tuple[str, ...] = ()
@@ -274,6 +277,14 @@ def parse_unit(text: str) -> float:
         ) from error
 
 
+def parse_memory(text: str) -> int:
+    """Bytes, from a number with M or G behind it. Raises SettingsError for other texts."""
+    found = re.fullmatch(r"\s*(\d{1,9}(?:\.\d{1,9})?)\s*([MG])B?\s*", text, re.IGNORECASE)
+    if not found:
+        raise SettingsError(f"--memory is {text!r}: give a number of megabytes or gigabytes like 500M or 4G.")
+    return round(float(found[1]) * {"M": 1e6, "G": 1e9}[found[2].upper()])
+
+
 def parse_crfs(text: str) -> tuple[int, ...]:
     """A comma-separated list of whole numbers. Raises SettingsError for other texts."""
     try:
@@ -297,6 +308,7 @@ PARSED: dict[str, tuple[tuple[str, ...], Any, Callable[[Any], tuple[Any, ...]]]]
     "cell": (("cell_radius", "cell_fov"), str, lambda text: astuple(parse_cell(text))),
     "crf": (("crf",), str, lambda text: (parse_crfs(text),)),
     "unit": (("unit",), str | float, lambda given: (parse_unit(str(given)),)),
+    "memory": (("memory",), str | int, lambda given: (given if isinstance(given, int) else parse_memory(given),)),
     "metrics": (("metrics",), str, lambda text: (parse_names(text),)),
     "no_skip": (("no_skip",), list[str], lambda given: (tuple(given),)),
 }
