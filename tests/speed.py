@@ -77,6 +77,14 @@ class Version:
     values: dict[str, list[dict[str, float]]] = field(default_factory=dict)
     rows: dict[str, list[dict[str, str]]] = field(default_factory=dict)
 
+    def check(self) -> None:
+        """Exit with a sentence unless its own code is what its Python runs: another one may be installed."""
+        line = [self.python, "-c", "import shading_atlas_bench; print(shading_atlas_bench.__file__)"]
+        environment = os.environ | {"PYTHONPATH": str(self.code)}
+        found = subprocess.run(line, cwd=self.code, env=environment, capture_output=True, text=True).stdout.strip()
+        if not (found and Path(found).resolve().is_relative_to(self.code.resolve())):
+            sys.exit(f"{self.name} has no shading_atlas_bench that {self.python} would run: give a later commit.")
+
     def run(self, name: str) -> dict[str, float]:
         """Run a command: seconds on the clock and of processors, and the most megabytes that one process had."""
         command, out, caches = COMMANDS[name], self.place / "results", self.place / "caches"
@@ -182,6 +190,8 @@ def main() -> None:
         with checked_out(asked.revision, place / "code") as code:
             new = Version("this tree", ROOT, sys.executable, place / "new")
             old = Version(asked.revision, code, asked.python, place / "old")
+            new.check()
+            old.check()
             try:
                 for name in asked.command or COMMANDS:
                     if (scene := COMMANDS[name].scene_file()) and not scene.is_file():
