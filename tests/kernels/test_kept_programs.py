@@ -60,7 +60,7 @@ def test_other_options_and_variants_are_other_programs(make) -> None:
 
 def test_kept_programs_compute_what_their_options_say(make, tmp_path: Path) -> None:
     source = tmp_path / "value.cl"
-    source.write_text("__kernel void write(__global int *out) { out[get_global_id(0)] = VALUE; }")
+    source.write_text("__kernel void write(__global int *out) { out[get_global_id(0)] = VALUE; }", encoding="utf-8")
     for _ in range(2):
         device, _ = make()
         for value in (3, 5):

@@ -15,7 +15,7 @@ from shading_atlas_bench.harness.cases import find_cases
 from shading_atlas_bench.harness.run.run import run
 from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.case import INPUTS
-from shading_atlas_bench.kernels.device import ROOT, Device, stage_name
+from shading_atlas_bench.kernels.device import Device
 from tests.portability.small import small_trial
 
 # Materials, lights and masks differ between these, and with them what the shading kernel is built with.
@@ -42,31 +42,15 @@ class Build:
 @contextmanager
 def noted() -> Iterator[set[Build]]:
     """Note what devices build inside the block."""
-    import pyopencl as cl
-
     builds: set[Build] = set()
-    build = Device.build
-    paths: list[str] = []  # of the builds that are under way
+    compiled = Device._compiled
 
-    class Program(cl.Program):
-        def __init__(self, context: cl.Context, source: str, *rest: Any) -> None:
-            super().__init__(context, source, *rest)
-            self.text = source
-
-        def build(self, options: Any = (), *rest: Any, **named: Any) -> Any:
-            if paths:
-                builds.add(Build(paths[-1], tuple(options), self.text))
-            return super().build(options, *rest, **named)
-
-    def build_noted(device: Device, source: str | Path, *rest: Any, **defines: Any) -> Any:
-        paths.append(stage_name(ROOT / source))
-        try:
-            return build(device, source, *rest, **defines)
-        finally:
-            paths.pop()
+    def noting(device: Device, stage: str, source: str, options: list[str], digest: str) -> Any:
+        builds.add(Build(stage, tuple(options), source))
+        return compiled(device, stage, source, options, digest)
 
     from_source = mock.patch.object(Device, "_kept", return_value=None)
-    with from_source, mock.patch.object(cl, "Program", Program), mock.patch.object(Device, "build", build_noted):
+    with from_source, mock.patch.object(Device, "_compiled", noting):
         yield builds
 
 
