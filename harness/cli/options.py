@@ -169,10 +169,9 @@ OPTIONS = (
         "memory",
         str,
         RUNNING,
-        "Memory that the run may take, like 500M or 4G; where it is short, fewer methods go through a frame together. "
-        "Default: 60 % of the machine's, or 90 % where one method at a time needs it",
+        "Memory that it may take, like 500M or 4G; where it is short, fewer methods go through a frame together, or "
+        "fewer workers run. Default: 60 % of the machine's, or 90 % where one method at a time needs it",
         "SIZE",
-        commands=(RUN,),
     ),
     Option("out", Path, RUNNING, "Folder of the results. Default: a new one in runs/", "DIR"),
     Option("dump", bool, RUNNING, "Also write every atlas, its owners and the pictures", commands=(RUN,)),

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from shading_atlas_bench.harness.console import NARROWEST, counted, folded, make_console, make_table, styled
 from shading_atlas_bench.harness.measure.returned import told_skip
 from shading_atlas_bench.harness.run.folder import check_folder
+from shading_atlas_bench.harness.run.memory import memory_need, processes_with_room, refusal
 from shading_atlas_bench.harness.run.plan import duration, expected_pace
 from shading_atlas_bench.harness.sweep.grid import make_grid
 from shading_atlas_bench.harness.workload.session import open_head_motion, open_path, open_scene
@@ -37,7 +38,7 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> bool:
     open_head_motion(wanted.settings)
     device = Device.open(wanted.settings.device)
     console = make_console()
-    seconds, well = 10.0, True
+    seconds, well, workers = 10.0, True, wanted.workers
     for cells in grid.scenes():
         settings = cells[0].settings
         scene = open_scene(settings)
@@ -58,14 +59,31 @@ def show_grid(wanted: SweepRequest, out: Path | None) -> bool:
             well &= status == "skipped"
         console.print(styled("[dim]needs no[/] {}", ", ".join(skipped_stages(scene.features))))
         running = [cell for cell in cells if told[cell.key] is None]
+        running, workers = _show_memory(console, running, scene, workers)
         seconds += sum(settings.frames * expected_pace(cell.settings, scene.content_hash) for cell in running)
     console.print(f"device {device.name.strip()}")
     _show_axes(console, grid)
     timing = f", then at most {duration(len(grid.cells) * wanted.rule.budget)} of timing" if wanted.timed else ""
-    at_once = f" with {wanted.workers} workers" if wanted.workers > 1 else ""
-    total = duration(seconds / wanted.workers)
+    at_once = f" with {workers} workers" if workers > 1 else ""
+    total = duration(seconds / workers)
     console.print(f"about {total}{at_once}{timing}; results in {out or 'a new folder below runs/'}")
     return well
+
+
+def _show_memory(console: Console, cells: list[SweepCell], scene: Scene, workers: int) -> tuple[list[SweepCell], int]:
+    """What the largest cell takes, which have no room, and how many workers run side by side; the cells that have room,
+    and that number."""
+    if not cells:
+        return [], workers
+    count = processes_with_room([cell.settings for cell in cells], scene, [cell.packer for cell in cells], workers)
+    needs = [memory_need(cell.settings, scene, [cell.packer], 1) for cell in cells]
+    console.print(f"at most {max(needs, key=lambda need: need.total)} in a cell")
+    if count < workers:
+        console.print(styled("[yellow]note[/] memory has room for {} of {} workers", count, workers))
+    reasons = [refusal(cell.settings, scene, [cell.packer], count) for cell in cells]
+    if refused := [reason for reason in reasons if reason]:
+        console.print(styled("[red]failed[/] {}, for lack of memory: {}", counted(len(refused), "cell"), refused[0]))
+    return [cell for cell, reason in zip(cells, reasons, strict=True) if not reason], count
 
 
 def _told_skips(cells: list[SweepCell], scene: Scene) -> dict[tuple[str, str], tuple[str, str] | None]:

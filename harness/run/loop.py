@@ -152,7 +152,7 @@ class Run:
         for pipeline in self.pipelines:
             key = (pipeline.method, pipeline.variant)
             counts[key] = sum((*key, index) in done for index in range(self.frames))
-            pipeline.dead = stopped.get(key)
+            pipeline.dead = pipeline.dead or stopped.get(key)
             for step in ended_steps(folder=str(self.folder), method=pipeline.method, variant=pipeline.variant):
                 pipeline.dead = pipeline.dead or (step["status"], step["reason"])
         return counts

@@ -69,23 +69,50 @@ def memory_need(settings: Settings, scene: Scene, packers: Sequence[Packer], at_
 def methods_at_once(settings: Settings, scene: Scene, packers: Sequence[Packer]) -> int:
     """How many methods go through a frame together: as many as memory has room for. Raises InputError where it has none
     for a single one."""
-    bound = memory_bound()
-    aim, most = (settings.memory, settings.memory) if settings.memory else (AIM * bound.size, MOST * bound.size)
+    if reason := refusal(settings, scene, packers):
+        raise InputError(reason)
+    aim = _share(settings, AIM)
     needs = {count: memory_need(settings, scene, packers, count) for count in range(AT_ONCE, 0, -1)}
-    if needs[1].total > most:
-        whose = "--memory allows" if settings.memory else f"{MOST:.0%} of {bound.what} are"
-        remedy = _remedy(needs[1], bool(settings.memory))
-        raise InputError(f"This run takes about {needs[1]}, and {whose} {most / 1e9:.2g} GB: {remedy}.")
     return next((count for count, need in needs.items() if need.total <= aim), 1)
 
 
-def _remedy(need: MemoryNeed, bounded: bool) -> str:
-    """What makes the largest part smaller that can be. bounded: whether more may be allowed."""
+def refusal(settings: Settings, scene: Scene, packers: Sequence[Packer], processes: int = 1) -> str:
+    """Why there is no room for a run of these methods, one at a time, in one of so many processes; empty where there
+    is."""
+    need = memory_need(settings, scene, packers, 1)
+    most = _share(settings, MOST) / processes
+    if need.total <= most:
+        return ""
+    bound = "--memory allows" if settings.memory else f"{MOST:.0%} of {memory_bound().what} are"
+    of_each = f" for each of {processes} workers" if processes > 1 else ""
+    remedies = (
+        [_smaller(need, len(packers))]
+        + ["more --memory"] * bool(settings.memory)
+        + ["fewer --workers"] * (processes > 1)
+    )
+    return f"This run takes about {need}, and {bound} {most / 1e9:.2g} GB{of_each}: {', or '.join(remedies)}."
+
+
+def processes_with_room(settings: Sequence[Settings], scene: Scene, packers: Sequence[Packer], wanted: int) -> int:
+    """How many of `wanted` processes have room side by side, each with the largest of these runs that has room alone:
+    one method each, the packer of the same place. At least 1."""
+    needs = [memory_need(at, scene, [packer], 1).total for at, packer in zip(settings, packers, strict=True)]
+    largest = max((need for need in needs if need <= _share(settings[0], MOST)), default=0)
+    return min(wanted, max(1, int(_share(settings[0], AIM) // largest))) if largest else wanted
+
+
+def _share(settings: Settings, share: float) -> float:
+    """The bytes that a run may take: what --memory says, else this share of what the process may have."""
+    return settings.memory or share * memory_bound().size
+
+
+def _smaller(need: MemoryNeed, methods: int) -> str:
+    """What makes the largest part smaller that can be, in a run of so many methods."""
+    fewer = ["--atlas"] + ["fewer methods"] * (methods > 1)
     remedies = {
         "scene": "reduce the scene with --decimate or --max-texture",
         "pictures": "give a smaller --size",
-        "planes": "give a smaller --atlas or fewer methods",
-        "encoders": "give a smaller --atlas, fewer methods or fewer rates (--crf)",
+        "planes": f"give a smaller {' or '.join(fewer)}",
+        "encoders": f"give a smaller {', '.join(fewer)} or fewer rates (--crf)",
     }
-    largest = remedies[max(remedies, key=lambda name: int(getattr(need, name)))]
-    return f"{largest}, or more --memory" if bounded else largest
+    return remedies[max(remedies, key=lambda name: int(getattr(need, name)))]

@@ -8,6 +8,7 @@ from pathlib import Path
 from shading_atlas_bench.harness.measure.pipeline import Pipeline
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.loop import Run
+from shading_atlas_bench.harness.run.memory import refusal
 from shading_atlas_bench.harness.run.plan import make_plan
 from shading_atlas_bench.harness.sweep.grid import SweepCell, SweepGrid, shuffled
 from shading_atlas_bench.harness.sweep.request import SweepRequest
@@ -36,14 +37,20 @@ class Sessions:
 
 
 class SweepRun:
-    """A sweep on its way in one process: where its cells go, and what is shared between them."""
+    """A sweep on its way in one of so many processes: where its cells go, and what is shared between them."""
 
     def __init__(
-        self, wanted: SweepRequest, grid: SweepGrid, folder: Path, sessions: Sessions, progress: Progress
+        self,
+        wanted: SweepRequest,
+        grid: SweepGrid,
+        folder: Path,
+        sessions: Sessions,
+        progress: Progress,
+        processes: int = 1,
     ) -> None:
         self.wanted, self.grid, self.folder, self.sessions = wanted, grid, folder, sessions
         self.folders = grid.folders()
-        self.progress = progress
+        self.progress, self.processes = progress, processes
         self._warm: set[int] = set()
 
     def all_cells(self) -> None:
@@ -75,7 +82,8 @@ class SweepRun:
                 task.doing(f"timing again, round {turn + 1}")
 
     def once(self, cell: SweepCell) -> None:
-        """Measure all frames of a cell, as `bench run` does, unless they are finished."""
+        """Measure all frames of a cell, as `bench run` does, unless they are finished; what memory has no room for
+        fails before it starts."""
         folder = self.folder_of(cell)
         with Store(folder) as store:
             if sum(key[:2] == cell.key for key in store.finished()) == cell.settings.frames:
@@ -87,6 +95,8 @@ class SweepRun:
             )
             with answer_within(making_limit(cell.settings.timeout), cell.packer.name, "making it"):
                 pipeline = Pipeline(cell.fresh(), session.scene, cell.settings)
+            if reason := refusal(cell.settings, session.scene.host, [cell.packer], self.processes):
+                pipeline.dead = ("failed", reason)
             Run(session, [pipeline], store, folder, pictures=False).all_frames(self.progress)
             if not self.wanted.timed:
                 store.notes[note_of(cell)] = NOT_TIMED

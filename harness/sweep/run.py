@@ -10,6 +10,7 @@ from typing import Any
 from shading_atlas_bench.harness.progress import Progress
 from shading_atlas_bench.harness.run.digest import method_digest, suite_digest
 from shading_atlas_bench.harness.run.folder import COMPLETE, check_folder, folder_for, locked, stops_kept
+from shading_atlas_bench.harness.run.memory import processes_with_room
 from shading_atlas_bench.harness.run.plan import WITHOUT_EFFECT
 from shading_atlas_bench.harness.run.provenance import write_notes
 from shading_atlas_bench.harness.run.run import tell_device
@@ -18,6 +19,7 @@ from shading_atlas_bench.harness.sweep.grid import SETTINGS, SweepCell, SweepGri
 from shading_atlas_bench.harness.sweep.request import SweepRequest
 from shading_atlas_bench.harness.sweep.workers import run_workers
 from shading_atlas_bench.harness.workload.session import Session, workload_hashes
+from shading_atlas_bench.harness.workload.settings import Settings
 from shading_atlas_bench.kernels.cache import VERSION
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.analysis.sweep import FILE, Point, Sweep, grid_digest
@@ -64,10 +66,21 @@ def sweep(wanted: SweepRequest, out: Path | None = None, progress: Progress | No
             if wanted.timed:
                 SweepRun(wanted, grid, folder, sessions, progress).all_cells()
             else:
-                run_workers(wanted, grid, folder, progress)
+                run_workers(wanted, grid, folder, _workers(wanted, grid, session, progress), progress)
         points = write_sweep(folder)
         store.notes[COMPLETE] = "yes"
     return Outcome(folder, points, all(point.row["status"] in ("ok", "skipped") for point in points))
+
+
+def _workers(wanted: SweepRequest, grid: SweepGrid, session: Session, progress: Progress) -> int:
+    """How many workers memory has room for side by side, by the cells of the scene that is open; fewer than wanted are
+    told."""
+    cells = next(iter(grid.scenes()))
+    settings, packers = [cell.settings for cell in cells], [cell.packer for cell in cells]
+    count = processes_with_room(settings, session.scene.host, packers, wanted.workers)
+    if count < wanted.workers:
+        progress.warn(f"Memory has room for {count} of {wanted.workers} workers.")
+    return count
 
 
 def _has_begun(folder: Path, grid: SweepGrid) -> bool:
@@ -117,7 +130,7 @@ def describe(wanted: SweepRequest, grid: SweepGrid) -> dict[str, Any]:
     """The content of sweep.json: what a report needs to know of the grid, in its order."""
     folders = grid.folders()
     return {
-        "settings": wanted.settings.to_json(),
+        "settings": _told(wanted.settings),
         "vary": list(wanted.vary),
         "rule": vars(wanted.rule) | {},
         "timed": wanted.timed,
@@ -125,6 +138,11 @@ def describe(wanted: SweepRequest, grid: SweepGrid) -> dict[str, Any]:
         "left_out": grid.left_out,
         "cells": [_describe(cell, folders[cell.settings]) for cell in grid.cells],
     }
+
+
+def _told(settings: Settings) -> dict[str, Any]:
+    """The settings but for what changes no result, which may be another when a sweep goes on."""
+    return {name: value for name, value in settings.to_json().items() if name not in ("timeout", "memory")}
 
 
 def _describe(cell: SweepCell, folder: str) -> dict[str, Any]:
@@ -142,5 +160,5 @@ def _describe(cell: SweepCell, folder: str) -> dict[str, Any]:
         "varied": cell.varied,
         "condition": ", ".join(f"{name} {cell.work[name]}" for name in SETTINGS if name in cell.work),
         "codings": displayed | {"lossless": lossless},
-        "settings": settings.to_json() | atlas,
+        "settings": _told(settings) | atlas,
     }

@@ -45,20 +45,20 @@ PATIENCE = 1.0  # seconds that workers have to end by themselves
 TRIES = 3  # workers that may end in one cell without a step to blame
 
 
-def run_workers(wanted: SweepRequest, grid: SweepGrid, folder: Path, progress: Progress) -> None:
-    """Measure every unfinished cell once, in as many processes as wanted.
+def run_workers(wanted: SweepRequest, grid: SweepGrid, folder: Path, count: int, progress: Progress) -> None:
+    """Measure every unfinished cell once, in `count` processes.
 
     Raises InputError if workers end in a cell again and again, and nobody knows why.
     """
     left = unfinished(grid, folder, wanted.settings.frames)
     if not left:
         return
-    count = min(wanted.workers, len(left))
+    count = min(count, len(left))
     with (
         tempfile.TemporaryDirectory(prefix="bench-") as place,
         progress.task(f"cells, {count} at a time", len(left)) as task,
     ):
-        crew = _Crew(wanted, grid, folder, Path(place), left, task)
+        crew = _Crew(wanted, grid, folder, count, Path(place), left, task)
         try:
             while crew.goes_on():
                 pass
@@ -105,9 +105,17 @@ class _Crew:
     """
 
     def __init__(
-        self, wanted: SweepRequest, grid: SweepGrid, folder: Path, place: Path, left: Iterable[int], task: Task
+        self,
+        wanted: SweepRequest,
+        grid: SweepGrid,
+        folder: Path,
+        count: int,
+        place: Path,
+        left: Iterable[int],
+        task: Task,
     ) -> None:
-        self.wanted, self.grid, self.folder, self.place, self.task = wanted, grid, folder, place, task
+        self.wanted, self.grid, self.folder, self.count = wanted, grid, folder, count
+        self.place, self.task = place, task
         self.left = deque(left)
         self.workers: list[_Worker] = []
         self.ended = ended_steps()  # those of earlier processes, too
@@ -118,7 +126,7 @@ class _Crew:
 
     def goes_on(self) -> bool:
         """Look after the workers once, after a moment; whether there are any."""
-        while self.left and len(self.workers) < self.wanted.workers:
+        while self.left and len(self.workers) < self.count:
             self._start()
         connection.wait([end for worker in self.workers for end in (worker.pipe, worker.process.sentinel)], TICK)
         for worker in list(self.workers):
@@ -141,7 +149,7 @@ class _Crew:
         journal, beat = self.place / f"journal-{self.started}", context.Value("d", 0.0, lock=False)
         self.started += 1
         process = context.Process(
-            target=_work, args=(self.wanted, self.folder, theirs, beat, journal, self.known), daemon=True
+            target=_work, args=(self.wanted, self.folder, self.count, theirs, beat, journal, self.known), daemon=True
         )
         process.start()
         theirs.close()
@@ -196,18 +204,20 @@ class _Crew:
         os.replace(part, self.known)
 
 
-def _work(wanted: SweepRequest, folder: Path, pipe: Connection, beat: c_double, journal: Path, known: Path) -> None:
-    """Measure cells until there are no more; ends with its parent, however that ends."""
+def _work(
+    wanted: SweepRequest, folder: Path, count: int, pipe: Connection, beat: c_double, journal: Path, known: Path
+) -> None:
+    """Measure cells until there are no more, one of `count` processes; ends with its parent, however that ends."""
     os.environ |= {VARIABLE: str(journal), ENDED: str(known)}  # its own, not those of its parent
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the parent decides
     warnings_as_sentences()
     threading.Thread(target=_stir, args=(beat,), daemon=True).start()
-    share = str(max(1, (os.cpu_count() or 1) // wanted.workers))
+    share = str(max(1, (os.cpu_count() or 1) // count))
     for name in ("POCL_CPU_MAX_CU_COUNT", "POCL_MAX_PTHREAD_COUNT"):  # of newer and of older PoCL
         os.environ.setdefault(name, share)
     grid = make_grid(wanted.settings, wanted.vary)
-    run = SweepRun(wanted, grid, folder, Sessions(), Progress())
+    run = SweepRun(wanted, grid, folder, Sessions(), Progress(), count)
     while (number := pipe.recv()) is not None:
         run.once(grid.cells[number])
         pipe.send(number)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from shading_atlas_bench.harness.errors import InputError
-from shading_atlas_bench.harness.run.memory import AIM, AT_ONCE, MOST, memory_need, methods_at_once
+from shading_atlas_bench.harness.run.memory import (
+    AIM,
+    AT_ONCE,
+    MOST,
+    memory_need,
+    methods_at_once,
+    processes_with_room,
+    refusal,
+)
 from shading_atlas_bench.harness.workload.methods import find_methods
 from shading_atlas_bench.harness.workload.settings import Settings, SettingsError, settings_of
 from shading_atlas_bench.memory import Bound
@@ -93,6 +102,35 @@ def test_without_the_option_the_machine_decides(scene, monkeypatch, share, runs)
 def test_what_is_refused_says_what_to_change(scene, change, remedy):
     with pytest.raises(InputError, match=f": give .*{remedy}"):
         methods_at_once(replace(Settings(), memory=1_000_000_000, **change), scene, PACKERS)
+
+
+@given(
+    sizes=st.lists(st.integers(64, 8192), min_size=1, max_size=4), wanted=st.integers(1, 8), memory=st.floats(5e8, 2e10)
+)
+def test_processes_side_by_side_have_room_for_the_largest_that_has_room_alone(scene, sizes, wanted, memory):
+    runs = [replace(Settings(), atlas_width=size, atlas_height=size, memory=int(memory)) for size in sizes]
+    packers = [PACKERS[number % len(PACKERS)] for number in range(len(runs))]
+    count = processes_with_room(runs, scene, packers, wanted)
+    assert 1 <= count <= wanted
+    for run, packer in zip(runs, packers, strict=True):
+        alone, crowded = refusal(run, scene, [packer]), refusal(run, scene, [packer], count)
+        assert bool(alone) == bool(crowded)
+        assert ("fewer --workers" in crowded) == bool(crowded and count > 1)
+    largest = max(memory_need(run, scene, [packer], 1).total for run, packer in zip(runs, packers, strict=True))
+    assert count == wanted or (count + 1) * largest > int(memory)
+
+
+def test_a_sweep_goes_on_beside_cells_that_do_not_fit(tmp_path: Path):
+    out = tmp_path / "sweep"
+    sweep = ("sweep", "--method", "sas", "--vary", "atlas=512x512,8192x8192", "--workers", "2", "--memory", "2G")
+    done = bench(*sweep, "--size", "64x48", "--frames", "2", "--out", str(out))
+    assert done.returncode == 1, done.stderr
+    with (out / "sweep.csv").open(newline="", encoding="utf-8") as file:
+        reasons = {row["varied"]: row["reason"] for row in csv.DictReader(file)}
+    assert reasons["atlas=512x512"] == ""
+    assert "--memory allows 1 GB for each of 2 workers: give a smaller --atlas, or" in reasons["atlas=8192x8192"]
+    again = bench(*sweep[:-1], "40G", "--size", "64x48", "--frames", "2", "--out", str(out))
+    assert again.returncode == 1, again.stderr
 
 
 @pytest.mark.parametrize(("text", "size"), [("4G", 4e9), ("0.5 gb", 5e8), ("500M", 5e8), ("1.25G", 1.25e9)])

@@ -21,7 +21,7 @@ STOPPED, DYING = 1, 2  # cells
 pytestmark = pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="processes cannot be stopped here")
 
 
-def work(wanted: Any, folder: Path, pipe: Any, beat: Any, journal: Path, known: Path) -> None:
+def work(wanted: Any, folder: Path, count: int, pipe: Any, beat: Any, journal: Path, known: Path) -> None:
     """A worker that writes down what it is given, is stopped in the first such cell, and dies in every other one."""
     beat.value = time.monotonic()
     while (number := pipe.recv()) is not None:
@@ -39,9 +39,9 @@ def work(wanted: Any, folder: Path, pipe: Any, beat: Any, journal: Path, known: 
 def crew_of(folder: Path, cells: list[int], monkeypatch: pytest.MonkeyPatch) -> _Crew:
     monkeypatch.setattr(workers, "_work", work)
     grid: Any = SimpleNamespace(cells=[SimpleNamespace(contender="sas", varied=f"fit={n}") for n in range(5)])
-    wanted: Any = SimpleNamespace(workers=2)
+    wanted: Any = None
     (folder / "place").mkdir()
-    return _Crew(wanted, grid, folder, folder / "place", cells, Task())
+    return _Crew(wanted, grid, folder, 2, folder / "place", cells, Task())
 
 
 def all_of(crew: _Crew) -> None:
