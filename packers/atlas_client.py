@@ -70,10 +70,14 @@ class LookupClient(Client):
             mask = self.mask.of_triangles(self.device, self.geometry.pvs) if self.mask else None
             self.rasteriser = self._rasteriser(mask)
             self.ids = self.device.upload(self.geometry.pvs)
-        planes = {name: self._upload(plane) for name, plane in payload.planes.items()}
-        self.alpha = planes.pop(ALPHA, None)
-        (self.plane,) = planes.values()
+        self.replace_planes(payload.planes)
         self.read(payload.blobs)
+
+    def replace_planes(self, planes: Mapping[str, Bytes]) -> None:
+        """Take a frame's atlas, and its plane of opacities if it has one."""
+        uploaded = {name: self._upload(plane) for name, plane in planes.items()}
+        self.alpha = uploaded.pop(ALPHA, None)
+        (self.plane,) = uploaded.values()
 
     def locate(self, triangles: Ints, bary: Floats) -> Doubles:
         """Atlas position of surface points (see Client.locate): what drawing uses."""

@@ -18,6 +18,8 @@ from shading_atlas_bench.arithmetic.matrices import matvec, product
 from shading_atlas_bench.packers.skips import Skips
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from pyopencl.array import Array
 
     from shading_atlas_bench.arithmetic import arrays
@@ -316,6 +318,14 @@ class Client(ABC):
     def draw(self, view: View) -> Image:
         """Draw `view` from what was received, and from nothing that was drawn before: a run that goes on after a stop
         receives its finished frames again, and draws none of them."""
+
+    def replace_planes(self, planes: Mapping[str, Bytes]) -> None:
+        """Take the last payload's planes as another rate's decoder gives them, in place of those received, so that the
+        picture at every rate is measured.
+
+        planes: uint8 (H, W, 3) each, by name. A client that does not say how has pictures at the displayed rate only.
+        """
+        raise NotImplementedError
 
     def fragments(self) -> tuple[HeldLists, ...]:
         """The lists that it holds after `receive`, one for each view and part that was sent apart; none of an atlas.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
 from shading_atlas_bench.harness.workload.settings import METRIC_NAMES
 from shading_atlas_bench.kernels.metrics.ciede2000 import Ciede2000
@@ -21,6 +21,9 @@ if TYPE_CHECKING:
     from shading_atlas_bench.arithmetic.arrays import Bytes
     from shading_atlas_bench.kernels.device import Device
     from shading_atlas_bench.packers.skips import Skips
+
+
+Part: TypeAlias = Flip | Ciede2000 | Ssim | IwSsim | SquaredError
 
 
 class Metrics:
@@ -70,9 +73,16 @@ class Metrics:
             if side < least and name in self.wanted
         }
 
-    def _windowed(self) -> list[Flip | Ciede2000 | Ssim | IwSsim]:
-        parts = [self._flip, self._delta_e, self._ssim, self._iwssim]
-        return [part for part in parts if part is not None]
+    def _parts(self) -> dict[str, Part]:
+        """The metrics that are computed, by name."""
+        parts: dict[str, Part | None] = {
+            "flip": self._flip,
+            "delta_e": self._delta_e,
+            "dssim": self._ssim,
+            "iwssim": self._iwssim,
+            "psnr": self._error,
+        }
+        return {name: part for name, part in parts.items() if part is not None}
 
     def reference(self, image: Array) -> None:
         """Take the reference, a device array uint8 (h, w, 4), sRGB; it must not change until the next reference."""
@@ -80,39 +90,39 @@ class Metrics:
         if self._size != (width, height):
             self._allocate(width, height)
         self._reference = image
-        for part in self._windowed():
-            part.reference(image)
+        for part in self._parts().values():
+            if not isinstance(part, SquaredError):
+                part.reference(image)
 
-    def compare(self, test: Array) -> dict[str, float | None]:
-        """The picture metrics of `test`, uint8 (h, w, 4), by name; None where there is no finite value or no room.
+    def compare(self, test: Array, names: Collection[str] = PICTURE_METRICS) -> dict[str, float | None]:
+        """The picture metrics of these names, of `test`, uint8 (h, w, 4); None where there is no finite value or no
+        room.
 
         Raises ValueError if there is no reference or it has another size.
         """
         height, width = test.shape[:2]
         if self._size != (width, height):
             raise ValueError(f"A picture of {width}x{height} cannot be compared with the reference of {self._size}.")
-        for part in self._windowed():
-            part.compare(test)
-        if self._error:
-            self._error.compare(test, self._reference)
-        values = {
-            "flip": self._flip.mean() if self._flip else None,
-            "dssim": self._ssim.loss() / 2 if self._ssim else None,
-            "iwssim": self._iwssim.score() if self._iwssim else None,
-            "psnr": psnr(self._error.mean()) if self._error else None,
-            "delta_e": self._delta_e.mean() if self._delta_e else None,
-        }
-        return {name: value if name in self.wanted else None for name, value in values.items()}
-
-    def flip(self, test: Array) -> float | None:
-        """Mean FLIP of `test`, uint8 (h, w, 4), alone; None if FLIP is not wanted."""
-        if self._flip is None or "flip" not in self.wanted:
-            return None
-        self._flip.compare(test)
-        return self._flip.mean()
+        started = {name: part for name, part in self._parts().items() if name in names}
+        for part in started.values():  # all are on their way before the first is waited for
+            if isinstance(part, SquaredError):
+                part.compare(test, self._reference)
+            else:
+                part.compare(test)
+        values = {name: _value(part) for name, part in started.items()}
+        return {name: values.get(name) if name in self.wanted else None for name in names}
 
     def flip_map(self) -> Bytes | None:
         """The FLIP errors of the last compared picture in FLIP's colours, uint8 (h, w, 3); None if not wanted."""
         if self._flip is None or "flip" not in self.wanted:
             return None
         return magma(self._flip.error_map())
+
+
+def _value(part: Part) -> float | None:
+    """What a metric found of the picture that it compared last, as PICTURE_METRICS has it."""
+    if isinstance(part, SquaredError):
+        return psnr(part.mean())
+    if isinstance(part, Ssim):
+        return part.loss() / 2
+    return part.score() if isinstance(part, IwSsim) else part.mean()

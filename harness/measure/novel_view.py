@@ -85,7 +85,7 @@ def draw_novel_view(
     device.finish()
     metrics_ms = (time.perf_counter() - start) * 1000
     moved = not np.array_equal(eye, other)
-    view_dependence = metrics.flip(forward.draw(view, other)[0].rgb if moved else image.rgb)
+    view_dependence = metrics.compare(forward.draw(view, other)[0].rgb if moved else image.rgb, ("flip",))["flip"]
     return NovelView(
         view=seen.view,
         visibility=seen.visibility,

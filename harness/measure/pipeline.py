@@ -49,7 +49,7 @@ from shading_atlas_bench.packers.interface import (
     RareCost,
     ServerScene,
 )
-from shading_atlas_bench.reports.store.columns import PICTURE_METRICS
+from shading_atlas_bench.reports.store.columns import PICTURE_METRICS, RATE_METRICS
 
 if TYPE_CHECKING:
     from pyopencl.array import Array
@@ -114,7 +114,8 @@ class Filled:
 class Sent:
     """What went over the wire: each (codec, CRF)'s encoded planes by name, and compressed bytes.
 
-    arrived: what each client gets of it. texels: of each plane.
+    arrived: what each client gets of it. further: the planes of the rates that no client gets, uint8 (H, W, 3) by name.
+    texels: of each plane.
     lists_bytes: of a method without planes, which are then its video; raw_bytes: before compression.
     pack_ms, unpack_ms: of everything but planes.
     """
@@ -128,6 +129,7 @@ class Sent:
     geometry_bytes: int
     pack_ms: float
     unpack_ms: float
+    further: dict[Key, dict[str, Bytes]] = field(default_factory=dict)
 
     def clocked(self, key: Key) -> float:
         """Processor milliseconds of coding one row's frame, by clocks around the coders."""
@@ -178,7 +180,8 @@ class Measured:
 @dataclass
 class Drawn:
     """The columns that come from drawing, by (codec, CRF), what the clients gave, the pictures, host milliseconds spent
-    on metrics, and what was left out of these. clocked: host milliseconds from the payload's arrival to the picture.
+    on metrics and on further rates, and what was left out. clocked: host milliseconds from the payload's arrival to the
+    picture.
     lossless: uint8 (h, w, 3), what the client of the planes as packed shows."""
 
     rows: dict[Key, dict[str, Any]] = field(default_factory=dict)
@@ -186,6 +189,7 @@ class Drawn:
     clocked: dict[Key, float] = field(default_factory=dict)
     pictures: dict[str, Bytes] = field(default_factory=dict)
     metrics_ms: float = 0.0
+    rates_ms: float = 0.0
     lossless: Bytes = field(default_factory=lambda: np.empty((0, 0, 3), np.uint8))
     skipped: frozenset[str] = frozenset()
 
@@ -366,8 +370,8 @@ class Pipeline:
             for key, frame in zip(self.keys()[1:], frames, strict=True):
                 encoded.setdefault(key, {})[name] = frame
         plain = {name: plane[..., :3] for name, plane in filled.planes.items()}
-        shown = {name: fixed(frame.shown) for name, frame in encoded.get(self.display_key, {}).items()}
-        arriving = {LOSSLESS: plain} | ({self.display_key: shown} if self.displayed else {})
+        shown = {key: {name: fixed(frame.shown) for name, frame in encoded[key].items()} for key in self._shown_keys()}
+        arriving = {LOSSLESS: plain} | {key: shown.pop(key) for key in (self.display_key,) if self.displayed}
         return Sent(
             {name: plane.shape[0] * plane.shape[1] for name, plane in plain.items()},
             encoded,
@@ -378,6 +382,7 @@ class Pipeline:
             sum(map(len, geometry.values())),
             (middle - start) * 1000,
             (end - middle) * 1000,
+            further=shown,
         )
 
     def _streams(self, name: str, plane: Bytes) -> list[VideoStream]:
@@ -385,10 +390,17 @@ class Pipeline:
         if name not in self.streams:
             height, width = plane.shape[:2]
             self.streams[name] = [
-                VideoStream(codec, crf, width, height, decode=(codec, crf) == self.display_key, grey=name == ALPHA)
+                VideoStream(codec, crf, width, height, decode=(codec, crf) in self._shown_keys(), grey=name == ALPHA)
                 for codec, crf in self.keys()[1:]
             ]
         return self.streams[name]
+
+    def _shown_keys(self) -> list[Key]:
+        """The codings of planes whose pictures are measured."""
+        if self.displayed is None:
+            return []
+        judged = self.displayed.shows_other_rates and set(RATE_METRICS) & set(self.settings.metrics)
+        return self.keys()[1:] if judged else [self.display_key]
 
     @property
     def clients(self) -> dict[Key, CheckedClient]:
@@ -451,7 +463,17 @@ class Pipeline:
             if pictured:  # the report shows the displayed client, which is drawn last
                 flip = metrics.flip_map()
                 drawn.pictures = {"client": rgb} | ({} if flip is None else {"flip": flip})
+        start = time.perf_counter()
+        for key, planes in sent.further.items():
+            drawn.rows[key] = self._judge(planes, novel, metrics)
+        drawn.rates_ms = (time.perf_counter() - start) * 1000
         return drawn
+
+    def _judge(self, planes: dict[str, Bytes], novel: NovelView, metrics: Metrics) -> dict[str, float | None]:
+        """The quality of what the client of the displayed rate would show at another one."""
+        assert self.displayed is not None, "planes of further rates come with a client of one"
+        self.displayed.own.replace_planes(planes)
+        return metrics.compare(self.displayed.draw(novel.view).rgb, RATE_METRICS)
 
     def _clocked(self, work: Callable[[], T]) -> tuple[Clocked, T]:
         """What some work of the client gives, and how long host and device take."""
@@ -510,6 +532,7 @@ class Pipeline:
             | _speed(packed, verified.samples, novel)
             | self._cost_of_metrics(packed, novel, drawn)
             | {"checks_ms": verified.milliseconds}
+            | ({"rates_ms": drawn.rates_ms} if sent.further else {})
             | ({} if gaps is None or gaps.share is None else {"unwritten_lookups": gaps.share}),
             [(index, name, ms) for index, run in enumerate(packed.repeats) for name, ms in run.items()],
             self._pictures(payload, filled.planes, drawn) if pictured else {},
@@ -548,7 +571,7 @@ class Pipeline:
 
     def _cost_of_metrics(self, packed: Packed, novel: NovelView, drawn: Drawn) -> dict[str, float]:
         """Host time of all picture metrics of the frame, and its ratio to rendering and packing it."""
-        drawing = novel.milliseconds + sum(row["client_ms"] for row in drawn.rows.values())
+        drawing = novel.milliseconds + sum(drawn.rows[key]["client_ms"] for key in drawn.clocked)
         spent = novel.metrics_ms + drawn.metrics_ms
         return {
             "metrics_ms": spent,

@@ -58,7 +58,7 @@ OBJECTIONS = 4  # told of in one sentence
 # Names of what the harness itself has among statistics, pictures and the arrays of `--dump`.
 OWN_STATISTICS = frozenset(
     {"structs_share", "reference_shading_ns", "gather_over_shading", "metrics_ms", "reference_ms", "metrics_over_work",
-     "checks_ms", "unwritten_lookups"}
+     "checks_ms", "rates_ms", "unwritten_lookups"}
 )  # fmt: skip
 OWN_PICTURES = frozenset({"client", "flip", "atlas", "alpha", "reference"})
 OWN_DETAILS = frozenset(
@@ -261,6 +261,11 @@ class CheckedClient(Client):
 
     def __init__(self, own: Client, device: Device) -> None:
         self.own, self.device = own, device
+
+    @property
+    def shows_other_rates(self) -> bool:
+        """Whether it can show what it has received at other rates."""
+        return type(self.own).replace_planes is not Client.replace_planes
 
     def receive(self, payload: Decoded) -> None:
         """Take one frame's decoded payload."""

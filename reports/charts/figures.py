@@ -49,7 +49,7 @@ def error_over_time(summaries: list[Row], labels: Labels) -> Figure | None:
     """One mark per method and displayed coding: median FLIP over median server time, with their intervals."""
     traces = []
     for index, (key, label) in enumerate(labels.items()):
-        shown = [row for row in summaries if _key(row) == key and row["flip_median"] is not None]
+        shown = [row for row in summaries if _key(row) == key and row["client_ms_median"] is not None]
         for row in shown:
             lossless = row["codec"] == "none"
             coding = coding_label(row["codec"], row["crf"])

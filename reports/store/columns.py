@@ -14,6 +14,7 @@ STRESS_STATUSES = ("ok", "overflow", "refused", "inaccurate", "nondeterministic"
 MEASURED_STATUSES = ("ok", "overflow")
 # Of two pictures; each is also the name of its column.
 PICTURE_METRICS = ("flip", "dssim", "iwssim", "psnr", "delta_e")
+RATE_METRICS = ("flip", "psnr")  # of every rate that is encoded, not of the displayed one only
 KINDS = ("key", "setting", "status", "time", "count", "size", "quality")
 MEASURED = ("time", "count", "size", "quality")
 DOCUMENT = Path(__file__).parents[1] / "COLUMNS.md"
@@ -438,7 +439,8 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
         (
             "frames.csv",
             "One row per scene, path, method, variant, codec, CRF and frame, sorted by that key. An empty cell is a "
-            "value that does not exist (a quality of a rate that was not displayed, the PSNR of equal pictures) or "
+            "value that does not exist (of a rate that was not displayed all qualities but FLIP and PSNR, the PSNR of "
+            "equal pictures) or "
             "was not reached; it never stands for zero. A row that is not ok says why in `reason`. With `--repeat`, "
             "times are medians over the repetitions, and every repetition is kept in the table `repeats` of "
             "results.sqlite. Device time is measured by the device's own events, and nothing else runs meanwhile; host "
@@ -465,8 +467,9 @@ def _of_runs() -> tuple[tuple[str, str, tuple[Column, ...]], ...]:
             "statistics.csv",
             "One row per frame and number that is in no common column: what the method's README explains, and of the "
             "harness `metrics_ms` (host time of all picture metrics), `reference_ms` (device time of the reference), "
-            "`metrics_over_work` (metrics_ms over the time of drawing the reference, packing, and drawing on the "
-            "clients), `checks_ms` (host time of checking what the method says of the frame), "
+            "`rates_ms` (host time of drawing and judging the rates that are not displayed), `metrics_over_work` "
+            "(metrics_ms over the time of drawing the reference, packing, and drawing on the clients), "
+            "`checks_ms` (host time of checking what the method says of the frame), "
             "`structs_share` (structs_ms over server_ms), `reference_shading_ns` (device time per covered "
             "pixel of the shading kernel in the reference), `gather_over_shading` (gather_ms per sample over that) and "
             "`unwritten_lookups` (of the texels that the lookups of the validity check touch, the share that is "
