@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import atexit
 import errno
-import gc
 import io
 import os
 import sys
@@ -112,7 +110,6 @@ def _refuse(argument: str, why: str) -> None:
 def main() -> None:
     """Run the command line in this process."""
     end_with_supervisor()
-    atexit.register(gc.freeze)  # else Python walks all objects, several times, before it ends
     warnings_as_sentences()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a letter that the console lacks is printed as an escape

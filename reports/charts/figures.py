@@ -5,7 +5,14 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
-from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, PICTURE_METRICS, Column
+from shading_atlas_bench.reports.analysis.rates import quality_name, rate_curve
+from shading_atlas_bench.reports.store.columns import (
+    BY_NAME,
+    MEASURED_STATUSES,
+    PICTURE_METRICS,
+    RATE_METRICS,
+    Column,
+)
 from shading_atlas_bench.reports.store.labels import Key, Labels
 from shading_atlas_bench.reports.store.middle import median
 
@@ -170,29 +177,40 @@ def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], li
     return judged or dict(list(by_coding.items())[:1])
 
 
-def bytes_per_rate(summaries: list[Row], labels: Labels) -> Figure | None:
-    """Bytes sent per frame after the keyframe over the rate, mean and largest, two lines per method."""
-    coded = [row for row in summaries if row["codec"] not in (None, "none") and row["bytes_total_mean"] is not None]
+def quality_over_rate(summaries: list[Row], labels: Labels) -> dict[str, Figure]:
+    """A line per method through its rates, for each measure that every rate has, by its name; one point where no video
+    codec takes what it sends."""
+    figures = {measure: _over_bandwidth(summaries, labels, measure) for measure in RATE_METRICS}
+    return {measure: figure for measure, figure in figures.items() if figure}
+
+
+def _over_bandwidth(summaries: list[Row], labels: Labels, measure: str) -> Figure | None:
     traces = []
     for index, (key, label) in enumerate(labels.items()):
-        own = [row for row in coded if _key(row) == key]
-        for nth, (name, statistic) in enumerate((("mean", "mean"), ("largest", "max")), start=1):
-            traces.append(
-                {
-                    "type": "scatter", "mode": "lines+markers", "name": f"{label}, {name}",
-                    "x": [coding_label(row["codec"], row["crf"]) for row in own],
-                    "y": [row[f"bytes_total_{statistic}"] / 1000 for row in own],
-                    "line": {"color": _colour(index), "width": 2, "dash": _dash(index, nth)},
-                    "opacity": 1.0 if nth == 1 else 0.55, "marker": {"size": 8}, "hovertemplate": "%{y:,.4~g} kB",
-                }
-            )  # fmt: skip
-    rates = sorted({(row["codec"], -1 if row["crf"] is None else row["crf"]) for row in coded})
-    order = [coding_label(codec, None if crf < 0 else crf) for codec, crf in rates]
-    figure = _figure([trace for trace in traces if trace["x"]], "", "sent per frame (kB) ↓")
+        curve = rate_curve(summaries, key, measure)
+        if not curve:
+            continue
+        coded = any(point.crf is not None for point in curve)
+        traces.append(
+            {
+                "type": "scatter", "mode": "lines+markers+text" if coded else "markers", "name": label,
+                "x": [point.mbit for point in curve], "y": [point.quality for point in curve],
+                "text": ["" if point.crf is None else f"{point.crf}" for point in curve], "textposition": "top center",
+                "line": {"color": _colour(index), "width": 2, "dash": _dash(index, 1)},
+                "marker": {
+                    "size": 9, "symbol": "circle" if coded else "circle-open", "color": _colour(index),
+                    "line": {"width": 2, "color": _colour(index)},
+                },
+                "hovertemplate": "%{x:,.3~g} Mbit/s, %{y:.4~g}" + ("<br>CRF %{text}" if coded else ""),
+            }
+        )  # fmt: skip
+    quality = f"{quality_name(measure)} {arrow(BY_NAME[measure].better)}"
+    figure = _figure(traces, "sent per second (Mbit/s) ↓", quality)
     if figure:
         ticks = [digit * 10**power for power in range(-3, 7) for digit in (1, 2, 5)]
-        figure["layout"]["xaxis"] |= {"type": "category", "categoryorder": "array", "categoryarray": order}
-        figure["layout"]["yaxis"] |= {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
+        axis = {"type": "log", "tickvals": ticks, "ticktext": [f"{tick:,g}" for tick in ticks]}
+        figure["layout"]["xaxis"] |= axis
+        figure["layout"]["hovermode"] = "closest"
     return figure
 
 

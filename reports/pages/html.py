@@ -10,6 +10,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
+from shading_atlas_bench.reports.analysis.rates import bd_rate, least_bandwidth_words, quality_name, rate_curve
 from shading_atlas_bench.reports.charts import figures as charts
 from shading_atlas_bench.reports.charts.pictures import MOST_FRAMES, Embedded, Pictures, embed, find_pictures
 from shading_atlas_bench.reports.pages.budget import Budget, budget_figure, budget_table, budgets, visible_set
@@ -24,6 +25,7 @@ from shading_atlas_bench.reports.pages.tables import (
     table,
 )
 from shading_atlas_bench.reports.pages.texts import escape, seen
+from shading_atlas_bench.reports.store.columns import BY_NAME
 from shading_atlas_bench.reports.store.csv_files import measured_statistics, read_saved, replace_file, summarise
 from shading_atlas_bench.reports.store.labels import Key, Labels, read_labels
 from shading_atlas_bench.reports.store.middle import finite, median
@@ -56,6 +58,7 @@ def write_report(folder: Path) -> Path:
     sections = [
         _warnings(notes, rows),
         _results(rows, summaries, statistics, labels, notes),
+        _rates(summaries, labels),
         _budget(spent, rows),
         _viewer(embedded),
         _charts(rows, summaries, stages, labels),
@@ -285,17 +288,51 @@ def _charts(rows: list[Row], summaries: list[Row], stages: list[Row], labels: La
             f'<label class="chooser">Measure <select data-chooses="frames">{measures}</select></label>',
             '<div class="chart" data-figure="frames"></div>',
         ),
-        section(
-            "rates",
-            "Bytes per CRF",
-            caption(
-                "Everything sent for a frame at each rate, without the keyframe, on a logarithmic axis: "
-                "lower is better."
-            ),
-            '<div class="chart" data-figure="rates"></div>',
-        ),
     ]
     return "".join(parts)
+
+
+def _rates(summaries: list[Row], labels: Labels) -> str:
+    """Quality over bandwidth, and what equal quality costs each method."""
+    measures = charts.quality_over_rate(summaries, labels)
+    if not measures:
+        return ""
+    options = "".join(f'<option value="{name}">{quality_name(name)}</option>' for name in measures)
+    return section(
+        "rates",
+        "Quality over bandwidth",
+        caption(
+            "What each rate gives: mean quality over the mean of everything sent after the keyframe, at the path's "
+            "pace, on a logarithmic axis. Numbers beside points are CRFs; a ring is of a method whose lists no video "
+            "codec takes."
+        ),
+        f'<label class="chooser">Measure <select data-chooses="rates">{options}</select></label>',
+        '<div class="chart" data-figure="rates"></div>',
+        '<p class="verdict" data-says="rates" aria-live="polite"></p>',
+        _equal_quality(summaries, labels, list(measures)),
+    )
+
+
+def _equal_quality(summaries: list[Row], labels: Labels, measures: list[str]) -> str:
+    """The table of BD-rates against the first method that has a curve; nothing where no other has one."""
+    curves = {name: {key: rate_curve(summaries, key, name) for key in labels} for name in measures}
+    with_curve = [key for key in labels if any(len(curves[name][key]) > 1 for name in measures)]
+    if len(with_curve) < 2:
+        return ""
+    first, *others = with_curve
+    lines = []
+    for key in others:
+        cells = []
+        for name in measures:
+            found = bd_rate(curves[name][first], curves[name][key], BY_NAME[name].better)
+            spans = f"{number(found.least)} to {number(found.most)}" if found else NONE
+            cells += [f"{found.percent:+.0f} %" if found else NONE, spans]
+        lines.append([labels[key], *cells])
+    head = ["method", *(text for name in measures for text in (f"BD-rate, {quality_name(name)}", "from, to"))]
+    return caption(
+        f"Bjontegaard's delta rate against {labels[first]}: how much more (+) or less (-) is sent at equal quality, on "
+        "average over the qualities that both reach. Empty where no quality is."
+    ) + table(head, lines, texts=1)
 
 
 def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: Labels) -> dict[str, Any]:
@@ -303,7 +340,10 @@ def _figures(rows: list[Row], summaries: list[Row], stages: list[Row], labels: L
         "error": charts.error_over_time(summaries, labels),
         "stages": charts.stage_times(stages, labels),
         "frames": charts.per_frame(rows, labels),
-        "rates": charts.bytes_per_rate(summaries, labels),
+        "rates": {
+            name: figure | {"says": prose(least_bandwidth_words(summaries, labels, name))}
+            for name, figure in charts.quality_over_rate(summaries, labels).items()
+        },
     }
 
 

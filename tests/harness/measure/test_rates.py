@@ -28,7 +28,7 @@ def rows_of(out: Path, **given: Any) -> dict[tuple[str, str, int | None, int], d
 @pytest.mark.parametrize("scene", ["hall", "village", "shells"])
 def test_the_quality_of_a_rate_is_that_of_a_client_that_gets_it(tmp_path: Path, scene):
     given = {"scene": scene, "method": ["sas", "snakebinning", "tss"]}
-    found = {shown: rows_of(tmp_path / str(shown), **given, display_crf=shown) for shown in RATES}
+    found: dict[int | None, Any] = {crf: rows_of(tmp_path / str(crf), **given, display_crf=crf) for crf in RATES}
     judged = 0
     for key, row in found[25].items():
         if key[1] == "h264":
@@ -74,7 +74,7 @@ class OneRateClient(Client):
 class OneRate(ShadingAtlasStreaming):
     name = "one-rate"
 
-    def client(self, scene: ClientScene) -> Client:
+    def client(self, scene: ClientScene) -> Client:  # type: ignore[override]  # another kind of client than the method's
         return OneRateClient(super().client(scene))
 
 
