@@ -82,7 +82,7 @@ def _show(store: Store, folder: Path) -> None:
 
 def _show_numbers(rows: list[dict[str, Any]], labels: dict[tuple[str, str], str], console: Console) -> None:
     """A table of work and quality for codings whose picture was judged, and one of sizes for those of video."""
-    from shading_atlas_bench.reports.charts.figures import displayed_codings
+    from shading_atlas_bench.reports.analysis.judged import displayed_codings
     from shading_atlas_bench.reports.store.csv_files import summarise
 
     work, sizes = [], []

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import defaultdict
 from typing import Any
 
+from shading_atlas_bench.reports.analysis.judged import displayed_codings
 from shading_atlas_bench.reports.analysis.rates import quality_name, rate_curve
 from shading_atlas_bench.reports.store.columns import (
     BY_NAME,
@@ -164,17 +165,6 @@ def _over_frames(rows: list[Row], labels: Labels, column: Column) -> Figure | No
                 }
             )  # fmt: skip
     return _figure(traces, "frame", axis_title(column))
-
-
-def displayed_codings(rows: list[Row]) -> dict[tuple[str | None, int | None], list[Row]]:
-    """Rows of one method by coding: those whose picture was judged, or the first where none was."""
-    by_coding: dict[tuple[str | None, int | None], list[Row]] = defaultdict(list)
-    for row in rows:
-        by_coding[row["codec"], row["crf"]].append(row)
-    judged = {
-        coding: found for coding, found in by_coding.items() if any(row["client_ms"] is not None for row in found)
-    }
-    return judged or dict(list(by_coding.items())[:1])
 
 
 def quality_over_rate(summaries: list[Row], labels: Labels) -> dict[str, Figure]:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from shading_atlas_bench.reports.charts.figures import Figure, coding_label, displayed_codings, stacked_bars
+from shading_atlas_bench.reports.analysis.judged import displayed_codings
+from shading_atlas_bench.reports.charts.figures import Figure, coding_label, stacked_bars
 from shading_atlas_bench.reports.pages.tables import NONE, number, table
 from shading_atlas_bench.reports.pages.texts import escape
 from shading_atlas_bench.reports.store.columns import KEYFRAME, MEASURED_STATUSES

@@ -6,10 +6,10 @@ import re
 from dataclasses import dataclass
 from typing import Any
 
-from shading_atlas_bench.reports.charts.figures import arrow, coding_label, displayed_codings
+from shading_atlas_bench.reports.analysis.judged import Judged, displayed
+from shading_atlas_bench.reports.charts.figures import arrow, coding_label
 from shading_atlas_bench.reports.pages.texts import escape
-from shading_atlas_bench.reports.store.columns import BY_NAME, MEASURED_STATUSES, summary_columns
-from shading_atlas_bench.reports.store.csv_files import after_keyframe, median_interval
+from shading_atlas_bench.reports.store.columns import BY_NAME, summary_columns
 from shading_atlas_bench.reports.store.labels import Key, Labels
 
 Row = dict[str, Any]
@@ -76,28 +76,9 @@ MARK = (
 )
 
 
-@dataclass(frozen=True)
-class Line:
-    """One line of a headline table: a method in one coding, its summary and its rows."""
-
-    key: Key
-    summary: Row
-    rows: list[Row]
-
-    @property
-    def coding(self) -> tuple[str | None, int | None]:
-        """Codec and rate; None for a row without one."""
-        return self.summary["codec"], self.summary["crf"]
-
-    def values(self, name: str) -> dict[int, float]:
-        """The values of a measure, by frame, that its statistics are over."""
-        measured = (row for row in self.rows if row["status"] in MEASURED_STATUSES)
-        return after_keyframe(name, {row["frame"]: row[name] for row in measured if row[name] is not None})
-
-
 def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> list[tuple[str, str]]:
     """Caption and table of work and time, quality, and size, one line per method (and displayed coding)."""
-    shown = {key: _displayed(rows, summaries, key) for key in labels}
+    shown = {key: displayed(rows, summaries, key) for key in labels}
     firsts = [lines[0] for lines in shown.values()]
     judged = [line for lines in shown.values() for line in lines]
     coded = [line for line in judged if line.coding[0] != "none" or len(shown[line.key]) == 1]
@@ -116,14 +97,6 @@ def headline_tables(rows: list[Row], summaries: list[Row], labels: Labels) -> li
     ]  # fmt: skip
 
 
-def _displayed(rows: list[Row], summaries: list[Row], key: Key) -> list[Line]:
-    """The codings of a method whose pictures were judged, those with video coding first."""
-    codings = displayed_codings([row for row in rows if (row["method"], row["variant"]) == key])
-    own = {(row["codec"], row["crf"]): row for row in summaries if (row["method"], row["variant"]) == key}
-    ordered = sorted(codings, key=lambda coding: coding[0] == "none")
-    return [Line(key, own[coding], codings[coding]) for coding in ordered]
-
-
 def _frames(rows: list[Row], key: Key) -> str:
     """How many frames of a method are ok, as `11 of 12`; a frame is ok if all its rows are."""
     by_frame: dict[int, bool] = {}
@@ -136,7 +109,7 @@ def _frames(rows: list[Row], key: Key) -> str:
 
 
 def _measures(
-    lines: list[Line], columns: tuple[Shown, ...], labels: Labels, frames: dict[Key, str], coding: bool = True
+    lines: list[Judged], columns: tuple[Shown, ...], labels: Labels, frames: dict[Key, str], coding: bool = True
 ) -> str:
     """A line per method or, where some are shown in several codings, per coding, whose rivals are of the same."""
     several = len({line.key for line in lines}) < len(lines)
@@ -159,7 +132,7 @@ def _header(column: Shown) -> str:
     return f'<th title="{escape(meaning)}">{column.header}&nbsp;{arrow(known.better)}{unit}</th>'
 
 
-def _cell(line: Line, column: Shown, rivals: list[Line]) -> str:
+def _cell(line: Judged, column: Shown, rivals: list[Judged]) -> str:
     whole = BY_NAME[column.name].type is int and column.scale == 1
     found = {
         part: number(value * column.scale, whole)
@@ -175,18 +148,9 @@ def _cell(line: Line, column: Shown, rivals: list[Line]) -> str:
         below += [f"mean {found['mean']}", f"max {found['max']}"]
     elif column.statistic == "mean" and found["median"] != found["mean"]:
         below.append(f"median {found['median']}")
-    rivals = [rival for rival in rivals if rival.values(column.name)]
-    judged = column.statistic in ("median", "mean") and rivals and not column.part
-    kind = ' class="best"' if judged and all(_beats(line, rival, column.name) for rival in rivals) else ""
+    judged = column.statistic in ("median", "mean") and not column.part
+    kind = ' class="best"' if judged and line.beats_all(rivals, column.name) else ""
     return f"<td{kind}>{found[column.statistic]}{''.join(f'<small>{text}</small>' for text in below)}</td>"
-
-
-def _beats(line: Line, rival: Line, name: str) -> bool:
-    """Whether the 95 % interval of the median difference, frame by frame, lies on the better side of zero."""
-    sign = -1 if BY_NAME[name].better == "lower" else 1
-    a, b = line.values(name), rival.values(name)
-    low, _ = median_interval(sorted(sign * (a[frame] - b[frame]) for frame in a.keys() & b.keys()))
-    return low is not None and low > 0
 
 
 def prose(text: str) -> str:
