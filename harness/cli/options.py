@@ -23,7 +23,7 @@ class Option:
 
     name: with underscores; a setting's name, or one that `settings_of` knows. kind: the type of its value; a `list` may
     be repeated, a `bool` takes no value. help: a phrase, with the default where there is one. default: where the value
-    is not simply left out. commands: that have it.
+    is not simply left out. commands: that have it. short: one letter for it, as it is typed.
     """
 
     name: str
@@ -33,6 +33,7 @@ class Option:
     metavar: str | None = None
     default: float | None = None
     commands: tuple[str, ...] = BOTH
+    short: str | None = None
 
     @property
     def flag(self) -> str:
@@ -41,7 +42,8 @@ class Option:
 
     def parameter(self) -> inspect.Parameter:
         """As Typer takes it from a function's signature."""
-        info = typer.Option(self.default, self.flag, help=self.help, metavar=self.metavar, rich_help_panel=self.panel)
+        flags = [self.flag, *([self.short] if self.short else [])]
+        info = typer.Option(self.default, *flags, help=self.help, metavar=self.metavar, rich_help_panel=self.panel)
         kind = list[str] if self.kind is list else self.kind
         annotation = kind if self.default is not None else kind | None
         return inspect.Parameter(self.name, inspect.Parameter.KEYWORD_ONLY, default=info, annotation=annotation)
@@ -175,6 +177,7 @@ OPTIONS = (
     ),
     Option("out", Path, RUNNING, "Folder of the results. Default: a new one in runs/", "DIR"),
     Option("dump", bool, RUNNING, "Also write every atlas, its owners and the pictures", commands=(RUN,)),
+    Option("verbose", bool, RUNNING, "In the end print every rate, sizes and ratios, too", commands=(RUN,), short="-v"),
     Option("dry_run", bool, RUNNING, "Only say what would run, and for how long"),
 )
 

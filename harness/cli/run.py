@@ -21,7 +21,7 @@ def run(given: Given) -> None:
 
     Exit codes: 0 every row is ok or skipped with a reason, 1 some rows failed, 2 unusable arguments or input.
     """
-    out, dry_run = given.pop("out", None), given.pop("dry_run", False)
+    out, dry_run, whole = given.pop("out", None), given.pop("dry_run", False), given.pop("verbose", False)
     with guarded():
         if given.get("preset") == LINKED_LISTS:
             _linked_lists(given, out or Path("runs") / LINKED_LISTS, dry_run)
@@ -37,7 +37,7 @@ def run(given: Given) -> None:
         from shading_atlas_bench.harness.run.run import run as run_all
 
         outcome = run_all(settings, out, TerminalProgress(), explained=explained)
-        show_summary(outcome.folder)
+        show_summary(outcome.folder, whole=whole)
         if outcome.explained is not None:
             show_explained(outcome.explained)
         raise typer.Exit(0 if outcome.well else SOME_FAILED)

@@ -134,4 +134,4 @@ def least_bandwidth_words(summaries: list[Row], labels: Labels, measure: str) ->
         return ""
     towards = "up to" if BY_NAME[measure].better == "higher" else "down to"
     parts = [f"{reach.label} {towards} {reach.quality:.3g}" for reach in least_bandwidth(summaries, labels, measure)]
-    return f"Least bandwidth for a {quality_name(measure)}: {', then '.join(parts)}. Nothing here goes beyond."
+    return f"Least bandwidth for a {quality_name(measure)}: {', '.join(parts)}."
