@@ -32,17 +32,45 @@
       return;
     }
     if (!place.data) place.textContent = "";
+    // Plotly's own `responsive` would take the height of the place, which has none of its own.
+    const style = getComputedStyle(place);
+    const width = place.clientWidth - parseFloat(style.paddingLeft) - parseFloat(style.paddingRight);
     const options = {
-      responsive: true, displaylogo: false, displayModeBar: innerWidth < 600 ? false : "hover",
+      displaylogo: false, displayModeBar: innerWidth < 600 ? false : "hover",
       modeBarButtons: [["toImage", "zoom2d", "pan2d", "resetScale2d"]],
     };
-    Plotly.react(place, figure.data, themed(figure.layout), options);
+    Plotly.react(place, figure.data, {...themed(figure.layout), width}, options);
   }
 
   const drawAll = () => charts.forEach(draw);
-  drawAll();
-  dark.addEventListener("change", drawAll);
-  for (const chooser of document.querySelectorAll("[data-chooses]")) chooser.addEventListener("change", drawAll);
+
+  // Plotly's script comes packed: as it is it would be most of the page.
+  async function unpacked(element) {
+    const bytes = Uint8Array.from(atob(element.textContent), (letter) => letter.charCodeAt(0));
+    return new Response(new Blob([bytes]).stream().pipeThrough(new DecompressionStream("gzip"))).text();
+  }
+
+  async function start() {
+    const script = document.createElement("script");
+    script.textContent = await unpacked(document.getElementById("plotly"));
+    document.head.append(script);
+    drawAll();
+    dark.addEventListener("change", drawAll);
+    for (const chooser of document.querySelectorAll("[data-chooses]")) chooser.addEventListener("change", drawAll);
+    const widths = new Map(charts.map((place) => [place, place.clientWidth]));
+    const watcher = new ResizeObserver((entries) => {
+      for (const {target} of entries) {
+        if (widths.get(target) === target.clientWidth) continue;
+        widths.set(target, target.clientWidth);
+        draw(target);
+      }
+    });
+    charts.forEach((place) => watcher.observe(place));
+  }
+
+  start().catch(() => {
+    for (const place of charts) place.textContent = "This browser cannot unpack the charts: use one of 2023 or later.";
+  });
 
   const contents = document.getElementById("contents");
   for (const section of document.querySelectorAll("main section")) {

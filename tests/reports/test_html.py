@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import base64
+import gzip
 import json
 import re
-import shutil
 import subprocess
 from pathlib import Path
 
@@ -19,9 +19,8 @@ from shading_atlas_bench.reports.store.csv_files import write_all
 from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.names import folder_name
 from shading_atlas_bench.reports.store.results import Store
+from tests.reports.browser import BROWSER, opened_browser
 from tests.reports.synthetic import COMMON, METHODS, make_picture, make_store
-
-BROWSER = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
 
 
 def write_png(path: Path, pixels: np.ndarray) -> None:
@@ -77,8 +76,9 @@ def data(page: str, name: str) -> dict:
 def without_plotly(page: str) -> str:
     from plotly.offline import get_plotlyjs
 
-    assert page.count(get_plotlyjs()) == 1
-    return page.replace(get_plotlyjs(), "")
+    packed = re.findall(r'<script type="application/gzip" id="plotly">([^<]*)</script>', page)
+    assert [gzip.decompress(base64.b64decode(text)).decode() for text in packed] == [get_plotlyjs()]
+    return page.replace(packed[0], "")
 
 
 def test_the_report_asks_for_nothing_from_outside(page: str) -> None:
@@ -144,7 +144,7 @@ def test_pictures_are_embedded_for_chosen_frames(folder: Path, page: str) -> Non
     client = base64.b64decode(entry["methods"]["sas"]["client"].removeprefix("data:image/png;base64,"))
     own = folder / "pictures" / folder_name("sas", METHODS["sas"][0])
     assert client == (own / "frame_0009_client.png").read_bytes()
-    assert entry["methods"]["sas"]["atlas"].startswith("data:image/jpeg;base64,")
+    assert entry["methods"]["sas"]["atlas"].startswith("data:image/webp;base64,")
 
 
 @pytest.mark.parametrize("edit", ["swapped", "twice"])
@@ -284,6 +284,53 @@ def test_keys_flip_zoom_and_expose(page: str, tmp_path: Path) -> None:
     assert result["slope"] == "1"
     assert len({transform.split("scale")[0] for transform in result["transforms"][:3]}) == 1
     assert int(re.findall(r'data-charts="(\d+)"', out)[0]) >= 4
+
+
+WIDTHS = [1400, 700, 390, 1400]
+LOOK = """
+[...document.querySelectorAll(".chart")].map((chart) => {
+  const [box, drawn, next] = [chart, chart.querySelector(".main-svg"), chart.nextElementSibling].map(
+    (part) => part?.getBoundingClientRect());
+  const cut = [...chart.querySelectorAll(".main-svg text")].filter((text) => {
+    const place = text.getBoundingClientRect();
+    return place.width && (place.left < box.left - 1 || place.right > box.right + 1);
+  });
+  return {
+    name: chart.dataset.figure, width: box.width, height: box.height, drawn: [drawn.width, drawn.height],
+    over: next ? box.bottom - next.top : 0, cut: cut.map((text) => text.textContent),
+    marks: chart.querySelectorAll(".point, .points path, .js-line, .bars path").length,
+  };
+})
+"""
+DRAWN = """
+[...document.querySelectorAll(".chart")].every((chart) => {
+  const drawn = chart.querySelector(".main-svg")?.getBoundingClientRect().width, room = chart.clientWidth;
+  return drawn <= room && drawn > 0.9 * room;
+})
+"""
+
+
+@pytest.mark.skipif(BROWSER is None, reason="no Chromium to open the report with")
+def test_charts_follow_the_window_and_keep_their_height(page: str, tmp_path: Path) -> None:
+    (tmp_path / "report.html").write_text(page, encoding="utf-8")
+    seen = {}
+    with opened_browser(tmp_path / "profile") as browser:
+        browser.resize(WIDTHS[0])
+        browser.open(tmp_path / "report.html")
+        for number, width in enumerate(WIDTHS):
+            browser.resize(width)
+            browser.until(f"innerWidth === {width} && {DRAWN}")
+            assert browser.evaluate("document.documentElement.scrollWidth") <= width, "nothing is wider than the window"
+            seen[number] = browser.evaluate(LOOK)
+    for number, boxes in seen.items():
+        assert [box["name"] for box in boxes] == ["error", "rates", "budget", "stages", "frames"]
+        for box in boxes:
+            where = (WIDTHS[number], box)
+            assert box["marks"] > 0, where
+            assert 250 <= box["drawn"][1] <= box["height"], where
+            assert box["over"] <= 0, where
+            assert box["cut"] == [], where
+    assert seen[0] == seen[3], "a window that is as wide as before shows the same"
 
 
 def test_a_date_is_told_to_the_minute_in_its_zone() -> None:

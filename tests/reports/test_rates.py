@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.interpolate import PchipInterpolator
 
 from shading_atlas_bench.reports.analysis.rates import (
     STEPS,
@@ -15,6 +16,7 @@ from shading_atlas_bench.reports.analysis.rates import (
     bd_rate,
     least_bandwidth,
     least_bandwidth_words,
+    pchip_integral,
     rate_curve,
 )
 
@@ -65,6 +67,19 @@ def test_what_cannot_be_compared_has_no_number(mbit, quality):
     whole = curve([1, 2, 4], [28, 32, 36])
     assert bd_rate(whole, curve(mbit, quality), "higher") is None
     assert bd_rate(curve(mbit, quality), whole, "higher") is None
+
+
+@given(
+    widths=st.lists(st.floats(0.01, 10), min_size=1, max_size=6),
+    values=st.lists(st.floats(-10, 10), min_size=7, max_size=7),
+    ends=st.tuples(st.floats(0, 1), st.floats(0, 1)),
+)
+def test_the_cubics_are_those_of_scipy(widths, values, ends):
+    x = [sum(widths[:n]) for n in range(len(widths) + 1)]
+    y = values[: len(x)]
+    low, high = (x[-1] * share for share in sorted(ends))
+    expected = float(PchipInterpolator(x, y).integrate(low, high))
+    assert pchip_integral(x, y, low, high) == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
 def summaries(**methods: Any) -> list[dict[str, Any]]:
