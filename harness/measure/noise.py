@@ -6,11 +6,33 @@ import os
 import time
 
 import numpy as np
+import psutil
 
 from shading_atlas_bench.harness.measure.machine import load
 
 SPREAD = 0.25  # interquartile range over median of equal work, above which times are called noisy
 BUSY = 0.5  # processes per core that run before the suite does anything
+
+
+class OthersWatch:
+    """Which share of the cores other programs take, the hypervisor's among them, from one look to the next."""
+
+    def __init__(self) -> None:
+        self._last = self._now()
+
+    @staticmethod
+    def _now() -> tuple[float, float, float]:
+        """Seconds by the clock, of all cores' work for anybody, and of this process."""
+        spent = psutil.cpu_times()
+        idle = spent.idle + getattr(spent, "iowait", 0.0)
+        guests = getattr(spent, "guest", 0.0) + getattr(spent, "guest_nice", 0.0)  # also counted as a user's
+        return time.perf_counter(), sum(spent) - idle - guests, time.process_time()
+
+    def look(self) -> float:
+        """The share that others took since the last look, 0 to 1."""
+        last, self._last = self._last, self._now()
+        passed, busy, own = (after - before for before, after in zip(last, self._last, strict=True))
+        return min(1.0, max(0.0, busy - own) / (passed * (os.cpu_count() or 1))) if passed > 0 else 0.0
 
 
 def noise_warnings() -> list[str]:

@@ -58,7 +58,7 @@ OBJECTIONS = 4  # told of in one sentence
 # Names of what the harness itself has among statistics, pictures and the arrays of `--dump`.
 OWN_STATISTICS = frozenset(
     {"structs_share", "reference_shading_ns", "gather_over_shading", "metrics_ms", "reference_ms", "metrics_over_work",
-     "checks_ms", "rates_ms", "unwritten_lookups"}
+     "checks_ms", "rates_ms", "others_share", "unwritten_lookups"}
 )  # fmt: skip
 OWN_PICTURES = frozenset({"client", "flip", "atlas", "alpha", "reference"})
 OWN_DETAILS = frozenset(

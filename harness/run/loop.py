@@ -19,6 +19,7 @@ from shading_atlas_bench.arithmetic.arrays import Bytes
 from shading_atlas_bench.harness.errors import InputError
 from shading_atlas_bench.harness.measure.dump import dump_frame, dump_scene, write_png
 from shading_atlas_bench.harness.measure.metrics import Metrics
+from shading_atlas_bench.harness.measure.noise import OthersWatch
 from shading_atlas_bench.harness.measure.novel_view import NovelView, draw_novel_view
 from shading_atlas_bench.harness.measure.pipeline import (
     LOSSLESS,
@@ -33,6 +34,7 @@ from shading_atlas_bench.harness.measure.returned import ReturnedError, verdict_
 from shading_atlas_bench.harness.measure.verification.shared_arrays import SharedArrays
 from shading_atlas_bench.harness.progress import Progress, Task
 from shading_atlas_bench.harness.run.as_published import note_as_published
+from shading_atlas_bench.harness.run.disturbed import note_disturbed
 from shading_atlas_bench.harness.run.full_atlas import note_full_atlas
 from shading_atlas_bench.harness.run.memory import AT_ONCE
 from shading_atlas_bench.harness.run.off_budget import note_off_budget
@@ -44,6 +46,7 @@ from shading_atlas_bench.harness.workload.session import Session
 from shading_atlas_bench.kernels.journal import journal
 from shading_atlas_bench.reports.store import csv_files
 from shading_atlas_bench.reports.store.database import StoreFileError
+from shading_atlas_bench.reports.store.disturbance import OTHERS
 from shading_atlas_bench.reports.store.labels import NOTES as LABELS
 from shading_atlas_bench.reports.store.names import folder_name
 from shading_atlas_bench.reports.store.results import Store
@@ -80,6 +83,7 @@ class Run:
         # Clients must be alone with their payload in every frame: one that follows from the run is tried beforehand.
         known = f"{session.scene.host.content_hash} {session.path_hash}"
         self.tried = 1 + zlib.crc32(known.encode()) % (self.frames - 1) if self.frames > 1 else 0
+        self.others = OthersWatch()
         self.spent: dict[str, dict[Pipeline, float]] = {}  # seconds of each pipeline by step, last frame
 
     def _common_columns(self) -> dict[str, Any]:
@@ -111,6 +115,7 @@ class Run:
         started = time.perf_counter()
         with progress.task("preparing", self.frames * len(self.pipelines)) as task:
             self._prepare_all(finished, task)
+            self.others.look()
             for index in range(self.frames):
                 self._one_frame(index, done, finished, task)
             self.session.device.announce = lambda stage: None
@@ -118,6 +123,7 @@ class Run:
         note_unseen(self.store, costs)
         note_off_budget(self.store)
         note_full_atlas(self.store)
+        note_disturbed(self.store)
         note_as_published(self.store, [pipeline.packer for pipeline in self.pipelines])
         self.session.device.remember_built()
         remember_pace(self.session, (time.perf_counter() - started) / self.frames, len(self.pipelines))
@@ -283,12 +289,14 @@ class Run:
             ),
         )
         self._check_shared(pipelines)
+        others = self.others.look()
         # Pictures first: a frame that is committed is never worked on again.
         self._write_pictures(measured, work, novel)
         for pipeline in pipelines:
             if pipeline.dead:
                 self._commit_stopped(pipeline, index, *pipeline.dead)
             else:
+                measured[pipeline].statistics[OTHERS] = others
                 self._commit(pipeline, index, measured[pipeline])
 
     def _check_shared(self, pipelines: list[Pipeline]) -> None:

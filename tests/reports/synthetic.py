@@ -84,6 +84,7 @@ def make_store(folder: Path, frames: int = FRAMES, slower: float = 1.0, order: i
                         ("gather/emit", 4.0 * slower, 1), ("gather/shade", 14.0 * slower, 3), ("client/draw", 14.0, 7),
                     ]  # fmt: skip
                 statistics = {} if failed else {"blocks": 2000.0 + 30 * frame, "bias": float(frame // 5)}
+                statistics |= {"reference_ms": 12.0}
                 repeats = [(0, "server", 20.0), (1, "server", 21.0)]
                 store.commit_frame(method, variant, frame, rows, stages, statistics, repeats)
 

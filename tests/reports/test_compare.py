@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from shading_atlas_bench.reports.analysis.compare import CompareError, Comparison, compare, differences
+from shading_atlas_bench.reports.analysis.compare import CompareError, Comparison, compare, differences, noise
 from shading_atlas_bench.reports.store.database import StoreError
 from shading_atlas_bench.reports.store.results import Store
 from tests.reports.synthetic import COMMON, make_store
@@ -54,8 +54,12 @@ def test_a_slower_run_is_worse_in_its_times_only(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("metric", "factor", "verdict"),
-    [("psnr", 1.2, "better"), ("psnr", 0.8, "worse"), ("flip", 1.001, "same"), ("gather_ms", 1.05, "same")],
-)
+    [
+        ("psnr", 1.2, "better"), ("psnr", 0.8, "worse"), ("flip", 1.001, "same"), ("gather_ms", 2.0, "ambiguous"),
+        ("network_ms", 1.005, "same"), ("network_ms", 1.05, "worse"),
+        ("peak_mb", 1.05, "same"), ("peak_mb", 1.2, "worse"),
+    ],
+)  # fmt: skip
 def test_direction_and_threshold(tmp_path: Path, metric: str, factor: float, verdict: str) -> None:
     values = np.random.default_rng(2).uniform(20, 30, 20)
     a = one_method(tmp_path / "a", values, metric)
@@ -144,3 +148,23 @@ def test_a_scene_that_is_lit_from_elsewhere_is_refused(tmp_path: Path) -> None:
         compare(a, b)
     assert only(compare(a, c), "flip").verdict == "same"
     assert differences(a, c) == ["drawn_hash: one in A, None in B"]
+
+
+def test_what_differs_besides_is_said(tmp_path: Path) -> None:
+    a, b = one_method(tmp_path / "a", np.ones(12)), one_method(tmp_path / "b", np.ones(8))
+    for folder, code, latency in ((a, "1", 50), (b, "2", 80)):
+        with Store(folder) as store:
+            store.set_plan({"methods": {"sas[v]": code}, "settings": {"latency": latency, "frames": 12}})
+            store.notes["label/sas[v]"] = "sas"
+    assert differences(a, b) == [
+        "the code of sas", "12 frames in A, 8 in B: those that both have are compared", "latency: 50 in A, 80 in B",
+    ]  # fmt: skip
+    assert differences(a, a) == []
+    assert only(compare(a, b), "flip").frames == 8
+
+
+def test_noise_is_told_and_other_warnings_are_not(tmp_path: Path) -> None:
+    folder = one_method(tmp_path / "a", np.ones(3))
+    with Store(folder) as store:
+        store.notes.update({"warning/00": "busy", "warning/disturbed/pace": "away", "warning/atlas/sas[]": "full"})
+    assert noise(folder) == ["busy", "away"]

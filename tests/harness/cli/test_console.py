@@ -77,7 +77,7 @@ def test_the_catalogue_fits_the_console(monkeypatch: pytest.MonkeyPatch, capsys:
 
 
 def test_a_comparison_names_the_same_sizes(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    show_comparison(fill(tmp_path / "a"), fill(tmp_path / "b"))
+    show_comparison(fill(tmp_path / "a"), fill(tmp_path / "b"), whole=True)
     out = capsys.readouterr().out
     assert "sas, CRF 25, frames: 4" in out
     lines = [line.split() for line in out.splitlines()]
