@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -24,11 +25,38 @@ COLOURS = {"better": "green", "worse": "red", "ambiguous": "yellow", "same": "di
 def compare(
     first: Annotated[Path, typer.Argument(metavar="A", help="A folder that `bench run` wrote")],
     second: Annotated[Path, typer.Argument(metavar="B", help="Another one")],
+    again: Annotated[bool, typer.Option("--run", help="Replay both in turn first, for small changes of times")] = False,
+    pairs: Annotated[int, typer.Option(metavar="N", min=10, max=200, help="With --run: how often each")] = 10,
+    out: Annotated[Path | None, typer.Option(metavar="DIR", help="With --run: where. Default: below runs/")] = None,
     verbose: Annotated[bool, typer.Option("--verbose", "-v", help="Also print what did not change")] = False,
 ) -> None:
-    """Say per method and metric whether run B is better or worse than run A, where that is sure."""
+    """Say per method and metric whether run B is better or worse than run A, where that is sure.
+
+    With --run, A and B may also be run.json files; a comparison that was stopped goes on in the same --out.
+    """
     with guarded():
-        show_comparison(first, second, whole=verbose)
+        if again:
+            show_replayed(first, second, pairs, out, whole=verbose)
+        else:
+            show_comparison(first, second, whole=verbose)
+
+
+def show_replayed(first: Path, second: Path, pairs: int, out: Path | None, *, whole: bool) -> None:
+    """Replay two runs in turn, and print how the second ones compare to the first ones. Raises InputError."""
+    from shading_atlas_bench.harness.console import TerminalProgress
+    from shading_atlas_bench.harness.run.interleaved import replay_in_turn
+    from shading_atlas_bench.reports.analysis.compare import differences
+    from shading_atlas_bench.reports.analysis.interleaved import compare_interleaved
+
+    progress = TerminalProgress()
+    folder = out or Path("runs") / f"compare-{datetime.now():%Y%m%d-%H%M%S}"
+    progress.say(f"Runs go to {folder}; the same command with --out {folder} goes on.")
+    runs_a, runs_b = replay_in_turn(first, second, pairs, folder, progress)
+    console = make_console()
+    for text in differences(runs_a[0], runs_b[0]):
+        console.print(styled("[yellow]differs[/] {}", text))
+    _show(compare_interleaved(runs_a, runs_b), console, whole)
+    console.print(styled("[dim]Times are medians of {} processes each, run in turn.[/]", pairs))
 
 
 def show_comparison(first: Path, second: Path, *, whole: bool = False) -> None:
@@ -51,6 +79,18 @@ def show_comparison(first: Path, second: Path, *, whole: bool = False) -> None:
     for name, folder in (("A", first), ("B", second)):
         for text in noise(folder):
             console.print(styled("[yellow]noise in {}[/] {}", name, text))
+    _show(rows, console, whole)
+    if any(row.unit == "ms" and row.verdict == "ambiguous" for row in rows):
+        console.print(
+            styled(
+                "[dim]Each run is one process: a time is called better or worse where it differs, in itself and over "
+                "the reference's, by more than the machine's pace does. Add --run to find smaller changes.[/]"
+            )
+        )
+
+
+def _show(rows: list[Comparison], console: Console, whole: bool) -> None:
+    """How many numbers changed, and which."""
     counts = Counter(row.verdict for row in rows)
     told = ", ".join(f"{counts[verdict]} {verdict}" for verdict in COLOURS if counts[verdict])
     console.print(styled("[bold]B against A, of {}: {}[/]", counted(len(rows), "number"), told))
@@ -58,13 +98,6 @@ def show_comparison(first: Path, second: Path, *, whole: bool = False) -> None:
         _show_all(rows, console)
     else:
         _show_changed([row for row in rows if row.verdict in ("better", "worse")], console)
-    if any(row.unit == "ms" and row.verdict == "ambiguous" for row in rows):
-        console.print(
-            styled(
-                "[dim]Each run is one process: a time is called better or worse where it differs, in itself and over "
-                "the reference's, by more than the machine's pace does.[/]"
-            )
-        )
 
 
 def _show_changed(rows: list[Comparison], console: Console) -> None:
