@@ -204,7 +204,9 @@ def source_file(kind: type) -> Path:
 
 def nearest(word: str, known: list[str]) -> str:
     """The end of an error sentence about an unknown word: the nearest known one, if any, and all of them."""
-    close = difflib.get_close_matches(word, known, n=1, cutoff=0.5)
+    lowered = word.lower()
+    close = [one for one in known if lowered and (one.lower() == lowered or one.startswith(lowered))]
+    close = close or difflib.get_close_matches(lowered, known, n=1, cutoff=0.5)
     guess = f" Did you mean {close[0]!r}?" if close else ""
     return f"{guess} Known: {', '.join(known) or 'none'}."
 

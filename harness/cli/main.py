@@ -62,6 +62,7 @@ app = typer.Typer(
     cls=Commands,
     no_args_is_help=True,
     add_completion=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
     pretty_exceptions_enable=False,
 )
 FULL = {errno.ENOSPC, errno.EDQUOT}  # of a disk; whatever was to be written, that is no bug

@@ -55,7 +55,7 @@ OPTIONS = (
         list,
         WORK,
         "all, a name, 'module:Class' or 'file.py:Class', then perhaps @published, then perhaps '\\[param=value,...]'; "
-        "repeatable. Default: all",
+        "several with commas between, or repeatable. Default: all",
         "METHOD",
     ),
     Option(
@@ -130,7 +130,7 @@ OPTIONS = (
         "LIST",
         commands=(RUN,),
     ),
-    Option("atlas", str, CODING, "Texels of the atlas. Default: 2048x2048", "WxH"),
+    Option("atlas", str, CODING, "Texels of the atlas; one number for a square. Default: 2048x2048", "WxH"),
     Option(
         "samples",
         float,

@@ -25,6 +25,7 @@ ATLAS_PIXEL, LISTS_PIXEL = 90, 560  # bytes of a pixel in a method with an atlas
 KEPT_TEXEL, PASSING_TEXEL = 14, 12  # bytes of a plane's texel from frame to frame, and while its method is in a frame
 CODED_TEXEL = {"none": 0, "jpeg": 17, "h264": 20}  # bytes of a texel in filling, decoder and client of what is coded
 ENCODER_TEXEL = (0, 10, 17)  # bytes of a texel in an encoder of x264 after the first frame, the second, and later
+DECODER_TEXEL, DECODED_TEXEL = 6, 3  # of a further rate: of its decoder, and of what it gives, while it is shown
 CODED_ONCE = 13  # bytes of a texel in filling, encoders and client, if each is closed after its only frame
 
 
@@ -56,13 +57,16 @@ def memory_need(settings: Settings, scene: Scene, packers: Sequence[Packer], at_
     of_pixel = sorted((ATLAS_PIXEL if packer.atlas else LISTS_PIXEL for packer in packers), reverse=True)
     per_triangle = TRIANGLE + METHOD_TRIANGLE * len(packers)
     coded = CODED_TEXEL[settings.codec] if settings.frames > 1 else min(CODED_ONCE, CODED_TEXEL[settings.codec])
+    further = max(0, len(settings.crfs) - 1)  # rates of which only the quality is measured
+    decoders = DECODER_TEXEL * further if settings.frames > 1 else 0
     encoders = ENCODER_TEXEL[min(settings.frames, len(ENCODER_TEXEL)) - 1] * len(settings.crfs)
+    passing = PASSING_TEXEL + DECODED_TEXEL * further
     return MemoryNeed(
         int(PROGRAM + METHOD * len(packers)),
         int(per_triangle * scene.triangle_count + TEXTURE_TEXEL * textures),
         int((PIXEL + sum(of_pixel[:at_once])) * pixels),
-        int(((KEPT_TEXEL + coded) * atlases + PASSING_TEXEL * min(at_once, atlases)) * texels),
-        int(encoders * atlases * texels),
+        int(((KEPT_TEXEL + coded) * atlases + passing * min(at_once, atlases)) * texels),
+        int((encoders + decoders) * atlases * texels),
     )
 
 

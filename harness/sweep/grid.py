@@ -33,12 +33,12 @@ class Setting:
 
 
 def _read_size(text: str) -> Values:
-    width, height = parse_size(text, "--vary size")
+    width, height = parse_size(text, "--vary size", "960x540")
     return {"width": width, "height": height}
 
 
 def _read_atlas(text: str) -> Values:
-    width, height = parse_size(text if "x" in text.lower() else f"{text}x{text}", "--vary atlas")
+    width, height = parse_size(text, "--vary atlas", "2048x1024 or 2048", square=True)
     return {"atlas_width": width, "atlas_height": height}
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, astuple, dataclass, fields
 from pathlib import Path
 from typing import Any
@@ -28,6 +28,7 @@ CELLS = {
 }
 CODECS = ("h264", "jpeg", "none")
 EYES = ("client", "server")
+COMMA = re.compile(r",(?![^\[]*\])")  # not in brackets
 METRIC_NAMES = (*PICTURE_METRICS, "stretch")
 LONGEST = 1_000_000  # seconds that anything may take: eleven days
 
@@ -248,12 +249,28 @@ def parse_pair(text: str, separator: str, option: str, example: str) -> tuple[fl
     return first, second
 
 
-def parse_size(text: str, option: str) -> tuple[int, int]:
-    """A size like 960x540 in whole numbers. Raises SettingsError, naming the option."""
-    width, height = parse_pair(text, "x", option, "960x540")
+def parse_size(text: str, option: str, example: str, *, square: bool = False) -> tuple[int, int]:
+    """A size like 960x540 in whole numbers. square: one number means both. Raises SettingsError, naming the option."""
+    if square and "x" not in text.lower():
+        text = f"{text}x{text}"
+    width, height = parse_pair(text, "x", option, example)
     if width != int(width) or height != int(height):
-        raise SettingsError(f"{option} is {text!r}: give whole numbers like 960x540.")
+        raise SettingsError(f"{option} is {text!r}: give whole numbers like {example}.")
     return int(width), int(height)
+
+
+def parse_methods(texts: Sequence[str]) -> tuple[str, ...]:
+    """What `--method` names: one each, or several with commas between. Those in brackets, and in a file's name, are no
+    such commas."""
+    return tuple(part for text in texts for part in ([text] if _names_a_file(text) else COMMA.split(text)))
+
+
+def _names_a_file(text: str) -> bool:
+    """Whether all of it is `path/to/file.py:Class`, for a file that there is."""
+    try:
+        return Path(text.partition("[")[0].rpartition(":")[0]).is_file()
+    except (OSError, ValueError):
+        return False
 
 
 def parse_cell(text: str) -> ViewCell:
@@ -301,9 +318,13 @@ def parse_names(text: str) -> tuple[str, ...]:
 # Options that are not written as the setting is: the settings that each sets, the type of what is written, and their
 # values of it.
 PARSED: dict[str, tuple[tuple[str, ...], Any, Callable[[Any], tuple[Any, ...]]]] = {
-    "method": (("methods",), list[str], lambda given: (tuple(given),)),
-    "size": (("width", "height"), str, lambda text: parse_size(text, "--size")),
-    "atlas": (("atlas_width", "atlas_height"), str, lambda text: parse_size(text, "--atlas")),
+    "method": (("methods",), list[str], lambda given: (parse_methods(given),)),
+    "size": (("width", "height"), str, lambda text: parse_size(text, "--size", "960x540")),
+    "atlas": (
+        ("atlas_width", "atlas_height"),
+        str,
+        lambda text: parse_size(text, "--atlas", "2048x1024 or 2048", square=True),
+    ),
     "samples": (("samples_per_pixel",), float, lambda given: (given,)),
     "cell": (("cell_radius", "cell_fov"), str, lambda text: astuple(parse_cell(text))),
     "crf": (("crf",), str, lambda text: (parse_crfs(text),)),

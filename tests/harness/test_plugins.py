@@ -15,6 +15,7 @@ from shading_atlas_bench.harness.plugins import (
     find_packers,
     label_of,
     load_packer,
+    nearest,
     packer_names,
     published_values,
     variant_string,
@@ -343,3 +344,13 @@ def test_a_file_that_imports_its_neighbour_is_told_to_be_a_package(tmp_path):
     (tmp_path / "base_of_mine.py").touch()
     with pytest.raises(ValueError, match=r"base_of_mine lies beside it: make a package of the folder"):
         load_packer(f"{file}:Mine")
+
+
+@pytest.mark.parametrize(("word", "guess"), [("SAS", "'sas'"), ("snak", "'snakebinning'"), ("tsss", "'tss'")])
+def test_a_name_that_is_nearly_known_is_guessed(word, guess):
+    assert nearest(word, ["ppll", "sas", "snakebinning", "tss", "all"]).startswith(f" Did you mean {guess}?")
+
+
+def test_a_name_like_no_other_is_not_guessed():
+    assert nearest("quadstream", ["ppll", "sas"]) == " Known: ppll, sas."
+    assert nearest("", ["ppll", "sas"]) == " Known: ppll, sas."

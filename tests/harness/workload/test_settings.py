@@ -56,7 +56,7 @@ def test_unusable_values_are_refused_by_the_option_s_name(values, option):
 @pytest.mark.parametrize("text", ["960", "axb", "960x540x3", "1.5x2", "x", "", "infx90", "nanxnan", "1e400x1"])
 def test_malformed_sizes_are_refused(text):
     with pytest.raises(SettingsError, match="--size"):
-        parse_size(text, "--size")
+        parse_size(text, "--size", "960x540")
 
 
 def test_cells_are_presets_or_pairs():
@@ -141,3 +141,32 @@ def test_a_damaged_run_file_is_one_sentence(tmp_path, content):
     file.write_text(content, encoding="utf-8")
     with pytest.raises(SettingsError):
         read_settings(file)
+
+
+@pytest.mark.parametrize(
+    ("texts", "methods"),
+    [
+        (["sas,tss"], ("sas", "tss")),
+        (["sas[reuse=true,fit=0.5],tss@published", "ppll"], ("sas[reuse=true,fit=0.5]", "tss@published", "ppll")),
+        (["all"], ("all",)),
+        (["sas,"], ("sas", "")),
+        (["my.module:A,my.module:B[a=1,b=2]"], ("my.module:A", "my.module:B[a=1,b=2]")),
+    ],
+)
+def test_methods_are_listed_with_commas_outside_of_brackets(texts, methods):
+    assert settings_of({"method": texts}).methods == methods
+
+
+def test_a_file_with_a_comma_in_its_name_is_one_method(tmp_path, monkeypatch):
+    (tmp_path / "mine,too.py").write_text("", encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    assert settings_of({"method": ["mine,too.py:A[a=1,b=2]"]}).methods == ("mine,too.py:A[a=1,b=2]",)
+
+
+def test_one_number_is_a_square_atlas_and_no_picture():
+    settings = settings_of({"atlas": "1024"})
+    assert (settings.atlas_width, settings.atlas_height) == (1024, 1024)
+    with pytest.raises(SettingsError, match=r"--size is '1024': give two numbers like 960x540\."):
+        settings_of({"size": "1024"})
+    with pytest.raises(SettingsError, match=r"--atlas is .*: give two numbers like 2048x1024 or 2048\."):
+        settings_of({"atlas": "big"})
