@@ -76,8 +76,8 @@ def _show(store: Store, folder: Path, whole: bool) -> None:
     for prefix, colour in (("scene", "dim"), ("published", "dim"), ("rare", "yellow"), ("warning", "yellow")):
         for text in dict.fromkeys(store.notes.under(prefix).values()):
             console.print(styled("[{style}]{}[/] {}", NOTE_WORDS[prefix], text, style=colour))
-    more = "" if whole else "  [dim]-v prints every rate[/]"
-    console.print(styled("[bold]{}/report.html[/]  frames.csv  summary.csv" + more, folder), soft_wrap=True)
+    more = "" if whole else "-v prints every rate"
+    console.print(styled("[bold]{}/report.html[/]  frames.csv  summary.csv  [dim]{}[/]", folder, more), soft_wrap=True)
 
 
 def _show_answer(rows: list[Row], summaries: list[Row], labels: Labels, console: Console) -> None:

@@ -104,7 +104,7 @@ def test_markup_and_control_sequences_of_a_store_are_shown(tmp_path: Path) -> No
     code, output = told("report", str(folder))
     assert code == 0, output
     assert "a[/]x/frames.csv" in output
-    code, output = told("compare", str(folder), str(folder))
+    code, output = told("compare", "-v", str(folder), str(folder))
     assert code == 0, output
     assert "\x1b" not in output
     assert "sas[/][\\x1b[31m]" in output
